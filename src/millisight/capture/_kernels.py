@@ -1,0 +1,81 @@
+"""The simulator's inner loops, compiled by Numba: the specular test, and the sum over lit vertices."""
+
+import numpy as np
+from numba import njit, prange
+
+from millisight import wave
+
+_distance = njit(inline="always")(wave.distance)
+_wrapped = njit(inline="always")(wave.wrapped)
+_cosine = njit(inline="always", fastmath=True)(wave.cosine)
+_sine = njit(inline="always", fastmath=True)(wave.sine)
+
+
+@njit(parallel=True, cache=True, error_model="numpy")
+def specular(tx, rx, vertices, normals, cos_tau, two_sided, lit):
+    """lit[c, v] = angle between normal v and the bisector of the directions to tx[c] and rx[c] under tau (primer 11)."""
+    for c in prange(len(tx)):
+        for v in range(len(vertices)):
+            x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
+            ax, ay, az = tx[c, 0] - x, tx[c, 1] - y, tx[c, 2] - z
+            bx, by, bz = rx[c, 0] - x, rx[c, 1] - y, rx[c, 2] - z
+            a, b = _distance(ax, ay, az), _distance(bx, by, bz)
+            # The bisector of unit vectors, times a b, which spares the divisions.
+            hx, hy, hz = ax * b + bx * a, ay * b + by * a, az * b + bz * a
+            along = hx * normals[v, 0] + hy * normals[v, 1] + hz * normals[v, 2]
+            if two_sided:
+                along = abs(along)
+            lit[c, v] = along > cos_tau * _distance(hx, hy, hz)
+
+
+@njit(parallel=True, cache=True, fastmath=True)
+def node_signals(lit, tx, rx, vertices, reflections, spread, center, path_offset, carrier, half_band, nodes, out):
+    """out[c, n] = sum over lit v of a_v exp(-i 2 pi (carrier d + half_band nodes[n] (d - d_c))) (primer 13).
+
+    `carrier` and `half_band` are frequencies over c [1/m]; d is the path length of channel c over vertex v with the
+    path offset, d_c that over the scene's `center`. Phases at the carrier are counted in float64 and wrapped, the
+    rest is small enough for float32.
+    """
+    channels, points = lit.shape
+    for c in prange(channels):
+        base = np.empty(points, np.float32)
+        slope = np.empty(points, np.float32)
+        real = np.empty(points, np.float32)
+        imag = np.empty(points, np.float32)
+        tx0, tx1, tx2 = tx[c, 0], tx[c, 1], tx[c, 2]
+        rx0, rx1, rx2 = rx[c, 0], rx[c, 1], rx[c, 2]
+        d_c = _distance(center[0] - tx0, center[1] - tx1, center[2] - tx2)
+        d_c += _distance(center[0] - rx0, center[1] - rx1, center[2] - rx2)
+        count = 0
+        for v in range(points):
+            if lit[c, v]:
+                x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
+                d = _distance(x - tx0, y - tx1, z - tx2) + _distance(x - rx0, y - rx1, z - rx2)
+                amplitude = 1.0 / d if spread else 1.0
+                base[count] = _wrapped(carrier * (d + path_offset))
+                slope[count] = half_band * (d - d_c)
+                real[count] = amplitude * reflections[v].real
+                imag[count] = amplitude * reflections[v].imag
+                count += 1
+        for n in range(len(nodes)):
+            node = np.float32(nodes[n])
+            total_real = np.float32(0.0)
+            total_imag = np.float32(0.0)
+            for i in range(count):
+                turn = _wrapped(base[i] + slope[i] * node)
+                cosine, sine = _cosine(turn), _sine(turn)
+                # a (cos - i sin): the sign of primer (3)
+                total_real += real[i] * cosine + imag[i] * sine
+                total_imag += imag[i] * cosine - real[i] * sine
+            out[c, n] = complex(total_real, total_imag)
+
+
+@njit(parallel=True, cache=True, fastmath=True)
+def restore_delay(frames, tx, rx, center, path_offset, start, step):
+    """Multiply frames[c, j] by exp(-i 2 pi (start + j step) (d_c + path_offset)), in place: undoes the common delay."""
+    for c in prange(len(frames)):
+        d_c = _distance(center[0] - tx[c, 0], center[1] - tx[c, 1], center[2] - tx[c, 2])
+        d_c += _distance(center[0] - rx[c, 0], center[1] - rx[c, 1], center[2] - rx[c, 2]) + path_offset
+        for j in range(frames.shape[1]):
+            turn = np.float32(_wrapped((start + j * step) * d_c))
+            frames[c, j] *= complex(_cosine(turn), -_sine(turn))

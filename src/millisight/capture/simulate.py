@@ -1,0 +1,190 @@
+"""The paper's simulator: frames of a radar that looks at a mesh (primer 13)."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from millisight.capture.capture import PHASE_SIGN, Capture
+from millisight.capture.radar import Radar
+from millisight.capture.scattering import Scatterers, ScatteringModel
+from millisight.capture.trajectory import Trajectory
+from millisight.constants import SPEED_OF_LIGHT
+from millisight.errors import CoverageError, InputError, UnknownNameError
+from millisight.records import checked_number, with_step
+from millisight.scene.scene import Scene
+
+SPREADINGS = ("none", "1/d")
+
+# Vertex-channel pairs looked at together: about 80 bytes each while rays are cast, so a quarter of a gigabyte.
+_BLOCK_PAIRS = 3_000_000
+
+
+def simulate(
+    scene: Scene,
+    radar: Radar,
+    trajectory: Trajectory,
+    *,
+    model: str = "specular",
+    tau_deg: float = 5.0,
+    edge_deg: float = 20.0,
+    two_sided: bool = False,
+    spreading: str = "none",
+    snr_db: float | None = None,
+    rng: int | np.random.Generator | None = None,
+    device: str = "cpu",
+    progress: Callable[[int, int], None] | None = None,
+) -> Capture:
+    """Simulate what a radar measures of a scene: every lit vertex is a point reflector (paper Eq. 4 to 7, primer 13).
+
+    Parameters
+    ----------
+    scene : what stands before the radar, in the world frame
+    radar, trajectory : what measures, and from where
+    model : "specular", "edge" or "diffuse"
+    tau_deg, edge_deg, two_sided : see ScatteringModel
+    spreading : "none" as in the paper, or "1/d", the amplitude falling with the round-trip path
+    snr_db : add complex white noise: mean |S|² of the capture over the noise's variance [dB] (primer 15)
+    rng : seed or generator of the noise; its seed goes into the metadata
+    device : "cpu"
+    progress : called with (poses done, poses in all)
+
+    Returns
+    -------
+    Capture
+        Frames with the sign of primer (3). Its metadata's `lit_fraction` is the share of the scene's vertices that
+        answered at least once; 0 means an empty capture.
+
+    Raises
+    ------
+    InputError, UnknownNameError
+        An argument cannot be right.
+    CoverageError
+        An antenna lies on or inside the scene's bounding box.
+
+    Examples
+    --------
+    >>> scene = Scene.from_mesh("rubiks_cube", vertices=400)
+    >>> radar = Radar.preset("mito-sim-24ghz")
+    >>> capture = simulate(scene, radar, Trajectory.raster(size=(0.04, 0.04), step=0.01))
+    >>> capture.frames.shape
+    (25, 1, 1, 256)
+    """
+    if spreading not in SPREADINGS:
+        raise UnknownNameError("spreading law", spreading, SPREADINGS)
+    if device != "cpu":
+        raise UnknownNameError("device for simulate", device, ("cpu",))
+    if snr_db is not None:
+        snr_db = checked_number(snr_db, name="snr_db", unit="dB")
+        if rng is None:
+            raise InputError("snr_db adds noise, which needs a seed: pass rng=0, say")
+    scattering = ScatteringModel(name=model, tau_deg=tau_deg, edge_deg=edge_deg, two_sided=two_sided)
+    scatterers = Scatterers(scene.mesh, scattering)
+    array = radar.array
+    tx, rx = trajectory.placed(array.tx_positions), trajectory.placed(array.rx_positions)
+    _check_clearance(scene, tx, rx)
+
+    poses, samples = len(trajectory), radar.waveform.samples_per_chirp
+    frames = np.empty((poses, len(array.tx_positions), len(array.rx_positions), samples), dtype=np.complex64)
+    reflections = scene.reflections[scatterers.indices]
+    ever_lit = np.zeros(len(scatterers.indices), dtype=bool)
+    step = max(1, _BLOCK_PAIRS // (max(1, len(scatterers.indices)) * frames.shape[1] * frames.shape[2]))
+    for start in range(0, poses, step):
+        block = slice(start, min(start + step, poses))
+        lit = scatterers.lit(tx[block], rx[block])
+        ever_lit |= lit.any(axis=(0, 1, 2))
+        frames[block] = _signals(lit, tx[block], rx[block], scatterers.points, reflections, radar, spreading)
+        if progress is not None:
+            progress(block.stop, poses)
+
+    settings = {
+        "model": model,
+        **({"tau_deg": tau_deg, "two_sided": two_sided} if model == "specular" else {}),
+        **({"edge_deg": edge_deg} if model == "edge" else {}),
+        "spreading": spreading,
+        "objects": [o.name for o in scene.objects],
+        "materials": [o.material.name for o in scene.objects],
+    }
+    if snr_db is not None:
+        seed = int(rng.integers(2**63)) if isinstance(rng, np.random.Generator) else rng
+        _add_noise(frames, snr_db, seed)
+        settings |= {"snr_db": snr_db, "seed": seed}
+    frames.flags.writeable = False
+    metadata = {
+        "phase_sign": PHASE_SIGN,
+        "simulated": True,
+        "lit_fraction": float(ever_lit.sum() / len(scene.mesh.vertices)),
+    }
+    return Capture(
+        radar=radar, trajectory=trajectory, frames=frames, metadata=with_step(metadata, "simulate", **settings)
+    )
+
+
+def _signals(lit, tx, rx, points, reflections, radar, spreading) -> np.ndarray:
+    """(P, T, R, N) complex64 frames of one block: the sum over lit vertices (primer 13).
+
+    Less the common delay of the scene's centre, the signal varies slowly with frequency: it is summed at a few
+    Chebyshev nodes of the band, from which a matrix product gives every sample. `_nodes_needed` says how few.
+    """
+    from millisight.capture import _kernels
+
+    waveform = radar.waveform
+    lower, upper = points.min(axis=0), points.max(axis=0)
+    center = (lower + upper) / 2
+    frequencies = (waveform.frequencies - waveform.center_frequency) / SPEED_OF_LIGHT
+    half_band = frequencies[-1]
+    # A path differs from the centre's by at most 2 radii, and a frequency by half the band.
+    count = min(_nodes_needed(2 * np.pi * half_band * np.linalg.norm(upper - lower)), waveform.samples_per_chirp)
+    nodes, interpolation = _chebyshev(count, frequencies / half_band if half_band else frequencies)
+
+    shape = (*lit.shape[:3], 3)
+    tx = np.broadcast_to(tx[:, :, None], shape).reshape(-1, 3)
+    rx = np.broadcast_to(rx[:, None], shape).reshape(-1, 3)
+    signals = np.empty((len(tx), len(nodes)), dtype=np.complex64)
+    _kernels.node_signals(
+        lit.reshape(len(tx), -1), tx, rx, points, reflections, spreading == "1/d", center, radar.path_offset,
+        waveform.center_frequency / SPEED_OF_LIGHT, half_band, nodes, signals,
+    )  # fmt: skip
+    frames = signals @ interpolation
+    _kernels.restore_delay(
+        frames, tx, rx, center, radar.path_offset, frequencies[0], waveform.frequency_step / SPEED_OF_LIGHT
+    )
+    return frames.reshape(*lit.shape[:3], -1)
+
+
+def _nodes_needed(phase: float) -> int:
+    """Chebyshev nodes that hold exp(i phase x), |x| <= 1, to 1e-7: its coefficients are Bessel functions J_n(phase),
+    which vanish faster than exponentially once n exceeds the phase by a few times its cube root."""
+    return int(np.ceil(phase + 5 * np.cbrt(phase) + 8))
+
+
+def _chebyshev(count: int, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes (n,) on [-1, 1] and the (n, N) complex64 matrix that interpolates from them to `x` (N,)."""
+    nodes = np.cos(np.pi * (np.arange(count) + 0.5) / count)
+    vandermonde = np.polynomial.chebyshev.chebvander
+    matrix = vandermonde(x, count - 1) @ np.linalg.inv(vandermonde(nodes, count - 1))
+    return nodes, matrix.T.astype(np.complex64)
+
+
+def _check_clearance(scene: Scene, *antennas: np.ndarray) -> None:
+    lower, upper = scene.mesh.bounds
+    for positions in antennas:
+        inside = ((positions >= lower) & (positions <= upper)).all(axis=-1)
+        if inside.any():
+            where = positions[inside][0]
+            raise CoverageError(
+                f"{int(inside.sum())} antenna positions, such as {np.round(where, 3).tolist()} m, lie inside the "
+                f"object's bounding box {np.round(lower, 3).tolist()} to {np.round(upper, 3).tolist()} m; "
+                "raise the aperture or check the mesh's unit"
+            )
+
+
+def _add_noise(frames: np.ndarray, snr_db: float, seed: int) -> None:
+    """Add complex white Gaussian noise in place, pose after pose, so that a capture of any size needs no second one."""
+    power = np.mean([np.mean(np.abs(frame.astype(np.complex128)) ** 2) for frame in frames])
+    if not power > 0:
+        raise InputError("snr_db asks for noise relative to a signal, but no vertex is lit: the capture is empty")
+    generator = np.random.default_rng(seed)
+    scale = np.float32(np.sqrt(power / 10 ** (snr_db / 10) / 2))
+    for frame in frames:
+        noise = generator.standard_normal((*frame.shape, 2), dtype=np.float32)
+        frame += scale * noise.view(np.complex64)[..., 0]

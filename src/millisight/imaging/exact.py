@@ -1,0 +1,65 @@
+"""Eq. 1 as it stands, in float64, at any points: the yardstick for every other imager."""
+
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import Complex, Float
+
+from millisight.constants import SPEED_OF_LIGHT
+
+
+def image_at(
+    frames: Complex[np.ndarray, "P T R N"],
+    tx_positions: Float[np.ndarray, "P T 3"],
+    rx_positions: Float[np.ndarray, "P R 3"],
+    frequencies: Float[np.ndarray, " N"],
+    points: Float[np.ndarray, "V 3"],
+    path_offset: float = 0.0,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+) -> Complex[np.ndarray, " V"]:
+    """The image at any points, in float64 (paper Eq. 1, primer 4).
+
+    I(x) = 1 / (K N) sum_k sum_j S_kj exp(+i 2 pi f_j d_k(x) / c),  d = |x - p_t| + |x - p_r| + path_offset.
+
+    Parameters
+    ----------
+    frames : (P, T, R, N) pose x transmitter x receiver x sample
+    tx_positions, rx_positions : (P, T, 3), (P, R, 3) [m]
+    frequencies : (N,) of the samples [Hz]; they need not be evenly spaced
+    points : (V, 3) [m]
+    path_offset : constant extra path [m]
+    progress : called with (poses done, poses in all)
+
+    Returns
+    -------
+    (V,) complex128
+
+    Examples
+    --------
+    >>> point = np.array([[0.01, 0.02, -0.3]])
+    >>> antenna = np.zeros((1, 1, 3))
+    >>> frequencies = np.array([77e9, 78e9])
+    >>> d = 2 * np.linalg.norm(point)
+    >>> frames = np.exp(-2j * np.pi * frequencies * d / 299792458.0).reshape(1, 1, 1, 2)
+    >>> complex(np.round(image_at(frames, antenna, antenna, frequencies, point)[0], 10))
+    (1+0j)
+    """
+    from millisight.imaging import _kernels
+
+    frames = np.ascontiguousarray(frames, dtype=np.complex128)
+    wavenumbers = np.ascontiguousarray(frequencies, dtype=np.float64) / SPEED_OF_LIGHT
+    even = np.ptp(np.diff(wavenumbers)) <= 1e-12 * wavenumbers[-1] if len(wavenumbers) > 2 else True
+    sums = np.zeros(len(points), dtype=np.complex128)
+    # So many poses at a time that progress shows and Ctrl-C is heard within about a second.
+    step = max(1, int(2e9 / (max(len(points), 64) * frames[0].size)))
+    for start in range(0, len(frames), step):
+        block = slice(start, min(start + step, len(frames)))
+        kernel = _kernels.exact_even if even else _kernels.exact_any
+        kernel(
+            frames[block], np.ascontiguousarray(tx_positions[block]), np.ascontiguousarray(rx_positions[block]),
+            wavenumbers, np.ascontiguousarray(points), path_offset, sums,
+        )  # fmt: skip
+        if progress is not None:
+            progress(block.stop, len(frames))
+    return sums / frames.size

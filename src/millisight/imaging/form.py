@@ -1,0 +1,101 @@
+"""The door to the imagers: `form_image`."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from millisight.capture.capture import Capture
+from millisight.errors import InputError, UnknownNameError
+from millisight.imaging.backprojection import OVERSAMPLING, backproject, weighted_blocks
+from millisight.imaging.exact import image_at
+from millisight.imaging.grid import VoxelGrid
+from millisight.imaging.image import SarImage
+from millisight.imaging.windows import Window, range_weights, window_pair
+from millisight.records import with_step
+
+METHODS = ("exact", "backprojection")
+DEVICES = ("cpu",)
+
+
+def form_image(
+    capture: Capture,
+    grid: VoxelGrid,
+    *,
+    method: str = "backprojection",
+    window: Window = None,
+    oversampling: int = OVERSAMPLING,
+    device: str = "cpu",
+    progress: Callable[[int, int], None] | None = None,
+) -> SarImage:
+    """Fuse a capture's frames into a 3-D image (paper Eq. 1, primer 4).
+
+    Parameters
+    ----------
+    capture : frames in memory, or on disk (`ms.open_capture`), then read in blocks
+    grid : the voxels wanted, in the world frame
+    method : "backprojection", or "exact": float64 and the yardstick, some thousand times slower
+    window : None, "hann" or "taylor" over range and aperture, or a pair of them (range, aperture) (primer 9)
+    oversampling : entries of a range profile per range bin; only for "backprojection"
+    device : "cpu"
+    progress : called with (poses done, poses in all)
+
+    Returns
+    -------
+    SarImage
+        Normalised so that a unit reflector has the value 1 at its place.
+
+    Raises
+    ------
+    UnknownNameError, InputError
+        An argument cannot be right, or the frames hold NaN.
+
+    Examples
+    --------
+    >>> from millisight.capture.radar import Radar
+    >>> from millisight.capture.simulate import simulate
+    >>> from millisight.capture.trajectory import Trajectory
+    >>> from millisight.scene.scene import Scene
+    >>> capture = simulate(
+    ...     Scene.from_mesh("golf_ball", vertices=300),
+    ...     Radar.preset("mito-sim-24ghz"),
+    ...     Trajectory.raster(size=(0.1, 0.1), step=0.01),
+    ... )
+    >>> form_image(capture, VoxelGrid.regular((-0.05, -0.05, 0), (0.05, 0.05, 0), 0.01)).values.shape
+    (11, 11, 1)
+    """
+    if device not in DEVICES:
+        raise UnknownNameError("device", device, DEVICES)
+    if int(oversampling) != oversampling or oversampling < 1:
+        raise InputError(f"oversampling is {oversampling}; expected a whole number of at least 1")
+    if method == "exact":
+        values = _exact(capture, grid, window, progress)
+    elif method == "backprojection":
+        values = backproject(capture, grid, window=window, oversampling=int(oversampling), progress=progress)
+    else:
+        raise UnknownNameError("imaging method", method, METHODS)
+    settings = {"method": method, "window": list(window_pair(window))}
+    if method == "backprojection":
+        settings["oversampling"] = int(oversampling)
+    values.flags.writeable = False
+    return SarImage(grid=grid, values=values, metadata=with_step(capture.metadata, "form_image", **settings))
+
+
+def _exact(
+    capture: Capture, grid: VoxelGrid, window: Window, progress: Callable[[int, int], None] | None
+) -> np.ndarray:
+    """Eq. 1 over the whole grid in float64, rounded to complex64."""
+    waveform = capture.radar.waveform
+    tx, rx = capture.tx_positions, capture.rx_positions
+    taper = range_weights(window_pair(window)[0], waveform.samples_per_chirp)
+    total = np.zeros(grid.size, dtype=np.complex128)
+    poses = len(capture.trajectory)
+    # A handful of blocks, whose frames are converted to complex128 one at a time.
+    for block, frames in weighted_blocks(capture, max(1, poses // 64), window):
+        share = (block.stop - block.start) / poses
+        values = image_at(
+            frames * taper, tx[block], rx[block], waveform.frequencies, grid.points, capture.radar.path_offset
+        )
+        total += share * values
+        if progress is not None:
+            progress(block.stop, poses)
+    return total.reshape(grid.shape).astype(np.complex64)

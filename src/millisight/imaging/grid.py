@@ -1,0 +1,92 @@
+"""Where an image is wanted: voxel grids and pixel grids."""
+
+import numpy as np
+
+from millisight.errors import InputError
+from millisight.records import checked_array, checked_number, put, record
+
+
+def _coordinates(value: np.ndarray, name: str) -> np.ndarray:
+    coordinates = checked_array(value, name=name, shape=(name.upper(),), unit="m")
+    if not (np.diff(coordinates) > 0).all():
+        raise InputError(f"grid coordinates {name} must increase strictly; sort them and drop repeats")
+    return coordinates
+
+
+@record
+class PixelGrid:
+    """Coordinates of a picture's pixel centres: x (X,) and y (Y,), increasing [m]."""
+
+    x: np.ndarray
+    y: np.ndarray
+
+    def __post_init__(self) -> None:
+        put(self, x=_coordinates(self.x, "x"), y=_coordinates(self.y, "y"))
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return len(self.x), len(self.y)
+
+
+@record
+class VoxelGrid:
+    """Coordinates of an image's voxel centres: x (X,), y (Y,) and z (Z,), increasing, in the world frame [m]."""
+
+    x: np.ndarray
+    y: np.ndarray
+    z: np.ndarray
+
+    def __post_init__(self) -> None:
+        put(self, x=_coordinates(self.x, "x"), y=_coordinates(self.y, "y"), z=_coordinates(self.z, "z"))
+
+    @classmethod
+    def regular(
+        cls,
+        lower: tuple[float, float, float],
+        upper: tuple[float, float, float],
+        spacing: float | tuple[float, float, float],
+    ) -> "VoxelGrid":
+        """Voxels from `lower` on, `spacing` apart, up to `upper` where whole steps reach it [m].
+
+        Raises
+        ------
+        InputError
+            A spacing is not positive, or `upper` lies below `lower`.
+
+        Examples
+        --------
+        >>> VoxelGrid.regular((0, 0, 0), (0.1, 0.05, 0), 0.01).shape
+        (11, 6, 1)
+        """
+        axes = []
+        for name, start, stop, step in zip("xyz", lower, upper, np.broadcast_to(spacing, 3), strict=True):
+            step = checked_number(step, name=f"spacing along {name}", unit="m", above=0)
+            start, stop = (checked_number(v, name=f"bounds of {name}", unit="m") for v in (start, stop))
+            if stop < start:
+                raise InputError(f"grid along {name} runs from {start:g} to {stop:g} m; expected upper >= lower")
+            axes.append(start + step * np.arange(int(np.floor((stop - start) / step * (1 + 1e-9))) + 1))
+        return cls(x=axes[0], y=axes[1], z=axes[2])
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        return len(self.x), len(self.y), len(self.z)
+
+    @property
+    def size(self) -> int:
+        """Number of voxels."""
+        return len(self.x) * len(self.y) * len(self.z)
+
+    @property
+    def points(self) -> np.ndarray:
+        """(X Y Z, 3) voxel centres [m], z running fastest."""
+        return np.stack(np.meshgrid(self.x, self.y, self.z, indexing="ij"), axis=-1).reshape(-1, 3)
+
+    @property
+    def bounds(self) -> np.ndarray:
+        """(2, 3) first and last voxel centre along each axis [m]."""
+        return np.array([[a[0], a[-1]] for a in (self.x, self.y, self.z)]).T
+
+    @property
+    def xy(self) -> PixelGrid:
+        """The grid seen along z."""
+        return PixelGrid(x=self.x, y=self.y)

@@ -1,0 +1,130 @@
+"""Scenes: what the radar looks at."""
+
+import os
+from typing import Any
+
+import numpy as np
+
+from millisight.errors import InputError
+from millisight.geometry import rotation_from_euler_deg
+from millisight.records import checked_array, put, record
+from millisight.scene.material import Material, material_named
+from millisight.scene.mesh import TriangleMesh
+
+
+@record
+class SceneObject:
+    """One thing in a scene: a mesh in the world frame [m], and its material."""
+
+    name: str
+    mesh: TriangleMesh
+    material: Material
+
+
+@record
+class Scene:
+    """One or more objects in the world frame; scenes add up with `+`.
+
+    Attributes
+    ----------
+    objects : tuple of SceneObject
+
+    Examples
+    --------
+    >>> scene = Scene.from_mesh("rubiks_cube", vertices=500)
+    >>> wall = Scene.from_mesh("cracker_box", vertices=None).moved((0.0, 0.0, 0.12))
+    >>> [thing.name for thing in (scene + wall).objects]
+    ['rubiks_cube', 'cracker_box']
+    """
+
+    objects: tuple[SceneObject, ...]
+
+    def __post_init__(self) -> None:
+        if not self.objects:
+            raise InputError("a scene without objects; expected at least one")
+        put(self, objects=tuple(self.objects))
+
+    @classmethod
+    def from_mesh(
+        cls,
+        source: Any,
+        *,
+        unit: str | None = None,
+        vertices: int | None = 10_000,
+        center: bool = True,
+        rotate_deg: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        material: "str | Material | None" = None,
+    ) -> "Scene":
+        """A scene of one object.
+
+        Parameters
+        ----------
+        source : a mesh file (STL, OBJ, PLY, OFF, GLB), a name of the catalogue, a trimesh or a TriangleMesh
+        unit : "m", "cm", "mm" or "in"; None takes metres and refuses what is then no everyday object
+        vertices : resample to so many evenly spaced vertices; None keeps the mesh's own
+        center : put the middle of the bounding box at the origin (after rotation)
+        rotate_deg : about the fixed x, then y, then z axis [degrees]
+        material : a name of `MATERIALS` or a Material; None: metal, or as the catalogue says
+
+        Raises
+        ------
+        MeshError, UnknownNameError, InputError, FileError
+        """
+        name, mesh, catalogued = _resolve(source, unit)
+        if any(rotate_deg):
+            mesh = mesh.moved(rotation=rotation_from_euler_deg(rotate_deg))
+        if center:
+            mesh = mesh.moved(translation=-mesh.bounds.mean(axis=0))
+        if vertices is not None:
+            from millisight.scene.remesh import resample
+
+            mesh = resample(mesh, vertices)
+        return cls(objects=(SceneObject(name=name, mesh=mesh, material=material_named(material or catalogued)),))
+
+    def __add__(self, other: "Scene") -> "Scene":
+        return Scene(objects=self.objects + other.objects)
+
+    def moved(self, translation: Any) -> "Scene":
+        """The scene shifted by (3,) metres."""
+        shift = checked_array(translation, name="translation", shape=(3,), unit="m")
+        return Scene(
+            objects=tuple(
+                SceneObject(name=o.name, mesh=o.mesh.moved(translation=shift), material=o.material) for o in self.objects
+            )
+        )
+
+    @property
+    def mesh(self) -> TriangleMesh:
+        """All objects as one mesh: their vertices and faces one after the other."""
+        if len(self.objects) == 1:
+            return self.objects[0].mesh
+        starts = np.cumsum([0] + [len(o.mesh.vertices) for o in self.objects[:-1]])
+        return TriangleMesh(
+            vertices=np.concatenate([o.mesh.vertices for o in self.objects]),
+            faces=np.concatenate([o.mesh.faces + s for o, s in zip(self.objects, starts, strict=True)]),
+        )
+
+    @property
+    def reflections(self) -> np.ndarray:
+        """(V,) complex128 reflection amplitude of every vertex of `mesh`."""
+        return np.concatenate([np.full(len(o.mesh.vertices), o.material.reflection) for o in self.objects])
+
+    @property
+    def alpha(self) -> tuple[float, float]:
+        """The first object's default weights for specular and edge image."""
+        return self.objects[0].material.alpha
+
+
+def _resolve(source: Any, unit: str | None) -> tuple[str, TriangleMesh, str]:
+    """Name, mesh and default material of what the user pointed to."""
+    if isinstance(source, TriangleMesh):
+        return "mesh", source, "metal"
+    if isinstance(source, str) and not os.path.exists(source) and not os.path.splitext(source)[1]:
+        from millisight.scene.objects import CATALOGUE, build_object
+
+        mesh = build_object(source)  # raises for an unknown name
+        return source, mesh, CATALOGUE[source].material
+    from millisight.scene.load import load_mesh
+
+    name = os.path.splitext(os.path.basename(source))[0] if isinstance(source, str | os.PathLike) else "mesh"
+    return name, load_mesh(source, unit=unit), "metal"
