@@ -1,0 +1,74 @@
+"""See through boxes with millimetre waves: simulate, capture, image, perceive and evaluate.
+
+>>> import millisight as ms
+>>> scene = ms.Scene.from_mesh("rubiks_cube", vertices=500)
+>>> radar = ms.Radar.preset("mito-sim-24ghz")
+>>> capture = ms.simulate(scene, radar, ms.Trajectory.raster(size=(0.1, 0.1), step=0.01), model="edge")
+>>> image = ms.form_image(capture, ms.VoxelGrid.regular((-0.05, -0.05, 0), (0.05, 0.05, 0.02), 0.005))
+>>> image.values.shape
+(21, 21, 5)
+
+Everything is imported when it is first used, so that `import millisight` is fast.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+_HOMES = {
+    "AntennaArray": "capture.radar",
+    "Capture": "capture.capture",
+    "Mask": "perception.segmentation",
+    "Material": "scene.material",
+    "PixelGrid": "imaging.grid",
+    "Prediction": "perception.classification",
+    "Radar": "capture.radar",
+    "SarImage": "imaging.image",
+    "Scene": "scene.scene",
+    "SceneObject": "scene.scene",
+    "Trajectory": "capture.trajectory",
+    "TriangleMesh": "scene.mesh",
+    "VoxelGrid": "imaging.grid",
+    "Waveform": "capture.radar",
+    "combine": "imaging.image",
+    "form_image": "imaging.form",
+    "image_at": "imaging.exact",
+    "load": "io.hdf5",
+    "open_capture": "io.hdf5",
+    "save": "io.hdf5",
+    "simulate": "capture.simulate",
+}
+
+__all__ = [*_HOMES, "__version__"]  # noqa: PLE0604 - the names' homes are the one list
+
+
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("millisight")
+    if name not in _HOMES:
+        raise AttributeError(f"module 'millisight' has no attribute {name!r}")
+    value = getattr(import_module(f"millisight.{_HOMES[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)
+
+
+if TYPE_CHECKING:
+    from millisight.capture.capture import Capture
+    from millisight.capture.radar import AntennaArray, Radar, Waveform
+    from millisight.capture.simulate import simulate
+    from millisight.capture.trajectory import Trajectory
+    from millisight.imaging.exact import image_at
+    from millisight.imaging.form import form_image
+    from millisight.imaging.grid import PixelGrid, VoxelGrid
+    from millisight.imaging.image import SarImage, combine
+    from millisight.io.hdf5 import load, open_capture, save
+    from millisight.perception.classification import Prediction
+    from millisight.perception.segmentation import Mask
+    from millisight.scene.material import Material
+    from millisight.scene.mesh import TriangleMesh
+    from millisight.scene.scene import Scene, SceneObject

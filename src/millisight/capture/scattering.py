@@ -88,7 +88,7 @@ class Scatterers:
             )
         # A leg is cast only where some pair of antennas still needs it, and once where TX and RX are one antenna.
         if transmitters == receivers == 1 and np.array_equal(tx_positions, rx_positions):
-            lit[:, 0, 0] &= self._clear(tx_positions[:, 0], lit[:, 0, 0])
+            lit[:, 0, 0] = self._clear(tx_positions[:, 0], lit[:, 0, 0])
             return lit
         for t in range(transmitters):
             lit[:, t] &= self._clear(tx_positions[:, t], lit[:, t].any(axis=1))[:, None]
@@ -98,7 +98,15 @@ class Scatterers:
 
     def _clear(self, antennas: np.ndarray, wanted: np.ndarray) -> np.ndarray:
         """(P, V) bool: whether antenna p (P, 3) sees vertex v; only where `wanted` (P, V), elsewhere False."""
-        pose, vertex = np.nonzero(wanted)
+        antenna, vertex = np.nonzero(wanted)
+        # Corners of cells see every vertex, which pays only where many are wanted.
+        if len(antenna) > wanted.size / 10:
+            return self._visibility.among(antennas, self.indices, wanted, self._visibility.cell_size(antennas))
         clear = np.zeros_like(wanted)
-        clear[pose, vertex] = self._visibility.sees(antennas[pose], self.indices[vertex])
+        clear[antenna, vertex] = self._visibility.sees(antennas[antenna], self.indices[vertex])
         return clear
+
+    def neighbours_first(self, antennas: np.ndarray) -> np.ndarray:
+        """(P,) an order of antennas (P, 3) in which blocks of them are compact, so that they share cells."""
+        cells = np.floor(antennas / (8 * self._visibility.cell_size(antennas))).astype(np.int64)
+        return np.lexsort(cells.T)

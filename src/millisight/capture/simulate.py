@@ -51,8 +51,8 @@ def simulate(
     Returns
     -------
     Capture
-        Frames with the sign of primer (3). Its metadata's `lit_fraction` is the share of the scene's vertices that
-        answered at least once; 0 means an empty capture.
+        Frames with the sign of primer (3). In its metadata, `lit_fraction` is the share of the scene's vertices that
+        answered at least once (0: the capture is empty) and `scene_bounds` the scene's bounding box [m].
 
     Raises
     ------
@@ -87,14 +87,15 @@ def simulate(
     frames = np.empty((poses, len(array.tx_positions), len(array.rx_positions), samples), dtype=np.complex64)
     reflections = scene.reflections[scatterers.indices]
     ever_lit = np.zeros(len(scatterers.indices), dtype=bool)
+    order = scatterers.neighbours_first(trajectory.positions)
     step = max(1, _BLOCK_PAIRS // (max(1, len(scatterers.indices)) * frames.shape[1] * frames.shape[2]))
     for start in range(0, poses, step):
-        block = slice(start, min(start + step, poses))
+        block = order[start : start + step]
         lit = scatterers.lit(tx[block], rx[block])
         ever_lit |= lit.any(axis=(0, 1, 2))
         frames[block] = _signals(lit, tx[block], rx[block], scatterers.points, reflections, radar, spreading)
         if progress is not None:
-            progress(block.stop, poses)
+            progress(start + len(block), poses)
 
     settings = {
         "model": model,
@@ -113,6 +114,7 @@ def simulate(
         "phase_sign": PHASE_SIGN,
         "simulated": True,
         "lit_fraction": float(ever_lit.sum() / len(scene.mesh.vertices)),
+        "scene_bounds": scene.mesh.bounds.tolist(),
     }
     return Capture(
         radar=radar, trajectory=trajectory, frames=frames, metadata=with_step(metadata, "simulate", **settings)

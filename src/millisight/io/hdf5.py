@@ -1,0 +1,263 @@
+"""Every record in HDF5: `save`, `load`, and `open_capture` for captures larger than memory.
+
+A record is a group: arrays are its datasets, numbers and texts its attributes, records in it its groups. Complex
+numbers are the compound {r, i} that h5py, MATLAB, Julia and C++ read. Large arrays carry Fletcher-32 checksums a
+chunk; a SHA-256 digest covers names, attributes and shapes. Files are written to a temporary name, then renamed.
+"""
+
+import hashlib
+import importlib.metadata
+import json
+import os
+import shlex
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import fields
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from millisight.capture.capture import PHASE_SIGN, Capture
+from millisight.capture.radar import AntennaArray, Radar, Waveform
+from millisight.capture.trajectory import Trajectory
+from millisight.errors import DamagedFileError, FileError, FormatError, InputError
+from millisight.files import atomic_path
+from millisight.imaging.grid import PixelGrid, VoxelGrid
+from millisight.imaging.image import SarImage
+from millisight.perception.classification import Prediction
+from millisight.perception.segmentation import Mask
+from millisight.scene.material import Material
+from millisight.scene.mesh import TriangleMesh
+from millisight.scene.scene import Scene, SceneObject
+
+SCHEMA_VERSION = 1
+
+RECORDS = {
+    cls.__name__: cls
+    for cls in (
+        Waveform, AntennaArray, Radar, Trajectory, Capture, VoxelGrid, PixelGrid, SarImage, Mask, Prediction,
+        TriangleMesh, Material, SceneObject, Scene,
+    )
+}  # fmt: skip
+
+# What a reader in another language needs to know of an array, by the field's name.
+_ABOUT = {
+    "times": {"unit": "s", "axes": "pose"},
+    "positions": {"unit": "m", "axes": "pose, (x y z)", "frame": "world"},
+    "orientations": {"axes": "pose, (x y z w)", "frame": "radar to world"},
+    "tx_positions": {"unit": "m", "axes": "transmitter, (x y z)", "frame": "radar"},
+    "rx_positions": {"unit": "m", "axes": "receiver, (x y z)", "frame": "radar"},
+    "frames": {"axes": "pose, transmitter, receiver, sample", "phase_sign": PHASE_SIGN},
+    "values": {"axes": "x, y, z", "frame": "world"},
+    "inside": {"axes": "x, y", "frame": "world"},
+    "x": {"unit": "m", "frame": "world"},
+    "y": {"unit": "m", "frame": "world"},
+    "z": {"unit": "m", "frame": "world"},
+    "vertices": {"unit": "m", "axes": "vertex, (x y z)", "frame": "world"},
+    "faces": {"axes": "face, corner"},
+    "waveform": {"start_frequency_unit": "Hz", "slope_unit": "Hz/s", "sample_rate_unit": "Hz"},
+    "radar": {"path_offset_unit": "m"},
+}
+_CHUNK_BYTES = 1 << 20
+_JSON = "json:"
+
+
+def save(path: str | os.PathLike[str], record: Any) -> None:
+    """Write a record to an HDF5 file; an old file at `path` is replaced only when the new one is whole.
+
+    Raises
+    ------
+    InputError
+        It is no record of millisight.
+    FileError
+        The folder is missing, read-only, or full.
+    """
+    import h5py
+
+    if type(record).__name__ not in RECORDS:
+        raise InputError(f"save got {type(record).__name__}; expected one of {', '.join(sorted(RECORDS))}")
+    with atomic_path(path) as temporary:
+        try:
+            with h5py.File(temporary, "w") as file:
+                file.attrs["format"] = "millisight"
+                file.attrs["schema_version"] = SCHEMA_VERSION
+                file.attrs["code_version"] = importlib.metadata.version("millisight")
+                file.attrs["command"] = shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
+                file.attrs["created"] = datetime.now(UTC).isoformat(timespec="seconds")
+                _write(file, record)
+                file.attrs["digest"] = _digest(file)
+        except (OSError, RuntimeError) as error:
+            raise FileError(f"cannot write {path}: {_reason(error)}; nothing was changed") from error
+
+
+def load(path: str | os.PathLike[str]) -> Any:
+    """Read a record from an HDF5 file that `save` wrote, whole and into memory.
+
+    Raises
+    ------
+    FileError
+        There is no such file, or it cannot be opened.
+    FormatError
+        It is not HDF5, not ours, or of a newer schema.
+    DamagedFileError
+        It is ours but truncated or corrupted.
+    """
+    with _opened(path) as file:
+        return _read(file, path)
+
+
+@contextmanager
+def open_capture(path: str | os.PathLike[str]) -> Iterator[Capture]:
+    """A capture whose frames stay on disk while the `with` block runs; `ms.form_image` reads them in blocks.
+
+    Raises
+    ------
+    FileError, FormatError, DamagedFileError
+        As `load`; FormatError also where the file holds another record.
+    """
+    with _opened(path) as file:
+        if file.attrs.get("record") != "Capture":
+            raise FormatError(f"{path} holds a {file.attrs.get('record')}; expected a Capture")
+        yield _read(file, path, lazy=("frames",))
+
+
+def provenance(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """What the file says of its own making: record, schema_version, code_version, command, created."""
+    with _opened(path) as file:
+        names = ("record", "schema_version", "code_version", "command", "created")
+        return {name: _plain(file.attrs[name]) for name in names if name in file.attrs}
+
+
+@contextmanager
+def _opened(path: str | os.PathLike[str]) -> Iterator[Any]:
+    import h5py
+
+    if not os.path.isfile(path):
+        raise FileError(f"{path}: no such file")
+    with open(path, "rb") as raw:
+        start = raw.read(8)
+    if start != b"\x89HDF\r\n\x1a\n":
+        raise FormatError(f"{path} is not an HDF5 file (it starts with {start!r}); expected one that millisight wrote")
+    try:
+        file = h5py.File(path, "r")
+    except OSError as error:
+        raise DamagedFileError(f"{path} cannot be opened as HDF5: {_reason(error)}; make or copy it again") from error
+    with file:
+        if _plain(file.attrs.get("format")) != "millisight":
+            raise FormatError(f"{path} is HDF5, but not written by millisight (no format attribute)")
+        version = int(file.attrs.get("schema_version", 0))
+        if not 1 <= version <= SCHEMA_VERSION:
+            raise FormatError(
+                f"{path} has schema version {version}; this millisight reads up to {SCHEMA_VERSION}: upgrade it"
+            )
+        try:
+            intact = file.attrs.get("digest") == _digest(file)
+        except (OSError, RuntimeError, KeyError, ValueError) as error:
+            raise DamagedFileError(f"{path} is damaged: {_reason(error)}; make or copy it again") from error
+        if not intact:
+            raise DamagedFileError(f"{path} is damaged: its header differs from its digest; make or copy it again")
+        yield file
+
+
+def _write(group: Any, record: Any) -> None:
+    group.attrs["record"] = type(record).__name__
+    for field in fields(record):
+        value = getattr(record, field.name)
+        if value is None:
+            continue
+        if type(value).__name__ in RECORDS:
+            _write(group.create_group(field.name), value)
+            about = group[field.name].attrs
+        elif isinstance(value, tuple) and value and type(value[0]).__name__ in RECORDS:
+            for i, item in enumerate(value):
+                _write(group.create_group(f"{field.name}/{i}"), item)
+            about = group[field.name].attrs
+            about["count"] = len(value)
+        elif hasattr(value, "shape") and value.shape:
+            about = _write_array(group, field.name, value).attrs
+        else:
+            plain = isinstance(value, str | int | float | complex | np.number)
+            group.attrs[field.name] = value if plain else _JSON + json.dumps(_unfrozen(value))
+            continue
+        for name, text in _ABOUT.get(field.name, {}).items():
+            about[name] = text
+
+
+def _write_array(group: Any, name: str, array: Any) -> Any:
+    """A chunked, checksummed dataset, copied a chunk's worth of first-axis rows at a time (it may lie on disk)."""
+    row = max(1, array.dtype.itemsize * int(np.prod(array.shape[1:])))
+    rows = min(array.shape[0], max(1, _CHUNK_BYTES // row))
+    dataset = group.create_dataset(
+        name, shape=array.shape, dtype=array.dtype, chunks=(rows, *array.shape[1:]), fletcher32=True
+    )
+    many = rows * 64
+    for start in range(0, array.shape[0], many):
+        dataset[start : start + many] = array[start : start + many]
+    return dataset
+
+
+def _read(group: Any, path: str | os.PathLike[str], lazy: tuple[str, ...] = ()) -> Any:
+    """Build the record of a group; whatever does not fit is a damaged file."""
+    name = _plain(group.attrs.get("record"))
+    if name not in RECORDS:
+        raise FormatError(f"{path} holds {name!r}; expected one of {', '.join(sorted(RECORDS))}")
+    values: dict[str, Any] = {}
+    try:
+        for field in fields(RECORDS[name]):
+            if field.name in group.attrs:
+                values[field.name] = _plain(group.attrs[field.name])
+            elif field.name in group:
+                values[field.name] = _read_item(group[field.name], path, lazily=field.name in lazy)
+        return RECORDS[name](**values)
+    except FileError:
+        raise
+    except (OSError, RuntimeError, KeyError, TypeError, ValueError) as error:
+        raise DamagedFileError(f"{path} is damaged at {group.name}: {_reason(error)}; make or copy it again") from error
+
+
+def _read_item(item: Any, path: str | os.PathLike[str], *, lazily: bool) -> Any:
+    if hasattr(item, "keys"):
+        if "count" in item.attrs:
+            return tuple(_read(item[str(i)], path) for i in range(int(item.attrs["count"])))
+        return _read(item, path)
+    # An array that claims more than the file stores would be read as zeros, or exhaust the memory.
+    if item.id.get_storage_size() < item.nbytes:
+        raise DamagedFileError(
+            f"{path} is damaged at {item.name}: {item.id.get_storage_size()} bytes stored, "
+            f"{item.nbytes} expected; make or copy it again"
+        )
+    return item if lazily else item[...]
+
+
+def _digest(file: Any) -> str:
+    """SHA-256 over the names, attributes, shapes and types of everything in the file."""
+    lines = []
+
+    def visit(name: str, item: Any) -> None:
+        shape = (str(item.dtype), item.shape) if hasattr(item, "dtype") else ()
+        attributes = sorted((k, repr(_plain(v))) for k, v in item.attrs.items() if k != "digest")
+        lines.append(repr((name, shape, attributes)))
+
+    visit("/", file)
+    file.visititems(visit)
+    return hashlib.sha256("\n".join(lines).encode()).hexdigest()
+
+
+def _plain(value: Any) -> Any:
+    """An HDF5 attribute as plain Python."""
+    if isinstance(value, bytes):
+        value = value.decode()
+    if isinstance(value, str) and value.startswith(_JSON):
+        return json.loads(value[len(_JSON) :])
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _unfrozen(value: Any) -> Any:
+    return dict(value) if isinstance(value, Mapping) else value
+
+
+def _reason(error: BaseException) -> str:
+    return " ".join(str(getattr(error, "strerror", None) or error).split())
