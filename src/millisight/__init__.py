@@ -14,6 +14,22 @@ Everything is imported when it is first used, so that `import millisight` is fas
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+if TYPE_CHECKING:
+    from millisight.capture.capture import Capture as Capture
+    from millisight.capture.radar import AntennaArray as AntennaArray, Radar as Radar, Waveform as Waveform
+    from millisight.capture.simulate import simulate as simulate
+    from millisight.capture.trajectory import Trajectory as Trajectory
+    from millisight.imaging.exact import image_at as image_at
+    from millisight.imaging.form import form_image as form_image
+    from millisight.imaging.grid import PixelGrid as PixelGrid, VoxelGrid as VoxelGrid
+    from millisight.imaging.image import SarImage as SarImage, combine as combine
+    from millisight.io.hdf5 import load as load, open_capture as open_capture, save as save
+    from millisight.perception.classification import Prediction as Prediction
+    from millisight.perception.segmentation import Mask as Mask
+    from millisight.scene.material import Material as Material
+    from millisight.scene.mesh import TriangleMesh as TriangleMesh
+    from millisight.scene.scene import Scene as Scene, SceneObject as SceneObject
+
 _HOMES = {
     "AntennaArray": "capture.radar",
     "Capture": "capture.capture",
@@ -38,7 +54,7 @@ _HOMES = {
     "simulate": "capture.simulate",
 }
 
-__all__ = [*_HOMES, "__version__"]  # noqa: PLE0604 - the names' homes are the one list
+__all__ = [*_HOMES, "__version__"]
 
 
 def __getattr__(name: str) -> Any:
@@ -55,20 +71,3 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return sorted(__all__)
-
-
-if TYPE_CHECKING:
-    from millisight.capture.capture import Capture
-    from millisight.capture.radar import AntennaArray, Radar, Waveform
-    from millisight.capture.simulate import simulate
-    from millisight.capture.trajectory import Trajectory
-    from millisight.imaging.exact import image_at
-    from millisight.imaging.form import form_image
-    from millisight.imaging.grid import PixelGrid, VoxelGrid
-    from millisight.imaging.image import SarImage, combine
-    from millisight.io.hdf5 import load, open_capture, save
-    from millisight.perception.classification import Prediction
-    from millisight.perception.segmentation import Mask
-    from millisight.scene.material import Material
-    from millisight.scene.mesh import TriangleMesh
-    from millisight.scene.scene import Scene, SceneObject

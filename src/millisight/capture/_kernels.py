@@ -1,17 +1,18 @@
 """The simulator's inner loops, compiled by Numba: the specular test, and the sum over lit vertices."""
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 
 from millisight import wave
+from millisight.compiled import inline, kernel
 
-_distance = njit(inline="always")(wave.distance)
-_wrapped = njit(inline="always")(wave.wrapped)
-_cosine = njit(inline="always", fastmath=True)(wave.cosine)
-_sine = njit(inline="always", fastmath=True)(wave.sine)
+_distance = inline(wave.distance)
+_wrapped = inline(wave.wrapped)
+_cosine = inline(wave.cosine, fastmath=True)
+_sine = inline(wave.sine, fastmath=True)
 
 
-@njit(parallel=True, cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def specular(tx, rx, vertices, normals, cos_tau, two_sided, lit):
     """lit[c, v] = angle between normal v and the bisector of the directions to tx[c] and rx[c] under tau (primer 11)."""
     for c in prange(len(tx)):
@@ -28,7 +29,7 @@ def specular(tx, rx, vertices, normals, cos_tau, two_sided, lit):
             lit[c, v] = along > cos_tau * _distance(hx, hy, hz)
 
 
-@njit(parallel=True, cache=True, fastmath=True)
+@kernel(fastmath=True)
 def node_signals(lit, tx, rx, vertices, reflections, spread, center, path_offset, carrier, half_band, nodes, out):
     """out[c, n] = sum over lit v of a_v exp(-i 2 pi (carrier d + half_band nodes[n] (d - d_c))) (primer 13).
 
@@ -70,7 +71,7 @@ def node_signals(lit, tx, rx, vertices, reflections, spread, center, path_offset
             out[c, n] = complex(total_real, total_imag)
 
 
-@njit(parallel=True, cache=True, fastmath=True)
+@kernel(fastmath=True)
 def restore_delay(frames, tx, rx, center, path_offset, start, step):
     """Multiply frames[c, j] by exp(-i 2 pi (start + j step) (d_c + path_offset)), in place: undoes the common delay."""
     for c in prange(len(frames)):

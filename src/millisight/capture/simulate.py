@@ -128,6 +128,7 @@ def _signals(lit, tx, rx, points, reflections, radar, spreading) -> np.ndarray:
     Chebyshev nodes of the band, from which a matrix product gives every sample. `_nodes_needed` says how few.
     """
     from millisight.capture import _kernels
+    from millisight.matrix import product
 
     waveform = radar.waveform
     lower, upper = points.min(axis=0), points.max(axis=0)
@@ -146,7 +147,7 @@ def _signals(lit, tx, rx, points, reflections, radar, spreading) -> np.ndarray:
         lit.reshape(len(tx), -1), tx, rx, points, reflections, spreading == "1/d", center, radar.path_offset,
         waveform.center_frequency / SPEED_OF_LIGHT, half_band, nodes, signals,
     )  # fmt: skip
-    frames = signals @ interpolation
+    frames = product(signals, interpolation)
     _kernels.restore_delay(
         frames, tx, rx, center, radar.path_offset, frequencies[0], waveform.frequency_step / SPEED_OF_LIGHT
     )

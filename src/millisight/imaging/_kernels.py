@@ -7,22 +7,23 @@ image does not depend on the number of threads.
 import math
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 
 from millisight import wave
+from millisight.compiled import inline, kernel
 
-_distance = njit(inline="always")(wave.distance)
-_distance32 = njit(inline="always", fastmath=True)(wave.distance)
-_wrapped = njit(inline="always", fastmath=True)(wave.wrapped)
-_cosine = njit(inline="always", fastmath=True)(wave.cosine)
-_sine = njit(inline="always", fastmath=True)(wave.sine)
+_distance = inline(wave.distance)
+_distance32 = inline(wave.distance, fastmath=True)
+_wrapped = inline(wave.wrapped, fastmath=True)
+_cosine = inline(wave.cosine, fastmath=True)
+_sine = inline(wave.sine, fastmath=True)
 
 # Voxels that one thread carries through all channels of a block: the scratch rows (nine of 4 bytes) and the range
 # profile stay in the first-level cache, and the loops are long enough for vector code.
 _TILE = 256
 
 
-@njit(parallel=True, cache=True)
+@kernel()
 def exact_any(frames, tx, rx, wavenumbers, points, path_offset, sums):
     """sums[v] += sum over channels and samples of S exp(+i 2 pi f d / c), float64; any frequencies."""
     poses, transmitters, receivers, samples = frames.shape
@@ -39,7 +40,7 @@ def exact_any(frames, tx, rx, wavenumbers, points, path_offset, sums):
         sums[v] += total
 
 
-@njit(parallel=True, cache=True)
+@kernel()
 def exact_even(frames, tx, rx, wavenumbers, points, path_offset, sums):
     """As `exact_any` for evenly spaced frequencies: Horner's rule in exp(+i 2 pi step d), one sine a channel.
 
@@ -74,14 +75,14 @@ def exact_even(frames, tx, rx, wavenumbers, points, path_offset, sums):
                         sums[first + i] += complex(sum_re[i], sum_im[i]) * complex(math.cos(angle), math.sin(angle))
 
 
-@njit(inline="always")
+@inline
 def _path(points, v, antennas, p, a):
     return _distance(
         points[v, 0] - antennas[p, a, 0], points[v, 1] - antennas[p, a, 1], points[v, 2] - antennas[p, a, 2]
     )
 
 
-@njit(parallel=True, cache=True, fastmath=True, error_model="numpy")
+@kernel(fastmath=True, error_model="numpy")
 def backproject(profiles, nearest, per_metre, carrier, tx, rx, x, y, z, sum_re, sum_im):
     """sum[v] += sum over channels of P_k(d_k(v)) exp(+i 2 pi carrier d_k(v)) (primer 8), all in float32.
 

@@ -10,8 +10,8 @@ from millisight.constants import SPEED_OF_LIGHT
 from millisight.imaging.grid import VoxelGrid
 from millisight.imaging.windows import Window, aperture_weights, range_weights, window_pair
 
-OVERSAMPLING = 16
-"""Entries of a range profile per range bin c / B of path length: 0.2 % of interpolation error, see the table in
+OVERSAMPLING = 8
+"""Entries of a range profile per range bin c / B of path length: 0.1 % of interpolation error, see the table in
 docs/explanation/primer.md."""
 
 # One block of poses is held at a time: its frames and range profiles take at most this much [bytes], and its
@@ -40,6 +40,7 @@ def backproject(
     steering, per_metre = range_steering(capture, nearest, furthest, oversampling, window)
 
     from millisight.imaging import _kernels
+    from millisight.matrix import product
 
     sums = np.zeros((2, grid.size), dtype=np.float32)
     channels = int(np.prod(capture.frames.shape[1:3]))
@@ -48,7 +49,7 @@ def backproject(
     carrier = np.float32(capture.radar.waveform.center_frequency / SPEED_OF_LIGHT)
     for block, frames in weighted_blocks(capture, step, window):
         _kernels.backproject(
-            frames @ steering, np.float32(nearest), np.float32(per_metre), carrier,
+            product(frames, steering), np.float32(nearest), np.float32(per_metre), carrier,
             tx[block].astype(np.float32), rx[block].astype(np.float32), x, y, z, sums[0], sums[1],
         )  # fmt: skip
         if progress is not None:
@@ -97,6 +98,8 @@ def range_steering(
     baseband = (waveform.frequencies - waveform.center_frequency) / SPEED_OF_LIGHT
     carrier = waveform.center_frequency / SPEED_OF_LIGHT
     weights = range_weights(window_pair(window)[0], waveform.samples_per_chirp)
+    # Linear interpolation weakens the band towards its ends by sinc², which is undone beforehand.
+    weights = weights / np.sinc(baseband / per_metre) ** 2
     cycles = np.multiply.outer(baseband, paths + offset) + carrier * offset
     steering = weights[:, None] / waveform.samples_per_chirp * np.exp(2j * np.pi * cycles)
     return steering.astype(np.complex64), per_metre

@@ -94,6 +94,10 @@ def combine(specular: Combinable, edge: Combinable, alpha: tuple[float, float]) 
     InputError
         The two do not belong together, or the weights cannot be right.
     """
+    if type(specular) is not type(edge) or not isinstance(specular, SarImage | Capture):
+        raise InputError(
+            f"combine got {type(specular).__name__} and {type(edge).__name__}; expected two images or two captures"
+        )
     if len(alpha) != 2:
         raise InputError(f"alpha has {len(alpha)} weights; expected two, (a1, a2)")
     a1, a2 = (checked_number(a, name="alpha", minimum=0) for a in alpha)
@@ -101,21 +105,17 @@ def combine(specular: Combinable, edge: Combinable, alpha: tuple[float, float]) 
         raise InputError("alpha is (0, 0); expected at least one weight above zero")
     weights = np.float32(a1 / (a1 + a2)), np.float32(a2 / (a1 + a2))
     metadata = with_step(specular.metadata, "combine", alpha=[a1, a2], edge=dict(edge.metadata))
-    if isinstance(specular, SarImage) and isinstance(edge, SarImage):
+    if isinstance(specular, SarImage):
         for name in "xyz":
             if not np.array_equal(getattr(specular.grid, name), getattr(edge.grid, name)):
                 raise InputError(f"the two images' grids differ along {name}; image both on one grid")
         values = weights[0] * specular.values + weights[1] * edge.values
         return SarImage(grid=specular.grid, values=values, metadata=metadata)
-    if isinstance(specular, Capture) and isinstance(edge, Capture):
-        if not _same_setup(specular, edge):
-            raise InputError("the two captures' radars or positions differ; simulate both with the same ones")
-        frames = weights[0] * specular.frames[...] + weights[1] * edge.frames[...]
-        metadata["lit_fraction"] = max(c.metadata.get("lit_fraction", 0.0) for c in (specular, edge))
-        return Capture(radar=specular.radar, trajectory=specular.trajectory, frames=frames, metadata=metadata)
-    raise InputError(
-        f"combine got {type(specular).__name__} and {type(edge).__name__}; expected two images or two captures"
-    )
+    if not _same_setup(specular, edge):
+        raise InputError("the two captures' radars or positions differ; simulate both with the same ones")
+    frames = weights[0] * specular.frames[...] + weights[1] * edge.frames[...]
+    metadata["lit_fraction"] = max(c.metadata.get("lit_fraction", 0.0) for c in (specular, edge))
+    return Capture(radar=specular.radar, trajectory=specular.trajectory, frames=frames, metadata=metadata)
 
 
 def _same_setup(a: Capture, b: Capture) -> bool:

@@ -1,0 +1,83 @@
+"""What the commands share: lengths as people write them, progress on screen, and a clean end."""
+
+import re
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import typer
+
+from millisight.errors import InputError
+
+_UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "": 1.0}
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+
+Progress = Callable[[int, int], None]
+
+
+def length(text: str, *, option: str) -> float:
+    """A length such as 2mm, 1.5cm, 0.3m or 0.3 (metres), in metres."""
+    match = re.fullmatch(rf"({_NUMBER})\s*(m|cm|mm|)", text.strip())
+    if not match:
+        raise InputError(f"{option} is {text!r}; expected a length such as 2mm, 30cm or 0.3 (metres)")
+    return float(match[1]) * _UNITS[match[2]]
+
+
+def size(text: str, *, option: str) -> tuple[float, float]:
+    """A size along x and y such as 30x22cm or 0.3x0.22, in metres."""
+    match = re.fullmatch(rf"({_NUMBER})\s*[x×]\s*({_NUMBER})\s*(m|cm|mm|)", text.strip())
+    if not match:
+        raise InputError(f"{option} is {text!r}; expected a size along x and y such as 30x22cm or 0.3x0.22 (metres)")
+    return float(match[1]) * _UNITS[match[3]], float(match[2]) * _UNITS[match[3]]
+
+
+def say(line: str) -> None:
+    """One line of output, never wrapped."""
+    typer.echo(line)
+
+
+@contextmanager
+def progress(label: str) -> Iterator[Progress]:
+    """A call-back for long work: a bar with the time left on a terminal, now and then a plain line elsewhere."""
+    started = time.monotonic()
+    if not kernels_cached():
+        label_now = f"{label} (first use: compiling, about half a minute)"
+    else:
+        label_now = label
+    if sys.stderr.isatty():
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+        columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+        with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+            task = bar.add_task(label_now, total=None)
+            yield lambda done, total: bar.update(task, completed=done, total=total, description=label)
+    else:
+        if label_now != label:
+            typer.echo(label_now, err=True)
+        spoken = started
+
+        def report(done: int, total: int) -> None:
+            nonlocal spoken
+            now = time.monotonic()
+            if done < total and now - spoken > 10:
+                spoken = now
+                left = (now - started) * (total - done) / done
+                typer.echo(f"{label}: {100 * done // total} %, about {left:.0f} s left", err=True)
+
+        yield report
+    typer.echo(f"{label}: {time.monotonic() - started:.1f} s", err=True)
+
+
+def kernels_cached() -> bool:
+    """Whether Numba's machine code of an earlier run lies where it is kept beside the package."""
+    package = Path(__file__).resolve().parents[1]
+    return any(package.glob("*/__pycache__/_kernels.*.nbi"))
+
+
+def end_on_sigterm() -> None:
+    """Let SIGTERM end the program as an exception does, so that temporary files are removed."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))

@@ -1,0 +1,88 @@
+"""`millisight image`: from a capture to a 3-D image."""
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from millisight.capture.capture import Capture
+from millisight.cli.console import length, progress, say
+from millisight.errors import InputError
+from millisight.imaging.form import form_image
+from millisight.imaging.grid import VoxelGrid
+
+# Around the scene's bounding box the default grid stands out by this much on every side [m].
+_MARGIN = 0.02
+
+
+def image(
+    capture: Annotated[Path, typer.Argument(help="A capture that `millisight simulate` or `ms.save` wrote (HDF5).")],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Image to write (HDF5). [default: CAPTURE with .image.h5]")
+    ] = None,
+    grid: Annotated[
+        str | None,
+        typer.Option(
+            help="Voxels: one spacing such as 2mm, or lower:upper:spacing for x,y,z, such as "
+            "-10cm:10cm:2mm,-10cm:10cm:2mm,-5cm:5cm:5mm. [default: 2 cm around the scene, half a wavelength]"
+        ),
+    ] = None,
+    method: Annotated[str, typer.Option(help="backprojection, or exact (float64, very slow).")] = "backprojection",
+    window: Annotated[
+        str, typer.Option(help="none, hann or taylor: lower sidelobes for a wider main lobe.")
+    ] = "none",
+    plot: Annotated[Path | None, typer.Option(help="Write a picture of the three projections (PNG, SVG, PDF).")] = None,
+    slices: Annotated[Path | None, typer.Option(help="Write a picture of three slices (PNG, SVG, PDF).")] = None,
+    db: Annotated[bool, typer.Option("--db", help="Pictures in decibels.")] = False,
+) -> None:
+    """Fuse a capture's frames into a 3-D image.
+
+    Example: millisight image mug.capture.h5 --grid 2mm -o mug.image.h5 --plot mug.png
+    """
+    from millisight.io.hdf5 import open_capture, save
+
+    with open_capture(capture) as source:
+        voxels = parse_grid(grid, source)
+        say(f"grid: {' x '.join(map(str, voxels.shape))} voxels, {source.channels} channels")
+        with progress(f"image by {method}") as report:
+            formed = form_image(
+                source, voxels, method=method, window=None if window == "none" else window, progress=report
+            )
+    output = output or capture.with_name(capture.name.removesuffix(".h5").removesuffix(".capture") + ".image.h5")
+    save(output, formed)
+    say(f"peak: {formed.magnitude.max():.4g} at {', '.join(f'{p * 100:.1f}' for p in formed.peak)} cm")
+    say(f"wrote {output}")
+    if plot is not None or slices is not None:
+        from millisight.viz.plots import plot_projections, plot_slices, save_figure
+
+        scale = "db" if db else "linear"
+        if plot is not None:
+            save_figure(plot_projections(formed, scale=scale), plot)
+            say(f"wrote {plot}")
+        if slices is not None:
+            save_figure(plot_slices(formed, scale=scale), slices)
+            say(f"wrote {slices}")
+
+
+def parse_grid(text: str | None, capture: Capture) -> VoxelGrid:
+    """The grid that --grid names, or the default around the capture's scene.
+
+    Raises
+    ------
+    InputError
+        The text is no grid, or a spacing stands alone and the capture does not say where its scene is.
+    """
+    if text is not None and ":" in text:
+        axes = [part.split(":") for part in text.split(",")]
+        if len(axes) != 3 or any(len(axis) != 3 for axis in axes):
+            raise InputError(f"--grid is {text!r}; expected lower:upper:spacing three times, for x,y,z")
+        lower, upper, spacing = zip(*[[length(v, option="--grid") for v in axis] for axis in axes], strict=True)
+        return VoxelGrid.regular(lower, upper, spacing)
+    bounds = capture.metadata.get("scene_bounds")
+    if bounds is None:
+        raise InputError("the capture does not say where its scene is; pass --grid lower:upper:spacing for x,y,z")
+    wavelength = capture.radar.waveform.wavelength
+    # Depth is resolved less finely than breadth.
+    spacing = length(text, option="--grid") if text else np.array([wavelength / 2, wavelength / 2, wavelength])
+    return VoxelGrid.regular(np.array(bounds[0]) - _MARGIN, np.array(bounds[1]) + _MARGIN, spacing)
