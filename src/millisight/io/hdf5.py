@@ -11,7 +11,7 @@ import json
 import os
 import shlex
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import fields
 from datetime import UTC, datetime
@@ -80,17 +80,14 @@ def save(path: str | os.PathLike[str], record: Any) -> None:
     if type(record).__name__ not in RECORDS:
         raise InputError(f"save got {type(record).__name__}; expected one of {', '.join(sorted(RECORDS))}")
     with atomic_path(path) as temporary:
-        try:
-            with h5py.File(temporary, "w") as file:
-                file.attrs["format"] = "millisight"
-                file.attrs["schema_version"] = SCHEMA_VERSION
-                file.attrs["code_version"] = importlib.metadata.version("millisight")
-                file.attrs["command"] = shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
-                file.attrs["created"] = datetime.now(UTC).isoformat(timespec="seconds")
-                _write(file, record)
-                file.attrs["digest"] = _digest(file)
-        except (OSError, RuntimeError) as error:
-            raise FileError(f"cannot write {path}: {_reason(error)}; nothing was changed") from error
+        with open(temporary, "w+b") as raw, _Sink(raw) as sink, h5py.File(sink, "w") as file:
+            file.attrs["format"] = "millisight"
+            file.attrs["schema_version"] = SCHEMA_VERSION
+            file.attrs["code_version"] = importlib.metadata.version("millisight")
+            file.attrs["command"] = shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
+            file.attrs["created"] = datetime.now(UTC).isoformat(timespec="seconds")
+            _write(file, record, sink)
+            file.attrs["digest"] = _digest(file)
 
 
 def load(path: str | os.PathLike[str]) -> Any:
@@ -131,6 +128,49 @@ def provenance(path: str | os.PathLike[str]) -> dict[str, Any]:
         return {name: _plain(file.attrs[name]) for name in names if name in file.attrs}
 
 
+class _Sink:
+    """A file for HDF5 to write to, which keeps the first error for us and goes on as if nothing were wrong.
+
+    HDF5 crashes the process when it cannot flush a file that it closes, so it must not meet a full disk itself.
+    """
+
+    def __init__(self, raw: Any):
+        self._raw = raw
+        self.error: OSError | None = None
+
+    def write(self, data: Any) -> int:
+        self._attempt(self._raw.write, data)
+        return len(data)
+
+    def truncate(self, length: int | None = None) -> int:
+        self._attempt(self._raw.truncate, length)
+        return length or 0
+
+    def flush(self) -> None:
+        self._attempt(self._raw.flush)
+
+    def _attempt(self, action: Callable, *arguments: Any) -> None:
+        if self.error is None:
+            try:
+                action(*arguments)
+            except OSError as error:
+                self.error = error
+
+    def check(self) -> None:
+        if self.error is not None:
+            raise self.error
+
+    def __enter__(self) -> "_Sink":
+        return self
+
+    def __exit__(self, kind: object, *_: object) -> None:
+        if kind is None:
+            self.check()
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._raw, name)
+
+
 @contextmanager
 def _opened(path: str | os.PathLike[str]) -> Iterator[Any]:
     import h5py
@@ -146,38 +186,39 @@ def _opened(path: str | os.PathLike[str]) -> Iterator[Any]:
     except OSError as error:
         raise DamagedFileError(f"{path} cannot be opened as HDF5: {_reason(error)}; make or copy it again") from error
     with file:
-        if _plain(file.attrs.get("format")) != "millisight":
+        try:
+            ours = _plain(file.attrs.get("format")) == "millisight"
+            version = int(file.attrs.get("schema_version", 0))
+            intact = file.attrs.get("digest") == _digest(file)
+        except (OSError, RuntimeError, KeyError, TypeError, ValueError) as error:
+            raise DamagedFileError(f"{path} is damaged: {_reason(error)}; make or copy it again") from error
+        if not ours:
             raise FormatError(f"{path} is HDF5, but not written by millisight (no format attribute)")
-        version = int(file.attrs.get("schema_version", 0))
         if not 1 <= version <= SCHEMA_VERSION:
             raise FormatError(
                 f"{path} has schema version {version}; this millisight reads up to {SCHEMA_VERSION}: upgrade it"
             )
-        try:
-            intact = file.attrs.get("digest") == _digest(file)
-        except (OSError, RuntimeError, KeyError, ValueError) as error:
-            raise DamagedFileError(f"{path} is damaged: {_reason(error)}; make or copy it again") from error
         if not intact:
             raise DamagedFileError(f"{path} is damaged: its header differs from its digest; make or copy it again")
         yield file
 
 
-def _write(group: Any, record: Any) -> None:
+def _write(group: Any, record: Any, sink: _Sink) -> None:
     group.attrs["record"] = type(record).__name__
     for field in fields(record):
         value = getattr(record, field.name)
         if value is None:
             continue
         if type(value).__name__ in RECORDS:
-            _write(group.create_group(field.name), value)
+            _write(group.create_group(field.name), value, sink)
             about = group[field.name].attrs
         elif isinstance(value, tuple) and value and type(value[0]).__name__ in RECORDS:
             for i, item in enumerate(value):
-                _write(group.create_group(f"{field.name}/{i}"), item)
+                _write(group.create_group(f"{field.name}/{i}"), item, sink)
             about = group[field.name].attrs
             about["count"] = len(value)
         elif hasattr(value, "shape") and value.shape:
-            about = _write_array(group, field.name, value).attrs
+            about = _write_array(group, field.name, value, sink).attrs
         else:
             plain = isinstance(value, str | int | float | complex | np.number)
             group.attrs[field.name] = value if plain else _JSON + json.dumps(_unfrozen(value))
@@ -186,7 +227,7 @@ def _write(group: Any, record: Any) -> None:
             about[name] = text
 
 
-def _write_array(group: Any, name: str, array: Any) -> Any:
+def _write_array(group: Any, name: str, array: Any, sink: _Sink) -> Any:
     """A chunked, checksummed dataset, copied a chunk's worth of first-axis rows at a time (it may lie on disk)."""
     row = max(1, array.dtype.itemsize * int(np.prod(array.shape[1:])))
     rows = min(array.shape[0], max(1, _CHUNK_BYTES // row))
@@ -196,6 +237,7 @@ def _write_array(group: Any, name: str, array: Any) -> Any:
     many = rows * 64
     for start in range(0, array.shape[0], many):
         dataset[start : start + many] = array[start : start + many]
+        sink.check()
     return dataset
 
 

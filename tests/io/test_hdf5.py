@@ -1,0 +1,225 @@
+"""Every record goes into a file and comes back; every damaged or foreign file is refused by name."""
+
+import os
+import resource
+import shlex
+import subprocess
+import sys
+from dataclasses import fields
+
+import h5py
+import numpy as np
+import pytest
+
+import millisight as ms
+from millisight.errors import DamagedFileError, FileError, FormatError, InputError
+from millisight.io.hdf5 import RECORDS, provenance
+
+
+def small_capture(receivers="iwr1443"):
+    rng = np.random.default_rng(0)
+    radar = ms.Radar.preset(receivers)
+    trajectory = ms.Trajectory(
+        times=[0.0, 0.5], positions=rng.normal(size=(2, 3)), orientations=[[0, 0, 0, 1.0], [1.0, 0, 0, 0]]
+    )
+    shape = (2, 1, len(radar.array.rx_positions), radar.waveform.samples_per_chirp)
+    frames = rng.normal(size=shape) + 1j * rng.normal(size=shape)
+    metadata = {"history": [{"step": "made", "numbers": [1, 2.5, None]}], "phase_sign": -1}
+    return ms.Capture(radar=radar, trajectory=trajectory, frames=frames, metadata=metadata)
+
+
+def one_of_each():
+    capture = small_capture()
+    grid = ms.VoxelGrid.regular((0, 0, 0), (0.02, 0.01, 0), 0.01)
+    scene = ms.Scene.from_mesh("cracker_box", vertices=None, material=ms.Material(name="odd", reflection=0.2 - 0.1j))
+    return [
+        capture.radar.waveform, capture.radar.array, capture.radar, capture.trajectory, capture, grid, grid.xy,
+        ms.SarImage(grid=grid, values=np.arange(6).reshape(3, 2, 1) * (1 + 2j), metadata={"ö": "µ"}),
+        ms.Mask(grid_xy=grid.xy, inside=[[True, False]] * 3),
+        ms.Prediction(probabilities=[0.25, 0.75], class_names=("can", "box")),
+        scene.mesh, scene.objects[0].material, scene.objects[0], scene + scene.moved((1, 0, 0)),
+    ]  # fmt: skip
+
+
+def same(a, b):
+    if type(a).__name__ in RECORDS:
+        return type(a) is type(b) and all(same(getattr(a, f.name), getattr(b, f.name)) for f in fields(a))
+    if isinstance(a, tuple) and a and type(a[0]).__name__ in RECORDS:
+        return len(a) == len(b) and all(map(same, a, b))
+    if isinstance(a, np.ndarray):
+        return a.dtype == b.dtype and np.array_equal(a, b)
+    return a == b
+
+
+def test_there_is_one_of_each():
+    assert {type(r).__name__ for r in one_of_each()} == set(RECORDS)
+
+
+@pytest.mark.parametrize("record", one_of_each(), ids=lambda r: type(r).__name__)
+def test_round_trip_is_bit_for_bit(record, tmp_path):
+    ms.save(tmp_path / "r.h5", record)
+    assert same(record, ms.load(tmp_path / "r.h5"))
+    assert [p.name for p in tmp_path.iterdir()] == ["r.h5"]
+
+
+def test_the_file_explains_itself(tmp_path):
+    ms.save(tmp_path / "c.h5", small_capture())
+    with h5py.File(tmp_path / "c.h5") as file:
+        assert file["frames"].attrs["phase_sign"] == -1
+        assert file["frames"].attrs["axes"] == "pose, transmitter, receiver, sample"
+        assert file["frames"].fletcher32
+        assert file["trajectory/positions"].attrs["unit"] == "m"
+        assert file["radar/waveform"].attrs["slope_unit"] == "Hz/s"
+        assert set(file["frames"].dtype.fields or {"r", "i"}) == {"r", "i"}
+    told = provenance(tmp_path / "c.h5")
+    assert told["record"] == "Capture"
+    assert told["code_version"] == ms.__version__
+    assert told["schema_version"] == 1
+    assert told["command"].endswith(shlex.join(sys.argv[1:]))
+
+
+def test_frames_stay_on_disk_until_asked_for(tmp_path):
+    capture = small_capture()
+    ms.save(tmp_path / "c.h5", capture)
+    with ms.open_capture(tmp_path / "c.h5") as on_disk:
+        assert isinstance(on_disk.frames, h5py.Dataset)
+        assert np.array_equal(on_disk.frames_of(slice(1, 2)), capture.frames[1:])
+        ms.save(tmp_path / "copy.h5", on_disk)
+    assert same(capture, ms.load(tmp_path / "copy.h5"))
+    ms.save(tmp_path / "radar.h5", capture.radar)
+    with pytest.raises(FormatError, match="holds a Radar; expected a Capture"), ms.open_capture(tmp_path / "radar.h5"):
+        pass
+
+
+def test_every_flipped_byte_is_noticed_or_harmless(tmp_path):
+    capture = small_capture("mito-sim-24ghz")
+    path = tmp_path / "c.h5"
+    ms.save(path, capture)
+    whole = path.read_bytes()
+    rng = np.random.default_rng(1)
+    noticed = 0
+    for place in rng.integers(0, len(whole), 400):
+        damaged = bytearray(whole)
+        damaged[place] ^= 0xFF
+        path.write_bytes(damaged)
+        try:
+            loaded = ms.load(path)
+        except FileError:
+            noticed += 1
+        else:
+            assert same(capture, loaded)
+    assert noticed > 100
+
+
+@pytest.mark.parametrize("share", [0.0, 0.01, 0.3, 0.7, 0.99])
+def test_truncated_files_are_refused(tmp_path, share):
+    path = tmp_path / "c.h5"
+    ms.save(path, small_capture())
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(share * len(whole))])
+    with pytest.raises((FormatError, DamagedFileError), match=r"c\.h5"):
+        ms.load(path)
+
+
+def test_foreign_files_are_named(tmp_path):
+    (tmp_path / "text.h5").write_text("not HDF5")
+    with pytest.raises(FormatError, match="is not an HDF5 file"):
+        ms.load(tmp_path / "text.h5")
+    with h5py.File(tmp_path / "other.h5", "w") as file:
+        file["data"] = [1, 2, 3]
+    with pytest.raises(FormatError, match="not written by millisight"):
+        ms.load(tmp_path / "other.h5")
+    with pytest.raises(FileError, match="no such file"):
+        ms.load(tmp_path / "nowhere.h5")
+    ms.save(tmp_path / "new.h5", small_capture())
+    with h5py.File(tmp_path / "new.h5", "r+") as file:
+        file.attrs["schema_version"] = 99
+    with pytest.raises(FormatError, match=r"schema version 99; .* upgrade it"):
+        ms.load(tmp_path / "new.h5")
+
+
+def test_an_array_that_claims_more_than_it_stores_is_refused(tmp_path):
+    """A forged size must not exhaust the memory."""
+    from millisight.io.hdf5 import _digest
+
+    ms.save(tmp_path / "t.h5", small_capture().trajectory)
+    with h5py.File(tmp_path / "t.h5", "r+") as file:
+        del file["positions"]
+        file.create_dataset("positions", shape=(10**12, 3), dtype="f8", chunks=(1000, 3))
+        file.attrs["digest"] = _digest(file)
+    with pytest.raises(DamagedFileError, match="0 bytes stored"):
+        ms.load(tmp_path / "t.h5")
+
+
+def test_what_is_no_record_is_refused(tmp_path):
+    with pytest.raises(InputError, match="save got ndarray; expected one of AntennaArray"):
+        ms.save(tmp_path / "x.h5", np.zeros(3))
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_failing_write_leaves_the_old_file_whole(tmp_path, monkeypatch):
+    from millisight.io import hdf5
+
+    path = tmp_path / "c.h5"
+    ms.save(path, small_capture())
+    before = path.read_bytes()
+
+    def fail(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(hdf5, "_write_array", fail)
+    with pytest.raises(FileError, match="No space left on device; nothing was changed"):
+        ms.save(path, small_capture())
+    assert path.read_bytes() == before
+    assert [p.name for p in tmp_path.iterdir()] == ["c.h5"]
+
+
+def test_folders_that_cannot_be_written_to(tmp_path):
+    with pytest.raises(FileError, match="cannot write"):
+        ms.save(tmp_path / "missing" / "c.h5", small_capture())
+    with pytest.raises(FileError, match="is a folder"):
+        ms.save(tmp_path, small_capture())
+
+
+FULL_DISK = """
+import resource, signal, sys
+import numpy as np
+import millisight as ms
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, 200_000))
+mesh = ms.TriangleMesh(vertices=np.random.default_rng(0).normal(size=(50_000, 3)), faces=[[0, 1, 2]])
+try:
+    ms.save(sys.argv[1], mesh)
+except OSError as error:
+    print("refused:", error)
+"""
+
+
+def test_a_disk_that_fills_up_leaves_no_half_file(tmp_path):
+    """The largest size that a process may write is bounded, as on a full disk, without help from a mock."""
+    path = tmp_path / "m.h5"
+    done = subprocess.run([sys.executable, "-c", FULL_DISK, str(path)], capture_output=True, text=True, timeout=120)
+    assert "refused: cannot write" in done.stdout, done.stderr
+    assert done.returncode == 0
+    assert not list(tmp_path.iterdir())
+    assert resource.getrlimit(resource.RLIMIT_FSIZE)[0] != 200_000
+
+
+@pytest.mark.skipif(os.name != "posix", reason="permissions are tested where they are POSIX's")
+def test_a_read_only_folder_is_refused(tmp_path):
+    folder = tmp_path / "locked"
+    folder.mkdir()
+    folder.chmod(0o555)
+    # The superuser may write anywhere: step down to another user for the attempt.
+    superuser = os.geteuid() == 0
+    if superuser:
+        for parent in (tmp_path, *tmp_path.parents[:2]):
+            parent.chmod(parent.stat().st_mode | 0o755)
+        os.seteuid(65534)
+    try:
+        with pytest.raises(FileError, match=r"cannot write .*Permission denied; choose another folder"):
+            ms.save(folder / "c.h5", small_capture())
+    finally:
+        if superuser:
+            os.seteuid(0)
+    assert not list(folder.iterdir())
