@@ -16,19 +16,26 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from millisight.capture.capture import Capture as Capture
-    from millisight.capture.radar import AntennaArray as AntennaArray, Radar as Radar, Waveform as Waveform
+    from millisight.capture.radar import AntennaArray as AntennaArray
+    from millisight.capture.radar import Radar as Radar
+    from millisight.capture.radar import Waveform as Waveform
     from millisight.capture.simulate import simulate as simulate
     from millisight.capture.trajectory import Trajectory as Trajectory
     from millisight.imaging.exact import image_at as image_at
     from millisight.imaging.form import form_image as form_image
-    from millisight.imaging.grid import PixelGrid as PixelGrid, VoxelGrid as VoxelGrid
-    from millisight.imaging.image import SarImage as SarImage, combine as combine
-    from millisight.io.hdf5 import load as load, open_capture as open_capture, save as save
+    from millisight.imaging.grid import PixelGrid as PixelGrid
+    from millisight.imaging.grid import VoxelGrid as VoxelGrid
+    from millisight.imaging.image import SarImage as SarImage
+    from millisight.imaging.image import combine as combine
+    from millisight.io.hdf5 import load as load
+    from millisight.io.hdf5 import open_capture as open_capture
+    from millisight.io.hdf5 import save as save
     from millisight.perception.classification import Prediction as Prediction
     from millisight.perception.segmentation import Mask as Mask
     from millisight.scene.material import Material as Material
     from millisight.scene.mesh import TriangleMesh as TriangleMesh
-    from millisight.scene.scene import Scene as Scene, SceneObject as SceneObject
+    from millisight.scene.scene import Scene as Scene
+    from millisight.scene.scene import SceneObject as SceneObject
 
 _HOMES = {
     "AntennaArray": "capture.radar",
@@ -54,7 +61,7 @@ _HOMES = {
     "simulate": "capture.simulate",
 }
 
-__all__ = [*_HOMES, "__version__"]
+__all__ = [*_HOMES, "__version__"]  # pyright: ignore[reportUnsupportedDunderAll]
 
 
 def __getattr__(name: str) -> Any:

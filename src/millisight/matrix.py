@@ -17,7 +17,7 @@ def product(left: np.ndarray, right: np.ndarray) -> np.ndarray:
     """(..., N) times (N, M), both complex64, as a (..., M) complex64 array; summed in float32, first to last."""
     rows = np.ascontiguousarray(left.reshape(-1, left.shape[-1]))
     out = np.empty((len(rows), right.shape[1]), dtype=np.complex64)
-    _product(rows, np.ascontiguousarray(right.real), np.ascontiguousarray(right.imag), out)
+    _product(rows, np.ascontiguousarray(np.real(right)), np.ascontiguousarray(np.imag(right)), out)
     return out.reshape(*left.shape[:-1], right.shape[1])
 
 

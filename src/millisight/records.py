@@ -55,7 +55,9 @@ def checked_array(
     if array.dtype.kind in "fc" and not np.isfinite(array).all():
         where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
         count = int((~np.isfinite(array)).sum())
-        raise InputError(f"{name}{unit} has {count} values that are NaN or infinite, the first at {where}; remove or mend them")
+        raise InputError(
+            f"{name}{unit} has {count} values that are NaN or infinite, the first at {where}; remove or mend them"
+        )
     if array.flags.writeable:
         # A caller's own array is copied, so that nobody can write to it later; a read-only one is taken as it is.
         array = array.copy() if array is value or array.base is not None else array
@@ -73,7 +75,9 @@ def check_shape(actual: tuple[int, ...], *, name: str, shape: tuple[int | str, .
         raise InputError(f"{name} has shape {actual}; expected ({expected}), no dimension empty")
 
 
-def checked_number(value: float, *, name: str, unit: str = "", minimum: float | None = None, above: float | None = None) -> float:
+def checked_number(
+    value: float, *, name: str, unit: str = "", minimum: float | None = None, above: float | None = None
+) -> float:
     """`value` as a finite float, at least `minimum` and greater than `above`.
 
     Raises

@@ -64,7 +64,7 @@ def test_impossible_waveforms_are_refused(field, value, message):
 
 
 def test_unknown_radar_suggests_a_known_one():
-    with pytest.raises(UnknownNameError, match="unknown radar 'iwr1442'. Did you mean 'iwr1443'"):
+    with pytest.raises(UnknownNameError, match=r"unknown radar 'iwr1442'\. Did you mean 'iwr1443'"):
         ms.Radar.preset("iwr1442")
     with pytest.raises(InputError, match="rx_axis is 'z'"):
         ms.Radar.preset("iwr1443", rx_axis="z")

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 import trimesh
-from oracles import paths, point_frames, relative
 
 import millisight as ms
 from millisight.capture.scattering import Scatterers, ScatteringModel
 from millisight.errors import CoverageError, InputError, UnknownNameError
+from oracles import paths, point_frames, relative
 
 
 def mesh_of(solid):

@@ -3,10 +3,10 @@
 import numba
 import numpy as np
 import pytest
-from oracles import C, point_frames, relative
 
 import millisight as ms
 from millisight.errors import InputError, UnknownNameError
+from oracles import C, point_frames, relative
 
 RADARS = ("iwr1443", "position2go")
 

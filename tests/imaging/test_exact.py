@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from oracles import C, point_frames, point_image, relative, width_3db
 
 import millisight as ms
+from oracles import C, point_frames, point_image, relative, width_3db
 
 FREQUENCIES = 77.5e9 + 3e9 / 64 * np.arange(64)
 
@@ -13,7 +13,7 @@ FREQUENCIES = 77.5e9 + 3e9 / 64 * np.arange(64)
 def bistatic():
     """Jittered, non-planar positions with two transmitters and four receivers."""
     rng = np.random.default_rng(1)
-    tx = rng.uniform([-0.2, -0.2, -0.01], [0.2, 0.2, 0.01], (40, 1, 3)) + [[[0, 0, 0], [0.004, 0, 0]]]
+    tx = rng.uniform([-0.2, -0.2, -0.01], [0.2, 0.2, 0.01], (40, 1, 3)) + np.array([[[0, 0, 0], [0.004, 0, 0]]])
     rx = tx[:, :1] + np.array([[-0.005 - 0.002 * n, 0.001 * n, 0] for n in range(4)])
     return tx, rx
 
@@ -41,9 +41,10 @@ def test_uneven_frequencies_are_summed_as_given(bistatic):
     frames = point_frames(points, amplitudes, *bistatic, frequencies)
     values = ms.image_at(frames, *bistatic, frequencies, points)
     # Plain Eq. 1, one point at a time.
-    d = np.linalg.norm(points[:, None, None] - bistatic[0], axis=-1)[..., :, None] + np.linalg.norm(
-        points[:, None, None] - bistatic[1], axis=-1
-    )[..., None, :]
+    d = (
+        np.linalg.norm(points[:, None, None] - bistatic[0], axis=-1)[..., :, None]
+        + np.linalg.norm(points[:, None, None] - bistatic[1], axis=-1)[..., None, :]
+    )
     expected = [(frames * np.exp(2j * np.pi * d[v][..., None] * frequencies / C)).mean() for v in range(len(points))]
     assert np.abs(values - expected).max() < 1e-10
 
@@ -72,7 +73,12 @@ def test_superposition(bistatic):
     points, amplitudes = scene()
     where = points + 0.001
     parts = [
-        ms.image_at(point_frames(points[i : i + 1], amplitudes[i : i + 1], *bistatic, FREQUENCIES), *bistatic, FREQUENCIES, where)
+        ms.image_at(
+            point_frames(points[i : i + 1], amplitudes[i : i + 1], *bistatic, FREQUENCIES),
+            *bistatic,
+            FREQUENCIES,
+            where,
+        )
         for i in range(len(points))
     ]
     whole = ms.image_at(point_frames(points, amplitudes, *bistatic, FREQUENCIES), *bistatic, FREQUENCIES, where)

@@ -179,9 +179,7 @@ def test_entry_refuses_what_cannot_be(field, value, error):
 
 
 def test_import_stays_cheap():
-    code = (
-        "import sys, millisight.scene.objects; print('manifold3d' in sys.modules, 'trimesh' in sys.modules)"
-    )
+    code = "import sys, millisight.scene.objects; print('manifold3d' in sys.modules, 'trimesh' in sys.modules)"
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     assert shown.split() == ["False", "False"]
 
@@ -243,9 +241,7 @@ def test_sphere_sides_are_short():
 
 
 def test_bent_plate_follows_the_lift():
-    sheet = shapes.bent(
-        shapes.plate(shapes.outline([(0, 0), (40, 0), (40, 10), (0, 10)]), 2), lambda x, _y: x**2 / 80
-    )
+    sheet = shapes.bent(shapes.plate(shapes.outline([(0, 0), (40, 0), (40, 10), (0, 10)]), 2), lambda x, _y: x**2 / 80)
     upper = np.asarray(sheet.to_mesh64().vert_properties)
     top = upper[np.isclose(upper[:, 2] - upper[:, 0] ** 2 / 80, 1, atol=1e-4)]
     assert len(top) > 80
@@ -255,9 +251,7 @@ def test_bent_plate_follows_the_lift():
 def test_stretched_mends_percents_and_refuses_more():
     solid = shapes.stretched(shapes.block((10, 20, 30)), (10.5, 19, 30))
     assert np.reshape(solid.bounding_box(), (2, 3))[1] == pytest.approx([5.25, 9.5, 15])
-    with pytest.raises(
-        InputError, match=r"drawn 10\.0 x 20\.0 x 30\.0 mm large; expected 10\.0 x 20\.0 x 40\.0"
-    ):
+    with pytest.raises(InputError, match=r"drawn 10\.0 x 20\.0 x 30\.0 mm large; expected 10\.0 x 20\.0 x 40\.0"):
         shapes.stretched(shapes.block((10, 20, 30)), (10, 20, 40))
 
 

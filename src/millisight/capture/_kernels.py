@@ -14,7 +14,7 @@ _sine = inline(wave.sine, fastmath=True)
 
 @kernel(error_model="numpy")
 def specular(tx, rx, vertices, normals, cos_tau, two_sided, lit):
-    """lit[c, v] = angle between normal v and the bisector of the directions to tx[c] and rx[c] under tau (primer 11)."""
+    """lit[c, v]: is normal v within tau of the bisector of the directions to tx[c] and rx[c]? (primer 11)"""
     for c in prange(len(tx)):
         for v in range(len(vertices)):
             x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]

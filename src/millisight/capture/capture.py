@@ -83,4 +83,6 @@ class Capture:
         if self.in_memory:
             return self.frames[poses]
         frames = self.frames[poses]
-        return checked_array(frames, name=f"frames of poses {poses.start} to {poses.stop - 1}", shape=frames.shape, dtype=np.complex64)
+        return checked_array(
+            frames, name=f"frames of poses {poses.start} to {poses.stop - 1}", shape=frames.shape, dtype=np.complex64
+        )

@@ -91,9 +91,9 @@ class Scatterers:
             lit[:, 0, 0] = self._clear(tx_positions[:, 0], lit[:, 0, 0])
             return lit
         for t in range(transmitters):
-            lit[:, t] &= self._clear(tx_positions[:, t], lit[:, t].any(axis=1))[:, None]
+            lit[:, t] &= self._clear(tx_positions[:, t], np.any(lit[:, t], axis=1))[:, None]
         for r in range(receivers):
-            lit[:, :, r] &= self._clear(rx_positions[:, r], lit[:, :, r].any(axis=1))[:, None]
+            lit[:, :, r] &= self._clear(rx_positions[:, r], np.any(lit[:, :, r], axis=1))[:, None]
         return lit
 
     def _clear(self, antennas: np.ndarray, wanted: np.ndarray) -> np.ndarray:

@@ -106,7 +106,7 @@ def simulate(
         "materials": [o.material.name for o in scene.objects],
     }
     if snr_db is not None:
-        seed = int(rng.integers(2**63)) if isinstance(rng, np.random.Generator) else rng
+        seed = int(rng.integers(2**63) if isinstance(rng, np.random.Generator) else rng)  # type: ignore[arg-type]
         _add_noise(frames, snr_db, seed)
         settings |= {"snr_db": snr_db, "seed": seed}
     frames.flags.writeable = False

@@ -38,7 +38,7 @@ class Visibility:
         EmbreeMesh(self._scene, np.ascontiguousarray(self._vertices[mesh.faces]))
 
     def sees(self, origins: np.ndarray, vertices: np.ndarray) -> np.ndarray:
-        """(n,) bool: whether vertex number `vertices[i]` (n,) is visible from `origins[i]` (n, 3) [m]; every ray is cast."""
+        """(n,) bool: whether vertex number `vertices[i]` (n,) is visible from `origins[i]` (n, 3) [m], ray by ray."""
         clear = np.empty(len(vertices), dtype=bool)
         for start in range(0, len(vertices), _RAYS):
             some = slice(start, start + _RAYS)

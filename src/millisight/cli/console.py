@@ -43,10 +43,7 @@ def say(line: str) -> None:
 def progress(label: str) -> Iterator[Progress]:
     """A call-back for long work: a bar with the time left on a terminal, now and then a plain line elsewhere."""
     started = time.monotonic()
-    if not kernels_cached():
-        label_now = f"{label} (first use: compiling, about half a minute)"
-    else:
-        label_now = label
+    label_now = label if kernels_cached() else f"{label} (first use: compiling, about half a minute)"
     if sys.stderr.isatty():
         from rich.console import Console
         from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn

@@ -29,9 +29,7 @@ def image(
         ),
     ] = None,
     method: Annotated[str, typer.Option(help="backprojection, or exact (float64, very slow).")] = "backprojection",
-    window: Annotated[
-        str, typer.Option(help="none, hann or taylor: lower sidelobes for a wider main lobe.")
-    ] = "none",
+    window: Annotated[str, typer.Option(help="none, hann or taylor: lower sidelobes for a wider main lobe.")] = "none",
     plot: Annotated[Path | None, typer.Option(help="Write a picture of the three projections (PNG, SVG, PDF).")] = None,
     slices: Annotated[Path | None, typer.Option(help="Write a picture of three slices (PNG, SVG, PDF).")] = None,
     db: Annotated[bool, typer.Option("--db", help="Pictures in decibels.")] = False,
@@ -79,10 +77,20 @@ def parse_grid(text: str | None, capture: Capture) -> VoxelGrid:
             raise InputError(f"--grid is {text!r}; expected lower:upper:spacing three times, for x,y,z")
         lower, upper, spacing = zip(*[[length(v, option="--grid") for v in axis] for axis in axes], strict=True)
         return VoxelGrid.regular(lower, upper, spacing)
+    return around_scene(capture, length(text, option="--grid") if text else None)
+
+
+def around_scene(capture: Capture, spacing: float | None = None) -> VoxelGrid:
+    """A grid 2 cm around the simulated scene; `spacing` [m], or by default half a wavelength, twice that in depth.
+
+    Raises
+    ------
+    InputError
+        The capture does not say where its scene is, as real ones do not.
+    """
     bounds = capture.metadata.get("scene_bounds")
     if bounds is None:
         raise InputError("the capture does not say where its scene is; pass --grid lower:upper:spacing for x,y,z")
     wavelength = capture.radar.waveform.wavelength
-    # Depth is resolved less finely than breadth.
-    spacing = length(text, option="--grid") if text else np.array([wavelength / 2, wavelength / 2, wavelength])
-    return VoxelGrid.regular(np.array(bounds[0]) - _MARGIN, np.array(bounds[1]) + _MARGIN, spacing)
+    steps = (spacing,) * 3 if spacing else (wavelength / 2, wavelength / 2, wavelength)
+    return VoxelGrid.regular(np.array(bounds[0]) - _MARGIN, np.array(bounds[1]) + _MARGIN, steps)

@@ -37,9 +37,9 @@ def info(
 def _describe(path: Path) -> list[str]:
     if not path.is_file():
         raise FileError(f"{path}: no such file")
-    from millisight.scene.load import MESH_SUFFIXES, load_mesh
+    from millisight.scene.load import FORMATS, load_mesh
 
-    if path.suffix.lower() in MESH_SUFFIXES:
+    if path.suffix.lower().removeprefix(".") in FORMATS:
         mesh = load_mesh(path, unit="m")
         extent = " x ".join(f"{e:.4g}" for e in mesh.extent)
         return [f"mesh: {len(mesh.vertices)} vertices, {len(mesh.faces)} faces, {extent} in the file's unit"]
@@ -58,11 +58,12 @@ def _describe(path: Path) -> list[str]:
 
 def _capture_lines(capture: Capture) -> list[str]:
     waveform, array = capture.radar.waveform, capture.radar.array
+    first, last = waveform.frequencies[[0, -1]]
     lower, upper = capture.trajectory.positions.min(axis=0), capture.trajectory.positions.max(axis=0)
     return [
         f"record: Capture, {capture.channels} channels = {len(capture.trajectory)} poses "
         f"x {len(array.tx_positions)} TX x {len(array.rx_positions)} RX, {waveform.samples_per_chirp} samples",
-        f"radar: {capture.radar.name}, {waveform.start_frequency / 1e9:.4f} to {waveform.frequencies[-1] / 1e9:.4f} GHz, "
+        f"radar: {capture.radar.name}, {first / 1e9:.4f} to {last / 1e9:.4f} GHz, "
         f"range resolution {waveform.range_resolution * 100:.3g} cm, path offset {capture.radar.path_offset:g} m",
         f"aperture: {_box(lower, upper)}",
         *_history(capture.metadata),

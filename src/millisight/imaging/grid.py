@@ -1,5 +1,7 @@
 """Where an image is wanted: voxel grids and pixel grids."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from millisight.errors import InputError
@@ -42,9 +44,9 @@ class VoxelGrid:
     @classmethod
     def regular(
         cls,
-        lower: tuple[float, float, float],
-        upper: tuple[float, float, float],
-        spacing: float | tuple[float, float, float],
+        lower: Sequence[float] | np.ndarray,
+        upper: Sequence[float] | np.ndarray,
+        spacing: float | Sequence[float] | np.ndarray,
     ) -> "VoxelGrid":
         """Voxels from `lower` on, `spacing` apart, up to `upper` where whole steps reach it [m].
 

@@ -1,7 +1,7 @@
 """The image: complex values on a voxel grid."""
 
 from dataclasses import field
-from typing import Any, TypeVar
+from typing import Any, overload
 
 import numpy as np
 
@@ -73,13 +73,20 @@ class SarImage:
             name: xarray.Variable(name, axis, {"units": "m"})
             for name, axis in zip("xyz", (self.grid.x, self.grid.y, self.grid.z), strict=True)
         }
-        return xarray.DataArray(self.values, dims=("x", "y", "z"), coords=coords, name="image", attrs=dict(self.metadata))
+        return xarray.DataArray(
+            self.values, dims=("x", "y", "z"), coords=coords, name="image", attrs=dict(self.metadata)
+        )
 
 
-Combinable = TypeVar("Combinable", SarImage, Capture)
+@overload
+def combine(specular: SarImage, edge: SarImage, alpha: tuple[float, float]) -> SarImage: ...
 
 
-def combine(specular: Combinable, edge: Combinable, alpha: tuple[float, float]) -> Combinable:
+@overload
+def combine(specular: Capture, edge: Capture, alpha: tuple[float, float]) -> Capture: ...
+
+
+def combine(specular, edge, alpha):
     """(a1 specular + a2 edge) / (a1 + a2) (paper Eq. 8, primer 14), for two images or for two captures.
 
     Imaging is linear, so combining the frames and imaging once gives the same as combining two images.
@@ -94,28 +101,29 @@ def combine(specular: Combinable, edge: Combinable, alpha: tuple[float, float]) 
     InputError
         The two do not belong together, or the weights cannot be right.
     """
-    if type(specular) is not type(edge) or not isinstance(specular, SarImage | Capture):
-        raise InputError(
-            f"combine got {type(specular).__name__} and {type(edge).__name__}; expected two images or two captures"
-        )
     if len(alpha) != 2:
         raise InputError(f"alpha has {len(alpha)} weights; expected two, (a1, a2)")
     a1, a2 = (checked_number(a, name="alpha", minimum=0) for a in alpha)
     if not a1 + a2 > 0:
         raise InputError("alpha is (0, 0); expected at least one weight above zero")
     weights = np.float32(a1 / (a1 + a2)), np.float32(a2 / (a1 + a2))
-    metadata = with_step(specular.metadata, "combine", alpha=[a1, a2], edge=dict(edge.metadata))
-    if isinstance(specular, SarImage):
+    if isinstance(specular, SarImage) and isinstance(edge, SarImage):
+        metadata = with_step(specular.metadata, "combine", alpha=[a1, a2], edge=dict(edge.metadata))
         for name in "xyz":
             if not np.array_equal(getattr(specular.grid, name), getattr(edge.grid, name)):
                 raise InputError(f"the two images' grids differ along {name}; image both on one grid")
         values = weights[0] * specular.values + weights[1] * edge.values
         return SarImage(grid=specular.grid, values=values, metadata=metadata)
-    if not _same_setup(specular, edge):
-        raise InputError("the two captures' radars or positions differ; simulate both with the same ones")
-    frames = weights[0] * specular.frames[...] + weights[1] * edge.frames[...]
-    metadata["lit_fraction"] = max(c.metadata.get("lit_fraction", 0.0) for c in (specular, edge))
-    return Capture(radar=specular.radar, trajectory=specular.trajectory, frames=frames, metadata=metadata)
+    if isinstance(specular, Capture) and isinstance(edge, Capture):
+        metadata = with_step(specular.metadata, "combine", alpha=[a1, a2], edge=dict(edge.metadata))
+        if not _same_setup(specular, edge):
+            raise InputError("the two captures' radars or positions differ; simulate both with the same ones")
+        frames = weights[0] * specular.frames[...] + weights[1] * edge.frames[...]
+        metadata["lit_fraction"] = max(c.metadata.get("lit_fraction", 0.0) for c in (specular, edge))
+        return Capture(radar=specular.radar, trajectory=specular.trajectory, frames=frames, metadata=metadata)
+    raise InputError(
+        f"combine got {type(specular).__name__} and {type(edge).__name__}; expected two images or two captures"
+    )
 
 
 def _same_setup(a: Capture, b: Capture) -> bool:

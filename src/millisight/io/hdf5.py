@@ -79,15 +79,19 @@ def save(path: str | os.PathLike[str], record: Any) -> None:
 
     if type(record).__name__ not in RECORDS:
         raise InputError(f"save got {type(record).__name__}; expected one of {', '.join(sorted(RECORDS))}")
-    with atomic_path(path) as temporary:
-        with open(temporary, "w+b") as raw, _Sink(raw) as sink, h5py.File(sink, "w") as file:
-            file.attrs["format"] = "millisight"
-            file.attrs["schema_version"] = SCHEMA_VERSION
-            file.attrs["code_version"] = importlib.metadata.version("millisight")
-            file.attrs["command"] = shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
-            file.attrs["created"] = datetime.now(UTC).isoformat(timespec="seconds")
-            _write(file, record, sink)
-            file.attrs["digest"] = _digest(file)
+    with (
+        atomic_path(path) as temporary,
+        open(temporary, "w+b") as raw,
+        _Sink(raw) as sink,
+        h5py.File(sink, "w") as file,
+    ):
+        file.attrs["format"] = "millisight"
+        file.attrs["schema_version"] = SCHEMA_VERSION
+        file.attrs["code_version"] = importlib.metadata.version("millisight")
+        file.attrs["command"] = shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
+        file.attrs["created"] = datetime.now(UTC).isoformat(timespec="seconds")
+        _write(file, record, sink)
+        file.attrs["digest"] = _digest(file)
 
 
 def load(path: str | os.PathLike[str]) -> Any:
@@ -217,7 +221,7 @@ def _write(group: Any, record: Any, sink: _Sink) -> None:
                 _write(group.create_group(f"{field.name}/{i}"), item, sink)
             about = group[field.name].attrs
             about["count"] = len(value)
-        elif hasattr(value, "shape") and value.shape:
+        elif not isinstance(value, tuple) and np.shape(value):
             about = _write_array(group, field.name, value, sink).attrs
         else:
             plain = isinstance(value, str | int | float | complex | np.number)

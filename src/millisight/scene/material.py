@@ -27,7 +27,9 @@ class Material:
             raise InputError("alpha is (0, 0); expected at least one weight above zero")
         amplitude = checked_number(abs(self.reflection), name="|reflection|", above=0)
         if amplitude > 1:
-            raise InputError(f"|reflection| is {amplitude:g}; expected at most 1: a passive surface returns no more than it gets")
+            raise InputError(
+                f"|reflection| is {amplitude:g}; expected at most 1: a passive surface returns no more than it gets"
+            )
         put(self, reflection=complex(self.reflection), alpha=(a1, a2))
 
 

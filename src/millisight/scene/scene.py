@@ -89,7 +89,8 @@ class Scene:
         shift = checked_array(translation, name="translation", shape=(3,), unit="m")
         return Scene(
             objects=tuple(
-                SceneObject(name=o.name, mesh=o.mesh.moved(translation=shift), material=o.material) for o in self.objects
+                SceneObject(name=o.name, mesh=o.mesh.moved(translation=shift), material=o.material)
+                for o in self.objects
             )
         )
 

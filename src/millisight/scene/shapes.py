@@ -52,9 +52,7 @@ def curve(points: ArrayLike, *, closed: bool = False, step: float = CHORD, along
     slopes = np.diff(knots, axis=0) / gaps
     tangents = (slopes[:-1] * gaps[1:] + slopes[1:] * gaps[:-1]) / (gaps[:-1] + gaps[1:])
     pieces = []
-    for a, b, ta, tb, (gap,) in zip(
-        knots[1:-2], knots[2:-1], tangents[:-1], tangents[1:], gaps[1:-1], strict=True
-    ):
+    for a, b, ta, tb, (gap,) in zip(knots[1:-2], knots[2:-1], tangents[:-1], tangents[1:], gaps[1:-1], strict=True):
         u = np.linspace(0, 1, int(np.ceil(gap / step)) + 1)[:-1, None]
         pieces.append(
             a * (1 + 2 * u) * (1 - u) ** 2
@@ -226,9 +224,7 @@ def body(stations: ArrayLike, *, exponent: float = 2.0, rounding: tuple[float, f
     around = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     around = np.sign(around) * np.abs(around) ** (2 / exponent)
     rings = rows[:, None, 1:3] + half[:, None] * around
-    return loft(
-        np.concatenate([np.broadcast_to(places[:, None, None], (*rings.shape[:2], 1)), rings], axis=2)
-    )
+    return loft(np.concatenate([np.broadcast_to(places[:, None, None], (*rings.shape[:2], 1)), rings], axis=2))
 
 
 def bent(solid: "Manifold", lift: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> "Manifold":
@@ -261,8 +257,7 @@ def stretched(solid: "Manifold", size: Triple) -> "Manifold":
     if (np.abs(scale - 1) > MOST_STRETCH).any():
         drawn, wanted = (" x ".join(f"{v:.1f}" for v in values) for values in (upper - lower, size))
         raise InputError(
-            f"the solid is drawn {drawn} mm large; expected {wanted} mm within 10 %: "
-            "redraw it, or mend the size"
+            f"the solid is drawn {drawn} mm large; expected {wanted} mm within 10 %: redraw it, or mend the size"
         )
     return solid.scale(scale)
 

@@ -1,0 +1,49 @@
+# Every target sets up what it needs, from a bare python3 with venv and pip.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check
+EXTRAS := xarray
+TESTS ?=
+
+.PHONY: help setup setup-train demo test lint bench clean
+
+help:
+	@echo "make setup        everything but torch, into $(VENV)"
+	@echo "make setup-train  setup, and torch"
+	@echo "make demo         the main job: simulate and image three objects, into demo/index.html"
+	@echo "make test         all tests and doctests (TESTS=path or -k name for some)"
+	@echo "make lint         formatting, style, types, layers"
+	@echo "make bench        the benchmarks and their tables"
+
+setup: $(VENV)/setup.stamp
+
+$(VENV)/setup.stamp: pyproject.toml constraints.txt
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(PIP) install --quiet --upgrade "pip>=25.1"
+	$(PIP) install --quiet --constraint constraints.txt --group dev --editable ".[$(EXTRAS)]"
+	touch $@
+
+setup-train: $(VENV)/train.stamp
+
+$(VENV)/train.stamp: $(VENV)/setup.stamp
+	$(PIP) install --quiet --constraint constraints.txt --editable ".[$(EXTRAS),train]"
+	touch $@
+
+demo: setup
+	$(BIN)/millisight demo --output demo
+
+test: setup
+	$(BIN)/python -m pytest $(TESTS)
+
+lint: setup
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/pyright
+	$(BIN)/lint-imports
+
+bench: setup
+	$(BIN)/python -m pytest benchmarks --benchmark-disable-gc --benchmark-columns=median,iqr,rounds -q -s $(TESTS)
+
+clean:
+	rm -rf $(VENV) dist build demo .pytest_cache .ruff_cache .hypothesis

@@ -1,0 +1,134 @@
+"""`millisight demo`: the main job from end to end, on objects that need no download."""
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from millisight.capture.capture import Capture
+from millisight.capture.radar import Radar
+from millisight.capture.simulate import simulate
+from millisight.capture.trajectory import Trajectory
+from millisight.cli.console import progress, say
+from millisight.cli.image import around_scene
+from millisight.imaging.form import form_image
+from millisight.imaging.image import SarImage, combine
+from millisight.scene.scene import Scene
+
+OBJECTS = ("mug", "adjustable_wrench", "cracker_box")
+RADARS = {"77 GHz": "mito-sim-77ghz", "24 GHz": "mito-sim-24ghz"}
+
+# One aperture for all three objects, as of a small scanner, and the largest step without ghosts.
+_SIZE = (0.30, 0.24)  # [m]
+
+_INTRODUCTION = """
+A radar moves over a mug, a wrench and a box, and measures at every position of a raster 20 cm above them. None of
+its frames alone shows a shape; fused into one synthetic aperture, they do. These are simulations after the MITO paper
+(ICCV 2025): a mesh, its lit vertices as point reflectors, Eq. 1 of the paper for the image. Nothing here was
+measured by a real radar.
+
+Two kinds of echo are simulated and added with weights that stand for the material: the specular one, from where the
+surface mirrors the radar back to itself, and that of edges, which scatter into every direction.
+"""
+
+
+def demo(
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write to.")] = Path("demo"),
+) -> None:
+    """Simulate and image a mug, a wrench and a box at 77 and 24 GHz, and write a page that explains the pictures.
+
+    Example: millisight demo -o demo && xdg-open demo/index.html
+    """
+    from millisight.files import make_folder
+    from millisight.io.hdf5 import save
+    from millisight.viz.page import PageItem, write_page
+    from millisight.viz.plots import plot_projections, plot_range_profiles, plot_sheet, plot_slices, save_figure
+
+    started = time.monotonic()
+    make_folder(output)
+    items, sheet, meshes = [], {}, {}
+    for name in OBJECTS:
+        with progress(f"{name}: mesh"):
+            scene = Scene.from_mesh(name)
+        for band, radar in RADARS.items():
+            capture = _capture(scene, Radar.preset(radar), f"{name}, {band}")
+            with progress(f"{name}, {band}: image") as report:
+                image = form_image(capture, around_scene(capture), progress=report)
+            label = f"{name}, {band}"
+            sheet[label], meshes[label] = image, scene.mesh
+            stem = f"{name}-{band.split()[0]}ghz"
+            save(output / f"{stem}.image.h5", image)
+            if band == "77 GHz":
+                save(output / f"{stem}.capture.h5", capture)
+                save_figure(plot_projections(image, mesh=scene.mesh, title=label), output / f"{stem}.png")
+                items.append(
+                    PageItem(
+                        heading=f"{name.replace('_', ' ')}, seen along three axes at {band}",
+                        picture=f"{stem}.png",
+                        caption=_CAPTIONS[name],
+                        facts=_facts(scene, capture, image),
+                    )
+                )
+            if band == "77 GHz" and name == "mug":
+                save_figure(plot_slices(image, mesh=scene.mesh), output / "slices.png")
+                save_figure(plot_range_profiles(capture), output / "range.png")
+    with progress("sheet"):
+        save_figure(plot_sheet(sheet, meshes=meshes, columns=2, scale="db"), output / "sheet.png")
+    items = [
+        PageItem(
+            heading="Three objects as two radars see them",
+            picture="sheet.png",
+            caption="Each image from above, in decibels below its own maximum, the mesh's outline drawn over it. At 77 "
+            "GHz the wavelength is 3.8 mm and the shapes are sharp. At 24 GHz it is 12.4 mm: three times as coarse, "
+            "and with only 200 MHz of bandwidth all depth comes from the wavefront's curvature. Its waves in turn pass "
+            "cartons almost unhindered.",
+        ),
+        *items,
+        PageItem(
+            heading="Three slices through the mug's brightest voxel at 77 GHz",
+            picture="slices.png",
+            caption="The image is a volume. The slices pass through its brightest voxel, in decibels. Bright streaks "
+            "away from the outline are sidelobes of the aperture's sharp ends; a window (millisight image --window "
+            "taylor) lowers them.",
+        ),
+        PageItem(
+            heading="What the radar measured: range profiles of the mug",
+            picture="range.png",
+            caption="The raw material. A single frame resolves range alone, to 5 cm at 3 GHz of bandwidth. Everything "
+            "finer in the images above comes from fusing the positions.",
+        ),
+    ]
+    page = write_page(output, title="What a millimetre-wave radar sees", introduction=_INTRODUCTION, items=items)
+    say(f"wrote {page} and its pictures in {time.monotonic() - started:.0f} s: open it in a browser")
+
+
+_CAPTIONS = {
+    "mug": "The mug stands upright and is seen from above: its rim and handle are edges, its bottom mirrors. The "
+    "outline is the mesh's. Upper block: rainbow colours, as in the paper; lower block: the same values in a scale "
+    "that the eye reads evenly.",
+    "adjustable_wrench": "The flat faces of the wrench mirror, its contour scatters: the jaw can be read off.",
+    "cracker_box": "A flat face answers only to positions straight above it, as a mirror would: it is seen because "
+    "the aperture is wider than the box. The rim of the box is all edge.",
+}
+
+
+def _capture(scene: Scene, radar: Radar, label: str) -> Capture:
+    """Specular and edge frames over the raster, added with the material's weights."""
+    trajectory = Trajectory.raster(size=_SIZE, step=radar.waveform.wavelength / 2)
+    parts = []
+    for model in ("specular", "edge"):
+        with progress(f"{label}: {model}") as report:
+            parts.append(simulate(scene, radar, trajectory, model=model, progress=report))
+    return combine(parts[0], parts[1], scene.alpha)
+
+
+def _facts(scene: Scene, capture: Capture, image: SarImage) -> dict[str, object]:
+    a1, a2 = scene.alpha
+    return {
+        "object": " x ".join(f"{e * 100:.1f}" for e in scene.mesh.extent) + f" cm, {scene.objects[0].material.name}",
+        "weights": f"specular {a1:g}, edge {a2:g}",
+        "capture": f"{capture.channels} positions, {capture.radar.waveform.samples_per_chirp} samples each",
+        "image": " x ".join(map(str, image.grid.shape)) + " voxels",
+        "lit": f"{100 * capture.metadata['lit_fraction']:.0f} % of the mesh's vertices, from somewhere",
+    }

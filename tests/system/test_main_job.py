@@ -1,0 +1,130 @@
+"""The main job: what the README shows runs, real waves are imaged, real scans look like themselves."""
+
+import html.parser
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import millisight as ms
+from oracles import SHARED, shared
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "examples"))
+
+
+def test_the_readmes_python_runs(tmp_path, monkeypatch):
+    blocks = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), flags=re.DOTALL)
+    assert blocks
+    monkeypatch.chdir(tmp_path)
+    for block in blocks:
+        exec(compile(block, "README.md", "exec"), {"__name__": "readme"})
+    assert list(tmp_path.iterdir())
+
+
+def test_the_demo_does_the_main_job(tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-m", "millisight.cli.main", "demo", "-o", "demo"],
+        cwd=tmp_path, capture_output=True, text=True, timeout=600, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    folder = tmp_path / "demo"
+    images = sorted(folder.glob("*.image.h5"))
+    assert len(images) == 6
+    for path in images:
+        image = ms.load(path)
+        assert image.magnitude.max() > 0
+        assert image.metadata["simulated"]
+
+    class Pictures(html.parser.HTMLParser):
+        found: list[str] = []  # noqa: RUF012
+
+        def handle_starttag(self, tag, attrs):
+            if tag == "img":
+                self.found.append(dict(attrs)["src"])
+
+    Pictures().feed((folder / "index.html").read_text(encoding="utf-8"))
+    assert len(Pictures.found) >= 6
+    assert all((folder / name).stat().st_size > 20_000 for name in Pictures.found)
+
+
+def test_a_wrench_looks_like_a_wrench():
+    """The specular image of a flat wrench correlates with its silhouette, at 77 GHz more than at 24 GHz."""
+    scene = ms.Scene.from_mesh("adjustable_wrench")
+    trajectory = ms.Trajectory.raster(size=(0.24, 0.1), step=0.0019)
+    grid = ms.VoxelGrid.regular((-0.11, -0.04, 0.0), (0.11, 0.04, 0.008), (0.002, 0.002, 0.004))
+    vertices = scene.mesh.vertices
+    silhouette = np.zeros(grid.shape[:2])
+    places = np.round((vertices[:, :2] - [grid.x[0], grid.y[0]]) / 0.002).astype(int)
+    silhouette[places[:, 0], places[:, 1]] = 1
+    scores = {}
+    for name in ("mito-sim-77ghz", "mito-sim-24ghz"):
+        image = ms.form_image(ms.simulate(scene, ms.Radar.preset(name), trajectory), grid)
+        scores[name] = np.corrcoef(image.project("z").ravel(), silhouette.ravel())[0, 1]
+    assert scores["mito-sim-77ghz"] > 0.5
+    assert scores["mito-sim-77ghz"] > scores["mito-sim-24ghz"] + 0.1
+
+
+def test_the_letter_r_is_readable():
+    """Real waves: the strokes of the measured letter stand out from its ground, only in focus and with our sign."""
+    import real_capture
+
+    capture, distance = real_capture.read_letter(shared("captures", "letter_r_22ghz.npy"))
+    half = capture.trajectory.extent[:2] / 2
+
+    def contrast(capture, z):
+        """The brightest 8 % of the pixels over the rest, in mean magnitude."""
+        grid = ms.VoxelGrid.regular((*-half, z), (*half, z), 0.002)
+        values = np.sort(ms.form_image(capture, grid).magnitude.ravel())
+        assert len(values) > 10_000
+        cut = int(0.92 * len(values))
+        return values[cut:].mean() / values[:cut].mean()
+
+    in_focus = contrast(capture, -distance)
+    assert in_focus > 5
+    assert in_focus > 1.3 * contrast(capture, -distance - 0.1)
+    flipped = ms.Capture(radar=capture.radar, trajectory=capture.trajectory, frames=np.conj(capture.frames))
+    assert in_focus > 1.3 * contrast(flipped, -distance)
+
+    # An R: its stem is one bright column; the bowl closes above, so the upper right is brighter than the lower left.
+    grid = ms.VoxelGrid.regular((*-half, -distance), (*half, -distance), 0.002)
+    bright = ms.form_image(capture, grid).magnitude[:, :, 0]
+    bright = bright > 0.4 * bright.max()
+    columns, rows = np.nonzero(bright.any(axis=1))[0], np.nonzero(bright.any(axis=0))[0]
+    letter = bright[columns[0] : columns[-1] + 1, rows[0] : rows[-1] + 1]
+    stem = letter[: letter.shape[0] // 4].any(axis=0).mean()
+    assert stem > 0.9
+    assert 0.05 < (columns[-1] - columns[0]) * 0.002 < 0.15
+
+
+SCANS = sorted((SHARED / "ycb").glob("*.ply")) if (SHARED / "ycb").is_dir() else []
+
+
+@pytest.mark.parametrize("scan", [s.name for s in SCANS] or ["none"])
+def test_every_real_scan_runs_through_the_main_job(scan):
+    import ycb_sheet
+
+    path = shared("ycb", scan)
+    for model in ("specular", "edge"):
+        scene, capture, image = ycb_sheet.capture_and_image(path, model)
+        assert np.isfinite(capture.frames).all()
+        assert capture.metadata["lit_fraction"] >= 0.01
+        lit = lit_somewhere(scene, capture, model)
+        assert lit.any()
+        assert np.linalg.norm(scene.mesh.vertices[lit] - image.peak, axis=1).min() < 0.01
+
+
+def lit_somewhere(scene, capture, model):
+    """(V,) bool: vertices lit from some position of every tenth."""
+    from millisight.capture.scattering import Scatterers, ScatteringModel
+
+    scatterers = Scatterers(scene.mesh, ScatteringModel(name=model))
+    antennas = capture.tx_positions[::10]
+    lit = np.zeros(len(scene.mesh.vertices), dtype=bool)
+    for start in range(0, len(antennas), 200):
+        block = antennas[start : start + 200]
+        lit[scatterers.indices] |= scatterers.lit(block, block).any(axis=(0, 1, 2))
+    return lit

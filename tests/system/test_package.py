@@ -1,0 +1,112 @@
+"""The package as a whole: what importing it costs, and that its wheel works where nothing else is installed."""
+
+import importlib.metadata
+import json
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+import millisight as ms
+
+ROOT = Path(__file__).resolve().parents[2]
+
+HEAVY = (
+    "numba",
+    "llvmlite",
+    "scipy",
+    "trimesh",
+    "embreex",
+    "manifold3d",
+    "h5py",
+    "matplotlib",
+    "torch",
+    "xarray",
+    "typer",
+    "rich",
+)
+
+
+def modules_after(code):
+    done = subprocess.run(
+        [sys.executable, "-c", f"{code}\nimport sys, json; print(json.dumps(sorted(sys.modules)))"],
+        capture_output=True, text=True, check=True, timeout=120,
+    )  # fmt: skip
+    return {name.split(".")[0] for name in json.loads(done.stdout.splitlines()[-1])}
+
+
+def test_import_brings_in_nothing_heavy():
+    assert not modules_after("import millisight") & set(HEAVY)
+
+
+def test_records_are_usable_without_anything_heavy():
+    loaded = modules_after("import millisight as ms; ms.Radar.preset('iwr1443'); ms.Trajectory.published(77.5e9)")
+    assert not loaded & set(HEAVY)
+
+
+def test_help_brings_in_nothing_heavy():
+    code = "import sys; sys.argv = ['millisight', '--help']\nfrom millisight.cli.main import run\ntry: run()\nexcept SystemExit: pass"
+    assert not modules_after(code) & (set(HEAVY) - {"typer", "rich"})
+
+
+def test_every_public_name_is_there():
+    for name in ms.__all__:
+        assert getattr(ms, name) is not None
+    assert set(ms.__all__) <= set(dir(ms))
+    with pytest.raises(AttributeError, match="no attribute 'formimage'"):
+        _ = ms.formimage
+
+
+def test_the_core_asks_for_no_torch():
+    required = importlib.metadata.requires("millisight") or []
+    core = [r for r in required if "extra ==" not in r]
+    assert any(r.startswith("numpy") for r in core)
+    assert not [r for r in core if r.startswith(("torch", "transformers", "onnx", "xarray", "dask", "viser"))]
+
+
+SMOKE = """
+import millisight as ms
+scene = ms.Scene.from_mesh("rubiks_cube", vertices=300)
+capture = ms.simulate(scene, ms.Radar.preset("mito-sim-24ghz"), ms.Trajectory.raster(size=(0.1, 0.1), step=0.02), model="edge")
+image = ms.form_image(capture, ms.VoxelGrid.regular((-0.03, -0.03, 0), (0.03, 0.03, 0.03), 0.01))
+ms.save("i.h5", image)
+print(ms.__file__, abs(ms.load("i.h5").values - image.values).max() == 0, image.magnitude.max() > 0)
+"""
+
+
+@pytest.fixture(scope="session")
+def wheel(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("wheel")
+    subprocess.run(
+        [sys.executable, "-m", "build", "--wheel", "--outdir", str(folder), str(ROOT)],
+        check=True, capture_output=True, text=True, timeout=300,
+    )  # fmt: skip
+    return next(folder.glob("millisight-*.whl"))
+
+
+def test_the_wheel_holds_what_the_code_reads(wheel):
+    names = zipfile.ZipFile(wheel).namelist()
+    assert "millisight/py.typed" in names
+    assert sum(name.startswith("millisight/capture/presets/") for name in names) == 4
+    assert not [name for name in names if name.startswith(("tests/", "docs/")) or name.endswith(".h5")]
+
+
+def test_the_wheel_works_in_a_clean_environment(wheel, tmp_path):
+    """Installed with its dependencies from the index into an empty environment, away from the source."""
+    python = tmp_path / "venv" / "bin" / "python"
+    subprocess.run([sys.executable, "-m", "venv", str(tmp_path / "venv")], check=True, timeout=120)
+    subprocess.run(
+        [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", str(wheel)], check=True, timeout=600
+    )
+    done = subprocess.run([python, "-c", SMOKE], cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 0, done.stderr
+    assert str(tmp_path / "venv") in done.stdout
+    assert done.stdout.split()[1:] == ["True", "True"]
+    told = subprocess.run([python, "-m", "pip", "list"], capture_output=True, text=True, check=True, timeout=60).stdout
+    assert "torch" not in told
+    shown = subprocess.run(
+        [tmp_path / "venv" / "bin" / "millisight", "--version"], capture_output=True, text=True, check=True, timeout=60
+    )
+    assert shown.stdout.strip() == ms.__version__
