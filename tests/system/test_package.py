@@ -47,7 +47,8 @@ def test_records_are_usable_without_anything_heavy():
 
 
 def test_help_brings_in_nothing_heavy():
-    code = "import sys; sys.argv = ['millisight', '--help']\nfrom millisight.cli.main import run\ntry: run()\nexcept SystemExit: pass"
+    code = "import sys; sys.argv = ['millisight', '--help']\nfrom millisight.cli.main import run\n"
+    code += "try: run()\nexcept SystemExit: pass"
     assert not modules_after(code) & (set(HEAVY) - {"typer", "rich"})
 
 
@@ -69,7 +70,8 @@ def test_the_core_asks_for_no_torch():
 SMOKE = """
 import millisight as ms
 scene = ms.Scene.from_mesh("rubiks_cube", vertices=300)
-capture = ms.simulate(scene, ms.Radar.preset("mito-sim-24ghz"), ms.Trajectory.raster(size=(0.1, 0.1), step=0.02), model="edge")
+radar, trajectory = ms.Radar.preset("mito-sim-24ghz"), ms.Trajectory.raster(size=(0.1, 0.1), step=0.02)
+capture = ms.simulate(scene, radar, trajectory, model="edge")
 image = ms.form_image(capture, ms.VoxelGrid.regular((-0.03, -0.03, 0), (0.03, 0.03, 0.03), 0.01))
 ms.save("i.h5", image)
 print(ms.__file__, abs(ms.load("i.h5").values - image.values).max() == 0, image.magnitude.max() > 0)

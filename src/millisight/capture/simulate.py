@@ -131,6 +131,8 @@ def _signals(lit, tx, rx, points, reflections, radar, spreading) -> np.ndarray:
     from millisight.matrix import product
 
     waveform = radar.waveform
+    if not len(points):
+        return np.zeros((*lit.shape[:3], waveform.samples_per_chirp), dtype=np.complex64)
     lower, upper = points.min(axis=0), points.max(axis=0)
     center = (lower + upper) / 2
     frequencies = (waveform.frequencies - waveform.center_frequency) / SPEED_OF_LIGHT
