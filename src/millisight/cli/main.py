@@ -10,7 +10,7 @@ from millisight.cli.console import end_on_sigterm
 from millisight.errors import MillisightError
 
 app = typer.Typer(
-    no_args_is_help=True,
+    invoke_without_command=True,
     add_completion=False,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -25,11 +25,14 @@ app.command("info")(info.info)
 
 @app.callback()
 def _main(
+    context: typer.Context,
     show_version: bool = typer.Option(False, "--version", help="Print the version and exit.", is_eager=True),
 ) -> None:
     if show_version:
         typer.echo(version("millisight"))
         raise typer.Exit
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
 
 
 def run() -> None:

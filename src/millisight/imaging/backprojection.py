@@ -11,8 +11,7 @@ from millisight.imaging.grid import VoxelGrid
 from millisight.imaging.windows import Window, aperture_weights, range_weights, window_pair
 
 OVERSAMPLING = 8
-"""Entries of a range profile per range bin c / B of path length: 0.1 % of interpolation error, see the table in
-docs/explanation/primer.md."""
+"""Entries of a range profile per range bin c / B of path length: 0.2 % of error, see the tables of primer (8)."""
 
 # One block of poses is held at a time: its frames and range profiles take at most this much [bytes], and its
 # voxel-channel pairs at most about a second, so that progress shows and Ctrl-C is heard.
