@@ -13,6 +13,10 @@ from pathlib import Path
 from millisight.errors import FileError
 
 
+FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
+"""What figures are written as; here, so that the command line can refuse others before it loads Matplotlib."""
+
+
 @contextmanager
 def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a temporary path beside `path`; rename it to `path` on success, remove it on any failure.
@@ -25,14 +29,7 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
         The folder is missing or cannot be written to, or the disk is full.
     """
     path = Path(path)
-    if path.is_dir():
-        raise FileError(f"{path} is a folder; expected the name of a file to write")
-    temporary = path.with_name(f".{path.stem}.{secrets.token_hex(4)}.part{path.suffix}")
-    try:
-        # Creating it here gives a plain error now rather than a library's own later.
-        os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o644))
-    except OSError as error:
-        raise FileError(f"cannot write {path}: {error.strerror}; choose another folder or free this one") from error
+    temporary = _claim(path)
     try:
         yield temporary
         with open(temporary, "rb") as written:
@@ -44,6 +41,32 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
         raise FileError(f"cannot write {path}: {error.strerror or error}; nothing was changed") from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def check_writable(path: str | os.PathLike[str]) -> None:
+    """Raise before long work what `atomic_path` would raise after it.
+
+    Raises
+    ------
+    FileError
+        The folder is missing or cannot be written to.
+    """
+    _claim(path).unlink()
+
+
+def _claim(path: str | os.PathLike[str]) -> Path:
+    """Create an empty temporary file beside `path`: a plain error now rather than a library's own later."""
+    path = Path(path)
+    if path.is_dir():
+        raise FileError(f"{path} is a folder; expected the name of a file to write")
+    if not path.parent.is_dir():
+        raise FileError(f"cannot write {path}: there is no folder {path.parent}; make it first, or choose another")
+    temporary = path.with_name(f".{path.stem[:100]}.{secrets.token_hex(4)}.part{path.suffix}")
+    try:
+        os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o644))
+    except OSError as error:
+        raise FileError(f"cannot write {path}: {error.strerror}; choose another folder or free this one") from error
+    return temporary
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:

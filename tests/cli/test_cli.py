@@ -164,10 +164,10 @@ def test_bad_meshes_get_one_clear_line(name, tmp_path):
     ("arguments", "expected"),
     [
         (("simulate", "mugg"), "unknown catalogue object 'mugg'. Did you mean 'mug'?"),
-        (("simulate", "missing.stl"), "no such file"),
+        (("simulate", "missing.stl"), "missing.stl does not exist"),
         (("simulate", "mug", "--radar", "iwr1444"), "Did you mean 'iwr1443'?"),
         (("simulate", "mug", "--model", "specullar"), "unknown scattering model"),
-        (("simulate", "mug", "--aperture", "5x5cm"), "the object is 11.7 cm wide along x, the aperture only"),
+        (("simulate", "mug", "--aperture", "5x5cm"), "cm wide along x, the aperture only"),
         (("simulate", "mug", "--aperture", "wide"), "expected a size along x and y such as 30x22cm"),
         (("simulate", "mug", "--step", "2 parsec"), "expected a length such as 2mm"),
         (("simulate", "mug", "--step", "0"), "step is 0 m; expected more than 0 m"),
@@ -208,7 +208,11 @@ def test_bad_captures_get_one_clear_line(capture):
 
 
 def test_a_folder_that_is_not_there(capture):
-    assert "cannot write" in refused("image", capture.name, "--grid", "2cm", "-o", "nowhere/i.h5", cwd=capture.parent)
+    """Said before the work begins, not after it."""
+    line = refused("image", capture.name, "--grid", "0.01mm", "-o", "nowhere/i.h5", cwd=capture.parent)
+    assert "cannot write nowhere/i.h5: there is no folder nowhere" in line
+    line = refused("simulate", "mug", "--aperture", "published", "-o", "nowhere/c.h5", cwd=capture.parent)
+    assert "cannot write nowhere/c.h5: there is no folder nowhere" in line
 
 
 def test_a_full_disk(capture):

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import typer
 
-from millisight.errors import InputError
+from millisight.errors import InputError, UnknownNameError
+from millisight.files import FIGURE_SUFFIXES, check_writable
 
 _UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "": 1.0}
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
@@ -32,6 +33,21 @@ def size(text: str, *, option: str) -> tuple[float, float]:
     if not match:
         raise InputError(f"{option} is {text!r}; expected a size along x and y such as 30x22cm or 0.3x0.22 (metres)")
     return float(match[1]) * _UNITS[match[3]], float(match[2]) * _UNITS[match[3]]
+
+
+def check_outputs(*paths: Path | None, figures: tuple[Path | None, ...] = ()) -> None:
+    """Refuse before the work what could not be written after it: missing folders, unknown figure formats.
+
+    Raises
+    ------
+    FileError, UnknownNameError
+    """
+    for path in (*paths, *figures):
+        if path is not None:
+            check_writable(path)
+    for figure in figures:
+        if figure is not None and figure.suffix.lower() not in FIGURE_SUFFIXES:
+            raise UnknownNameError("figure format", figure.suffix or figure.name, FIGURE_SUFFIXES)
 
 
 def say(line: str) -> None:

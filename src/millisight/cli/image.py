@@ -7,7 +7,7 @@ import numpy as np
 import typer
 
 from millisight.capture.capture import Capture
-from millisight.cli.console import length, progress, say
+from millisight.cli.console import check_outputs, length, progress, say
 from millisight.errors import InputError
 from millisight.imaging.form import form_image
 from millisight.imaging.grid import VoxelGrid
@@ -40,6 +40,8 @@ def image(
     """
     from millisight.io.hdf5 import open_capture, save
 
+    output = output or capture.with_name(capture.name.removesuffix(".h5").removesuffix(".capture") + ".image.h5")
+    check_outputs(output, figures=(plot, slices))
     with open_capture(capture) as source:
         voxels = parse_grid(grid, source)
         say(f"grid: {' x '.join(map(str, voxels.shape))} voxels, {source.channels} channels")
@@ -47,7 +49,6 @@ def image(
             formed = form_image(
                 source, voxels, method=method, window=None if window == "none" else window, progress=report
             )
-    output = output or capture.with_name(capture.name.removesuffix(".h5").removesuffix(".capture") + ".image.h5")
     save(output, formed)
     say(f"peak: {formed.magnitude.max():.4g} at {', '.join(f'{p * 100:.1f}' for p in formed.peak)} cm")
     say(f"wrote {output}")

@@ -8,7 +8,7 @@ import typer
 from millisight.capture.radar import Radar
 from millisight.capture.simulate import simulate as simulate_capture
 from millisight.capture.trajectory import Trajectory
-from millisight.cli.console import length, progress, say, size
+from millisight.cli.console import check_outputs, length, progress, say, size
 from millisight.errors import CoverageError, InputError
 from millisight.imaging.image import combine
 from millisight.scene.scene import Scene
@@ -71,6 +71,7 @@ def simulate(
 
     if alpha is not None and model != "combined":
         raise InputError(f"--alpha weighs specular against edge and has no meaning for --model {model}; leave one out")
+    check_outputs(output, figures=(plot,))
     chosen = Radar.preset(radar)
     with progress("mesh"):
         scene = Scene.from_mesh(mesh, unit=unit, vertices=vertices or None, rotate_deg=rotate, material=material)

@@ -153,6 +153,14 @@ class _Sink:
     def flush(self) -> None:
         self._attempt(self._raw.flush)
 
+    def seek(self, *place: int) -> int:
+        self._attempt(self._raw.seek, *place)  # it may write what was buffered
+        return self._raw.tell() if self.error is None else 0
+
+    def readinto(self, buffer: Any) -> int:
+        self._attempt(self._raw.readinto, buffer)
+        return len(buffer)
+
     def _attempt(self, action: Callable, *arguments: Any) -> None:
         if self.error is None:
             try:
@@ -170,9 +178,6 @@ class _Sink:
     def __exit__(self, kind: object, *_: object) -> None:
         if kind is None:
             self.check()
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._raw, name)
 
 
 @contextmanager
