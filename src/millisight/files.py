@@ -12,7 +12,6 @@ from pathlib import Path
 
 from millisight.errors import FileError
 
-
 FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
 """What figures are written as; here, so that the command line can refuse others before it loads Matplotlib."""
 
@@ -57,9 +56,9 @@ def check_writable(path: str | os.PathLike[str]) -> None:
 def _claim(path: str | os.PathLike[str]) -> Path:
     """Create an empty temporary file beside `path`: a plain error now rather than a library's own later."""
     path = Path(path)
-    if path.is_dir():
+    if os.path.isdir(path):
         raise FileError(f"{path} is a folder; expected the name of a file to write")
-    if not path.parent.is_dir():
+    if not os.path.isdir(path.parent):
         raise FileError(f"cannot write {path}: there is no folder {path.parent}; make it first, or choose another")
     temporary = path.with_name(f".{path.stem[:100]}.{secrets.token_hex(4)}.part{path.suffix}")
     try:

@@ -213,7 +213,7 @@ def test_a_read_only_folder_is_refused(tmp_path):
     # The superuser may write anywhere: step down to another user for the attempt.
     superuser = os.geteuid() == 0
     if superuser:
-        for parent in (tmp_path, *tmp_path.parents[:2]):
+        for parent in (tmp_path, *tmp_path.parents[:3]):
             parent.chmod(parent.stat().st_mode | 0o755)
         os.seteuid(65534)
     try:

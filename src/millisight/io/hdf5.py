@@ -157,6 +157,12 @@ class _Sink:
         self._attempt(self._raw.seek, *place)  # it may write what was buffered
         return self._raw.tell() if self.error is None else 0
 
+    def tell(self) -> int:
+        return self._raw.tell() if self.error is None else 0
+
+    def read(self, size: int = -1) -> bytes:
+        return self._raw.read(size) if self.error is None else b""
+
     def readinto(self, buffer: Any) -> int:
         self._attempt(self._raw.readinto, buffer)
         return len(buffer)
