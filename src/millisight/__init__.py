@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from millisight.capture.capture import Capture as Capture
+    from millisight.capture.noise import add_noise as add_noise
     from millisight.capture.radar import AntennaArray as AntennaArray
     from millisight.capture.radar import Radar as Radar
     from millisight.capture.radar import Waveform as Waveform
@@ -52,6 +53,7 @@ _HOMES = {
     "TriangleMesh": "scene.mesh",
     "VoxelGrid": "imaging.grid",
     "Waveform": "capture.radar",
+    "add_noise": "capture.noise",
     "combine": "imaging.image",
     "form_image": "imaging.form",
     "image_at": "imaging.exact",

@@ -22,3 +22,7 @@ def kernel(**options: Any) -> Callable[[Callable], Any]:
 def inline(function: Callable, **options: Any) -> Any:
     """Compile a scalar function into its callers."""
     return njit(inline="always", **options)(function)
+
+
+subroutine = njit(fastmath=True, error_model="numpy")
+"""Compile a serial function that kernels call on arrays."""

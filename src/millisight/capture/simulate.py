@@ -5,12 +5,13 @@ from collections.abc import Callable
 import numpy as np
 
 from millisight.capture.capture import PHASE_SIGN, Capture
+from millisight.capture.noise import add_noise, check_noise
 from millisight.capture.radar import Radar
 from millisight.capture.scattering import Scatterers, ScatteringModel
 from millisight.capture.trajectory import Trajectory
 from millisight.constants import SPEED_OF_LIGHT
-from millisight.errors import CoverageError, InputError, UnknownNameError
-from millisight.records import checked_number, with_step
+from millisight.errors import CoverageError, UnknownNameError
+from millisight.records import with_step
 from millisight.scene.scene import Scene
 
 SPREADINGS = ("none", "1/d")
@@ -74,9 +75,7 @@ def simulate(
     if device != "cpu":
         raise UnknownNameError("device for simulate", device, ("cpu",))
     if snr_db is not None:
-        snr_db = checked_number(snr_db, name="snr_db", unit="dB")
-        if rng is None:
-            raise InputError("snr_db adds noise, which needs a seed: pass rng=0, say")
+        check_noise(snr_db, rng)
     scattering = ScatteringModel(name=model, tau_deg=tau_deg, edge_deg=edge_deg, two_sided=two_sided)
     scatterers = Scatterers(scene.mesh, scattering)
     array = radar.array
@@ -105,10 +104,6 @@ def simulate(
         "objects": [o.name for o in scene.objects],
         "materials": [o.material.name for o in scene.objects],
     }
-    if snr_db is not None:
-        seed = int(rng.integers(2**63) if isinstance(rng, np.random.Generator) else rng)  # type: ignore[arg-type]
-        _add_noise(frames, snr_db, seed)
-        settings |= {"snr_db": snr_db, "seed": seed}
     frames.flags.writeable = False
     metadata = {
         "phase_sign": PHASE_SIGN,
@@ -116,16 +111,17 @@ def simulate(
         "lit_fraction": float(ever_lit.sum() / len(scene.mesh.vertices)),
         "scene_bounds": scene.mesh.bounds.tolist(),
     }
-    return Capture(
+    capture = Capture(
         radar=radar, trajectory=trajectory, frames=frames, metadata=with_step(metadata, "simulate", **settings)
     )
+    return capture if snr_db is None else add_noise(capture, snr_db=snr_db, rng=rng)
 
 
 def _signals(lit, tx, rx, points, reflections, radar, spreading) -> np.ndarray:
     """(P, T, R, N) complex64 frames of one block: the sum over lit vertices (primer 13).
 
     Less the common delay of the scene's centre, the signal varies slowly with frequency: it is summed at a few
-    Chebyshev nodes of the band, from which a matrix product gives every sample. `_nodes_needed` says how few.
+    Chebyshev nodes of the band, from which a matrix product gives every sample: see `_band_nodes`.
     """
     from millisight.capture import _kernels
     from millisight.matrix import product
@@ -138,8 +134,7 @@ def _signals(lit, tx, rx, points, reflections, radar, spreading) -> np.ndarray:
     frequencies = (waveform.frequencies - waveform.center_frequency) / SPEED_OF_LIGHT
     half_band = frequencies[-1]
     # A path differs from the centre's by at most 2 radii, and a frequency by half the band.
-    count = min(_nodes_needed(2 * np.pi * half_band * np.linalg.norm(upper - lower)), waveform.samples_per_chirp)
-    nodes, interpolation = _chebyshev(count, frequencies / half_band if half_band else frequencies)
+    nodes, interpolation = _band_nodes(frequencies, 2 * np.pi * half_band * float(np.linalg.norm(upper - lower)))
 
     shape = (*lit.shape[:3], 3)
     tx = np.broadcast_to(tx[:, :, None], shape).reshape(-1, 3)
@@ -156,17 +151,21 @@ def _signals(lit, tx, rx, points, reflections, radar, spreading) -> np.ndarray:
     return frames.reshape(*lit.shape[:3], -1)
 
 
-def _nodes_needed(phase: float) -> int:
-    """Chebyshev nodes that hold exp(i phase x), |x| <= 1, to 1e-7: its coefficients are Bessel functions J_n(phase),
-    which vanish faster than exponentially once n exceeds the phase by a few times its cube root."""
-    return int(np.ceil(phase + 5 * np.cbrt(phase) + 8))
+def _band_nodes(frequencies: np.ndarray, phase: float) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes (n,) on [-1, 1] of the band and the (n, N) complex64 matrix that gives the samples from them.
 
-
-def _chebyshev(count: int, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes (n,) on [-1, 1] and the (n, N) complex64 matrix that interpolates from them to `x` (N,)."""
+    exp(i phase x) is held to 1e-7 by so many Chebyshev nodes: its coefficients are the Bessel functions J_n(phase),
+    which vanish faster than exponentially once n exceeds the phase by a few times its cube root. Where the samples
+    themselves are fewer, they are the nodes.
+    """
+    half_band = frequencies[-1]
+    places = frequencies / half_band if half_band else frequencies
+    count = int(np.ceil(phase + 5 * np.cbrt(phase) + 8))
+    if count >= len(frequencies):
+        return places, np.eye(len(frequencies), dtype=np.complex64)
     nodes = np.cos(np.pi * (np.arange(count) + 0.5) / count)
     vandermonde = np.polynomial.chebyshev.chebvander
-    matrix = vandermonde(x, count - 1) @ np.linalg.inv(vandermonde(nodes, count - 1))
+    matrix = vandermonde(places, count - 1) @ np.linalg.inv(vandermonde(nodes, count - 1))
     return nodes, matrix.T.astype(np.complex64)
 
 
@@ -181,15 +180,3 @@ def _check_clearance(scene: Scene, *antennas: np.ndarray) -> None:
                 f"object's bounding box {np.round(lower, 3).tolist()} to {np.round(upper, 3).tolist()} m; "
                 "raise the aperture or check the mesh's unit"
             )
-
-
-def _add_noise(frames: np.ndarray, snr_db: float, seed: int) -> None:
-    """Add complex white Gaussian noise in place, pose after pose, so that a capture of any size needs no second one."""
-    power = np.mean([np.mean(np.abs(frame.astype(np.complex128)) ** 2) for frame in frames])
-    if not power > 0:
-        raise InputError("snr_db asks for noise relative to a signal, but no vertex is lit: the capture is empty")
-    generator = np.random.default_rng(seed)
-    scale = np.float32(np.sqrt(power / 10 ** (snr_db / 10) / 2))
-    for frame in frames:
-        noise = generator.standard_normal((*frame.shape, 2), dtype=np.float32)
-        frame += scale * noise.view(np.complex64)[..., 0]

@@ -10,7 +10,7 @@ import numpy as np
 from numba import prange
 
 from millisight import wave
-from millisight.compiled import inline, kernel
+from millisight.compiled import inline, subroutine, kernel
 
 _distance = inline(wave.distance)
 _distance32 = inline(wave.distance, fastmath=True)
@@ -82,6 +82,44 @@ def _path(points, v, antennas, p, a):
     )
 
 
+@subroutine
+def _gather(profiles, nearest, per_metre, carrier, tx, rx, poses, x, y, z, reference, total_re, total_im):
+    """total[v] += sum over `poses` and antennas of P(d) exp(+i 2 pi carrier (d - reference[v])), for one tile.
+
+    Everything is float32. Three loops a channel rather than one: the first and the last become vector code, which
+    the gathers in the middle would prevent.
+    """
+    count = len(x)
+    to, path, part = np.empty(_TILE, np.float32), np.empty(_TILE, np.float32), np.empty(_TILE, np.float32)
+    entry = np.empty(_TILE, np.int32)
+    low_re, low_im = np.empty(_TILE, np.float32), np.empty(_TILE, np.float32)
+    high_re, high_im = np.empty(_TILE, np.float32), np.empty(_TILE, np.float32)
+    for p in poses:
+        for t in range(tx.shape[1]):
+            ax, ay, az = tx[p, t, 0], tx[p, t, 1], tx[p, t, 2]
+            for i in range(count):
+                to[i] = _distance32(x[i] - ax, y[i] - ay, z[i] - az)
+            for r in range(rx.shape[1]):
+                bx, by, bz = rx[p, r, 0], rx[p, r, 1], rx[p, r, 2]
+                for i in range(count):
+                    d = to[i] + _distance32(x[i] - bx, y[i] - by, z[i] - bz)
+                    place = (d - nearest) * per_metre
+                    path[i] = d - reference[i]
+                    entry[i] = np.int32(place)
+                    part[i] = place - np.float32(entry[i])
+                for i in range(count):
+                    low, high = profiles[p, t, r, entry[i]], profiles[p, t, r, entry[i] + 1]
+                    low_re[i], low_im[i] = low.real, low.imag
+                    high_re[i], high_im[i] = high.real, high.imag
+                for i in range(count):
+                    real = low_re[i] + part[i] * (high_re[i] - low_re[i])
+                    imag = low_im[i] + part[i] * (high_im[i] - low_im[i])
+                    turn = _wrapped(path[i] * carrier)
+                    cosine, sine = _cosine(turn), _sine(turn)
+                    total_re[i] += real * cosine - imag * sine
+                    total_im[i] += real * sine + imag * cosine
+
+
 @kernel(fastmath=True, error_model="numpy")
 def backproject(profiles, nearest, per_metre, carrier, tx, rx, x, y, z, sum_re, sum_im):
     """sum[v] += sum over channels of P_k(d_k(v)) exp(+i 2 pi carrier d_k(v)) (primer 8), all in float32.
@@ -95,43 +133,117 @@ def backproject(profiles, nearest, per_metre, carrier, tx, rx, x, y, z, sum_re, 
     x, y, z : (V,) float32 voxel centres [m]
     sum_re, sum_im : (V,) float32, added to
     """
-    poses, transmitters, receivers = profiles.shape[:3]
+    poses = np.arange(len(profiles))
     for tile in prange((len(x) + _TILE - 1) // _TILE):
         first = tile * _TILE
-        count = min(_TILE, len(x) - first)
-        vx, vy, vz = x[first : first + count], y[first : first + count], z[first : first + count]
-        to, path, part = np.empty(_TILE, np.float32), np.empty(_TILE, np.float32), np.empty(_TILE, np.float32)
-        entry = np.empty(_TILE, np.int32)
-        low_re, low_im = np.empty(_TILE, np.float32), np.empty(_TILE, np.float32)
-        high_re, high_im = np.empty(_TILE, np.float32), np.empty(_TILE, np.float32)
+        last = min(first + _TILE, len(x))
         total_re, total_im = np.zeros(_TILE, np.float32), np.zeros(_TILE, np.float32)
-        for p in range(poses):
-            for t in range(transmitters):
-                ax, ay, az = tx[p, t, 0], tx[p, t, 1], tx[p, t, 2]
-                for i in range(count):
-                    to[i] = _distance32(vx[i] - ax, vy[i] - ay, vz[i] - az)
-                for r in range(receivers):
-                    bx, by, bz = rx[p, r, 0], rx[p, r, 1], rx[p, r, 2]
-                    # Three loops rather than one: the first and the last become vector code, which the gathers
-                    # in the middle would prevent.
-                    for i in range(count):
-                        d = to[i] + _distance32(vx[i] - bx, vy[i] - by, vz[i] - bz)
-                        place = (d - nearest) * per_metre
-                        path[i] = d
-                        entry[i] = np.int32(place)
-                        part[i] = place - np.float32(entry[i])
-                    profile = profiles[p, t, r]
-                    for i in range(count):
-                        low, high = profile[entry[i]], profile[entry[i] + 1]
-                        low_re[i], low_im[i] = low.real, low.imag
-                        high_re[i], high_im[i] = high.real, high.imag
-                    for i in range(count):
-                        real = low_re[i] + part[i] * (high_re[i] - low_re[i])
-                        imag = low_im[i] + part[i] * (high_im[i] - low_im[i])
-                        turn = _wrapped(path[i] * carrier)
-                        cosine, sine = _cosine(turn), _sine(turn)
-                        total_re[i] += real * cosine - imag * sine
-                        total_im[i] += real * sine + imag * cosine
-        for i in range(count):
+        _gather(
+            profiles, nearest, per_metre, carrier, tx, rx, poses, x[first:last], y[first:last], z[first:last],
+            np.zeros(_TILE, np.float32), total_re, total_im,
+        )  # fmt: skip
+        for i in range(last - first):
             sum_re[first + i] += total_re[i]
             sum_im[first + i] += total_im[i]
+
+
+@kernel(fastmath=True, error_model="numpy")
+def leaf_fields(profiles, nearest, per_metre, carrier, tx, rx, members, starts, centers, x, y, z, out_re, out_im):
+    """The field of each smallest sub-aperture on its coarse grid, less the phase of its centre (primer 16).
+
+    out[s, i, j, k] = sum over the channels of poses members[starts[s]:starts[s + 1]] of
+    P(d) exp(+i 2 pi carrier (d - 2 |v - centers[s]|)), at v = (x[i], y[j], z[k]).
+    """
+    shape = (len(x), len(y), len(z))
+    points = shape[0] * shape[1] * shape[2]
+    tiles = (points + _TILE - 1) // _TILE
+    for job in prange((len(starts) - 1) * tiles):
+        s, first = job // tiles, (job % tiles) * _TILE
+        count = min(_TILE, points - first)
+        vx, vy, vz = np.empty(count, np.float32), np.empty(count, np.float32), np.empty(count, np.float32)
+        reference = np.empty(count, np.float32)
+        for i in range(count):
+            row, k = divmod(first + i, shape[2])
+            vx[i], vy[i], vz[i] = x[row // shape[1]], y[row % shape[1]], z[k]
+            reference[i] = np.float32(2.0) * _distance32(
+                vx[i] - centers[s, 0], vy[i] - centers[s, 1], vz[i] - centers[s, 2]
+            )
+        total_re, total_im = np.zeros(_TILE, np.float32), np.zeros(_TILE, np.float32)
+        _gather(
+            profiles, nearest, per_metre, carrier, tx, rx, members[starts[s] : starts[s + 1]], vx, vy, vz, reference,
+            total_re, total_im,
+        )  # fmt: skip
+        field_re, field_im = out_re[s].reshape(-1), out_im[s].reshape(-1)
+        for i in range(count):
+            field_re[first + i], field_im[first + i] = total_re[i], total_im[i]
+
+
+@kernel(fastmath=True, error_model="numpy")
+def interpolate_middle(field, base, weights, out):
+    """out[s, i, j, k] = sum over eight taps of weights[j, t] field[s, i, base[j] + t, k]; float32."""
+    fields, rows, _, depth = field.shape
+    for job in prange(fields * rows):
+        f, o = field[job // rows, job % rows].reshape(-1), out[job // rows, job % rows].reshape(-1)
+        for j in range(len(base)):
+            q, m = base[j] * depth, j * depth
+            a, b, c, d = weights[j, 0], weights[j, 1], weights[j, 2], weights[j, 3]
+            e, g, h, w = weights[j, 4], weights[j, 5], weights[j, 6], weights[j, 7]
+            u = f[q : q + 8 * depth]
+            v = o[m : m + depth]
+            for k in range(depth):
+                v[k] = (a * u[k] + b * u[k + depth] + c * u[k + 2 * depth] + d * u[k + 3 * depth]) + (
+                    e * u[k + 4 * depth] + g * u[k + 5 * depth] + h * u[k + 6 * depth] + w * u[k + 7 * depth]
+                )
+
+
+@kernel(fastmath=True, error_model="numpy")
+def merge(
+    field_re, field_im, children, starts, centers, parents, has_parents, carrier, base, weights, x, y, z, out_re, out_im
+):
+    """Carry the fields of sub-apertures over to a finer grid and the phase of their parents' centres, and add them up.
+
+    out[s, i] += sum over c in children[starts[s]:starts[s + 1]] of the field of c, interpolated by eight taps along
+    its first axis, times exp(+i 2 pi carrier (2 |v - centers[c]| - 2 |v - parents[s]|)). Without parents, in the
+    last step, the whole phase of the centre is put back: out is the image.
+    """
+    wide = len(y) * len(z)
+    twice = np.float32(2.0) * carrier
+    for job in prange((len(starts) - 1) * len(x)):
+        s, i = job // len(x), job % len(x)
+        sum_re, sum_im = out_re[s, i].reshape(-1), out_im[s, i].reshape(-1)
+        re, im = np.empty(wide, np.float32), np.empty(wide, np.float32)
+        cosine, sine = np.empty(wide, np.float32), np.empty(wide, np.float32)
+        vy, vz, removed = np.empty(wide, np.float32), np.empty(wide, np.float32), np.zeros(wide, np.float32)
+        for j in range(len(y)):
+            for k in range(len(z)):
+                vy[j * len(z) + k], vz[j * len(z) + k] = y[j], z[k]
+        if has_parents:
+            dx, py, pz = x[i] - parents[s, 0], parents[s, 1], parents[s, 2]
+            for q in range(wide):
+                removed[q] = _distance32(dx, vy[q] - py, vz[q] - pz)
+        first = base[i]
+        a, b, c, d = weights[i, 0], weights[i, 1], weights[i, 2], weights[i, 3]
+        e, g, h, w = weights[i, 4], weights[i, 5], weights[i, 6], weights[i, 7]
+        for n in range(starts[s], starts[s + 1]):
+            child = children[n]
+            # One array written a loop: with more, LLVM gives up proving that they do not overlap, and with that
+            # gives up vector code.
+            f = field_re[child, first : first + 8].reshape(-1)
+            for q in range(wide):
+                re[q] = (a * f[q] + b * f[q + wide] + c * f[q + 2 * wide] + d * f[q + 3 * wide]) + (
+                    e * f[q + 4 * wide] + g * f[q + 5 * wide] + h * f[q + 6 * wide] + w * f[q + 7 * wide]
+                )
+            f = field_im[child, first : first + 8].reshape(-1)
+            for q in range(wide):
+                im[q] = (a * f[q] + b * f[q + wide] + c * f[q + 2 * wide] + d * f[q + 3 * wide]) + (
+                    e * f[q + 4 * wide] + g * f[q + 5 * wide] + h * f[q + 6 * wide] + w * f[q + 7 * wide]
+                )
+            dx, cy, cz = x[i] - centers[child, 0], centers[child, 1], centers[child, 2]
+            for q in range(wide):
+                turn = _wrapped((_distance32(dx, vy[q] - cy, vz[q] - cz) - removed[q]) * twice)
+                cosine[q] = _cosine(turn)
+                sine[q] = _sine(turn)
+            for q in range(wide):
+                sum_re[q] += re[q] * cosine[q] - im[q] * sine[q]
+            for q in range(wide):
+                sum_im[q] += re[q] * sine[q] + im[q] * cosine[q]

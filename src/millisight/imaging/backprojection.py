@@ -56,12 +56,14 @@ def backproject(
     return ((sums[0] + 1j * sums[1]) / np.float32(capture.channels)).reshape(grid.shape)
 
 
-def weighted_blocks(capture: Capture, step: int, window: Window) -> Iterator[tuple[slice, np.ndarray]]:
-    """Blocks of `step` poses and their frames (p, T, R, N) complex64 times the aperture's window."""
+def weighted_blocks(
+    capture: Capture, step: int, window: Window, some: slice | None = None
+) -> Iterator[tuple[slice, np.ndarray]]:
+    """Blocks of `step` poses, of all or of `some`, and their frames (p, T, R, N) complex64 times the aperture's window."""
     weights = aperture_weights(window_pair(window)[1], capture.trajectory.positions).astype(np.float32)
-    poses = len(capture.trajectory)
-    for start in range(0, poses, step):
-        block = slice(start, min(start + step, poses))
+    some = some or slice(0, len(capture.trajectory))
+    for start in range(some.start, some.stop, step):
+        block = slice(start, min(start + step, some.stop))
         frames = capture.frames_of(block)
         yield block, frames if (weights[block] == 1).all() else frames * weights[block, None, None, None]
 
