@@ -151,31 +151,25 @@ def backproject(profiles, nearest, per_metre, carrier, tx, rx, x, y, z, sum_re, 
 def leaf_fields(profiles, nearest, per_metre, carrier, tx, rx, members, starts, centers, x, y, z, out_re, out_im):
     """The field of each smallest sub-aperture on its coarse grid, less the phase of its centre (primer 16).
 
-    out[s, i, j, k] = sum over the channels of poses members[starts[s]:starts[s + 1]] of
-    P(d) exp(+i 2 pi carrier (d - 2 |v - centers[s]|)), at v = (x[i], y[j], z[k]).
+    out[s, v] = sum over the channels of poses members[starts[s]:starts[s + 1]] of
+    P(d) exp(+i 2 pi carrier (d - 2 |v - centers[s]|)), over the grid's points v = (x, y, z)[v], as they lie in memory.
     """
-    shape = (len(x), len(y), len(z))
-    points = shape[0] * shape[1] * shape[2]
-    tiles = (points + _TILE - 1) // _TILE
+    tiles = (len(x) + _TILE - 1) // _TILE
     for job in prange((len(starts) - 1) * tiles):
         s, first = job // tiles, (job % tiles) * _TILE
-        count = min(_TILE, points - first)
-        vx, vy, vz = np.empty(count, np.float32), np.empty(count, np.float32), np.empty(count, np.float32)
-        reference = np.empty(count, np.float32)
-        for i in range(count):
-            row, k = divmod(first + i, shape[2])
-            vx[i], vy[i], vz[i] = x[row // shape[1]], y[row % shape[1]], z[k]
-            reference[i] = np.float32(2.0) * _distance32(
-                vx[i] - centers[s, 0], vy[i] - centers[s, 1], vz[i] - centers[s, 2]
-            )
+        last = min(first + _TILE, len(x))
+        vx, vy, vz = x[first:last], y[first:last], z[first:last]
+        cx, cy, cz = centers[s, 0], centers[s, 1], centers[s, 2]
+        reference = np.empty(_TILE, np.float32)
+        for i in range(last - first):
+            reference[i] = np.float32(2.0) * _distance32(vx[i] - cx, vy[i] - cy, vz[i] - cz)
         total_re, total_im = np.zeros(_TILE, np.float32), np.zeros(_TILE, np.float32)
         _gather(
             profiles, nearest, per_metre, carrier, tx, rx, members[starts[s] : starts[s + 1]], vx, vy, vz, reference,
             total_re, total_im,
         )  # fmt: skip
-        field_re, field_im = out_re[s].reshape(-1), out_im[s].reshape(-1)
-        for i in range(count):
-            field_re[first + i], field_im[first + i] = total_re[i], total_im[i]
+        out_re[s, first:last] = total_re[: last - first]
+        out_im[s, first:last] = total_im[: last - first]
 
 
 @kernel(fastmath=True, error_model="numpy")

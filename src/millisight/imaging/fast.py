@@ -21,14 +21,14 @@ from millisight.imaging.backprojection import OVERSAMPLING, backproject, path_bo
 from millisight.imaging.grid import VoxelGrid
 from millisight.imaging.windows import Window
 
-TOLERANCE = 0.004
+TOLERANCE = 0.006
 """Relative L2 error that the interpolations together may make."""
 
 _TAPS = 8
 _BAND = 0.6  # of the Nyquist frequency: where the interpolation's weights are optimal
 
 # Nanoseconds and core: a voxel-channel pair in a leaf and in direct backprojection, a voxel of a merged field.
-_COST_LEAF, _COST_DIRECT, _COST_MERGE = 1.8, 1.6, 5.0
+_COST_LEAF, _COST_DIRECT, _COST_MERGE = 1.8, 1.6, 3.0
 
 # Range profiles are held for so many poses at a time [bytes].
 _PROFILE_BYTES = 1_000_000_000
@@ -129,6 +129,7 @@ def _add_sub_apertures(scan: _Scan, levels: tuple[Level, ...], axes: tuple[np.nd
         (*_axis_weights(level.axes[0], target[0]), *_axis_weights(level.axes[1], target[1]))
         for level, target in zip(levels, targets, strict=True)
     ]
+    points = [_f32(p.ravel()) for p in np.meshgrid(*levels[0].axes, inner, indexing="ij")]
     for top in range(tops.max() + 1):
         members = np.flatnonzero(tops == top)
         cells = [_cells(middle[members], corner, level.size) for level in levels]
@@ -137,7 +138,7 @@ def _add_sub_apertures(scan: _Scan, levels: tuple[Level, ...], axes: tuple[np.nd
         fields = np.empty((2, len(centers[0]), *map(len, levels[0].axes), len(inner)), dtype=np.float32)
         _kernels.leaf_fields(
             scan.profiles, np.float32(scan.nearest), np.float32(scan.per_metre), scan.carrier, tx, rx, members[order],
-            _starts(cells[0]), centers[0], *map(_f32, levels[0].axes), inner, fields[0], fields[1],
+            _starts(cells[0]), centers[0], *points, *fields.reshape(2, len(fields[0]), -1),
         )  # fmt: skip
         for n, (target, (base_1, weights_1, base_2, weights_2)) in enumerate(zip(targets, weights, strict=True)):
             last = n == len(levels) - 1
@@ -203,8 +204,8 @@ def make_plan(
 def _local_frequencies(tx, rx, middle, cells, axes, waveform) -> np.ndarray:
     """(n, 3) local frequencies [cycles/m] of sub-apertures' fields, less their centres' phase, at sampled places.
 
-    A sample at frequency f adds exp(i 2 pi (f d - f_c d_s) / c): its gradient is f_c (grad d - grad d_s) / c, and at
-    the band's ends B / (2 c) grad d more. The sum of both bounds it.
+    A sample at frequency f adds exp(i 2 pi (f d - f_c d_s) / c), whose gradient is f_c (grad d - grad d_s) / c plus
+    (f - f_c) grad d / c; f is taken in the middle of the band and near both ends.
     """
     centers = _means(middle, cells)[cells]
     poses = np.linspace(0, len(middle) - 1, min(len(middle), 100)).astype(int)
@@ -219,7 +220,7 @@ def _local_frequencies(tx, rx, middle, cells, axes, waveform) -> np.ndarray:
     slow = gradient - 2 * towards(centers[poses])[..., None, None, :]
     carrier = waveform.center_frequency / SPEED_OF_LIGHT
     band = waveform.bandwidth / 2 / SPEED_OF_LIGHT
-    return (carrier * np.abs(slow) + band * np.abs(gradient)).reshape(-1, 3)
+    return np.concatenate([np.abs(carrier * slow + part * band * gradient).reshape(-1, 3) for part in (-0.8, 0, 0.8)])
 
 
 def _spread(axis: np.ndarray) -> np.ndarray:

@@ -8,12 +8,13 @@ from millisight.capture.capture import Capture
 from millisight.errors import InputError, UnknownNameError
 from millisight.imaging.backprojection import OVERSAMPLING, backproject, weighted_blocks
 from millisight.imaging.exact import image_at
+from millisight.imaging.fast import fast
 from millisight.imaging.grid import VoxelGrid
 from millisight.imaging.image import SarImage
 from millisight.imaging.windows import Window, range_weights, window_pair
 from millisight.records import with_step
 
-METHODS = ("exact", "backprojection")
+METHODS = ("fast", "backprojection", "exact")
 DEVICES = ("cpu",)
 
 
@@ -21,7 +22,7 @@ def form_image(
     capture: Capture,
     grid: VoxelGrid,
     *,
-    method: str = "backprojection",
+    method: str = "fast",
     window: Window = None,
     oversampling: int = OVERSAMPLING,
     device: str = "cpu",
@@ -33,9 +34,10 @@ def form_image(
     ----------
     capture : frames in memory, or on disk (`ms.open_capture`), then read in blocks
     grid : the voxels wanted, in the world frame
-    method : "backprojection", or "exact": float64 and the yardstick, some thousand times slower
+    method : "fast": factorised backprojection, within 1 % of "exact", direct where that is no slower (the metadata
+        says which); "backprojection": direct, 0.2 %; "exact": float64, the yardstick, some thousand times slower
     window : None, "hann" or "taylor" over range and aperture, or a pair of them (range, aperture) (primer 9)
-    oversampling : entries of a range profile per range bin; only for "backprojection"
+    oversampling : entries of a range profile per range bin; not for "exact"
     device : "cpu"
     progress : called with (poses done, poses in all)
 
@@ -67,15 +69,20 @@ def form_image(
         raise UnknownNameError("device", device, DEVICES)
     if int(oversampling) != oversampling or oversampling < 1:
         raise InputError(f"oversampling is {oversampling}; expected a whole number of at least 1")
+    settings: dict[str, object] = {"method": method, "window": list(window_pair(window))}
     if method == "exact":
         values = _exact(capture, grid, window, progress)
     elif method == "backprojection":
         values = backproject(capture, grid, window=window, oversampling=int(oversampling), progress=progress)
+        settings["oversampling"] = int(oversampling)
+    elif method == "fast":
+        values, plan = fast(capture, grid, window=window, oversampling=int(oversampling), progress=progress)
+        settings["oversampling"] = int(oversampling)
+        # What was done, with the sides of the sub-apertures [m].
+        settings["done_by"] = "backprojection" if plan is None else "factorised backprojection"
+        settings["sub_apertures"] = [] if plan is None else [round(float(level.size), 5) for level in plan.levels]
     else:
         raise UnknownNameError("imaging method", method, METHODS)
-    settings = {"method": method, "window": list(window_pair(window))}
-    if method == "backprojection":
-        settings["oversampling"] = int(oversampling)
     values.flags.writeable = False
     return SarImage(grid=grid, values=values, metadata=with_step(capture.metadata, "form_image", **settings))
 

@@ -1,0 +1,163 @@
+"""Factorised backprojection against the exact imager, over geometries that it was not tuned on."""
+
+import numba
+import numpy as np
+import pytest
+from oracles import point_frames, relative
+
+import millisight as ms
+from millisight.imaging import fast as module
+from millisight.imaging.fast import make_plan
+
+
+def scan_of(radar, positions, reflectors=300, box=((-0.1, -0.1, -0.34), (0.1, 0.1, -0.2)), seed=0):
+    """Random reflectors of random strength all over a box, seen from `positions` (P, 3)."""
+    rng = np.random.default_rng(seed)
+    # A quarter of the samples over the same band: the physics is the same, the oracle four times as quick.
+    waveform = ms.Waveform.stepped(radar.waveform.start_frequency, radar.waveform.bandwidth / 64, 64)
+    radar = ms.Radar(name="test", waveform=waveform, array=radar.array, path_offset=radar.path_offset)
+    trajectory = ms.Trajectory(times=np.arange(float(len(positions))), positions=positions)
+    points = rng.uniform(*box, (reflectors, 3))
+    amplitudes = rng.normal(size=reflectors) + 1j * rng.normal(size=reflectors)
+    tx, rx = trajectory.placed(radar.array.tx_positions), trajectory.placed(radar.array.rx_positions)
+    frames = point_frames(points, amplitudes, tx, rx, waveform.frequencies, radar.path_offset)
+    return ms.Capture(radar=radar, trajectory=trajectory, frames=frames)
+
+
+def raster(size, count, jitter, seed=1):
+    x, y = np.linspace(-0.5, 0.5, count[0]) * size[0], np.linspace(-0.5, 0.5, count[1]) * size[1]
+    grid = np.stack(np.meshgrid(x, y, [0.0], indexing="ij"), axis=-1).reshape(-1, 3)
+    return grid + np.random.default_rng(seed).normal(0, 1, grid.shape) * jitter
+
+
+GRID = ms.VoxelGrid.regular((-0.12, -0.11, -0.34), (0.12, 0.11, -0.2), (0.0025, 0.0025, 0.01))
+
+TURN = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # x, y, z become y, z, x
+
+GEOMETRIES = {
+    "77 GHz, four receivers, jittered": ("iwr1443", raster((0.3, 0.25), (40, 34), 0.0005), GRID),
+    "77 GHz, monostatic, plane": ("mito-sim-77ghz", raster((0.3, 0.25), (44, 40), 0.0), GRID),
+    "77 GHz, scattered positions": ("iwr1443", np.random.default_rng(2).uniform(
+        [-0.15, -0.15, -0.05], [0.15, 0.15, 0.05], (1200, 3)), GRID),
+    "24 GHz, two receivers": ("position2go", raster((0.4, 0.4), (40, 40), 0.001), GRID),
+    "uneven grid": ("iwr1443", raster((0.3, 0.25), (40, 34), 0.0005), ms.VoxelGrid(
+        x=np.sort(np.random.default_rng(3).uniform(-0.1, 0.1, 90)), y=GRID.y, z=[-0.3, -0.29, -0.25])),
+    "one plane": ("iwr1443", raster((0.3, 0.25), (40, 34), 0.0005), ms.VoxelGrid(x=GRID.x, y=GRID.y, z=[-0.27])),
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module", params=GEOMETRIES)
+def case(request):
+    name, positions, grid = GEOMETRIES[request.param]
+    return scan_of(ms.Radar.preset(name), positions), grid
+
+
+def exact_at(capture, grid, picks):
+    frequencies = capture.radar.waveform.frequencies
+    offset = capture.radar.path_offset
+    return ms.image_at(
+        capture.frames, capture.tx_positions, capture.rx_positions, frequencies, grid.points[picks], offset
+    )
+
+
+def test_within_one_per_cent_of_exact_at_random_and_at_the_brightest_voxels(case):
+    capture, grid = case
+    image = ms.form_image(capture, grid)
+    assert image.metadata["history"][-1]["done_by"] == "factorised backprojection"
+    assert len(image.metadata["history"][-1]["sub_apertures"]) >= 1
+    brightest = np.argsort(image.magnitude.ravel())[-500:]
+    for picks in (np.random.default_rng(4).choice(grid.size, 1000, replace=False), brightest):
+        assert relative(image.values.ravel()[picks], exact_at(capture, grid, picks)) < 0.01
+
+
+def test_axes_may_come_in_any_order():
+    """The same scene turned so that the aperture looks along x: the same image, turned."""
+    name, positions, _ = GEOMETRIES["77 GHz, four receivers, jittered"]
+    capture = scan_of(ms.Radar.preset(name), positions)
+    image = ms.form_image(capture, GRID)
+    radar = capture.radar
+    array = ms.AntennaArray(
+        tx_positions=radar.array.tx_positions @ TURN.T, rx_positions=radar.array.rx_positions @ TURN.T
+    )
+    turned = ms.Capture(
+        radar=ms.Radar(name="turned", waveform=radar.waveform, array=array, path_offset=radar.path_offset),
+        trajectory=ms.Trajectory(times=capture.trajectory.times, positions=positions @ TURN.T),
+        frames=capture.frames,
+    )
+    other = ms.form_image(turned, ms.VoxelGrid(x=GRID.z, y=GRID.x, z=GRID.y))
+    assert other.metadata["history"][-1]["done_by"] == "factorised backprojection"
+    assert relative(other.values.transpose(1, 2, 0), image.values) < 0.005
+
+
+@pytest.mark.parametrize("window", ["hann", ("taylor", None)])
+def test_windows_go_through(window):
+    name, positions, _ = GEOMETRIES["77 GHz, four receivers, jittered"]
+    capture = scan_of(ms.Radar.preset(name), positions)
+    image = ms.form_image(capture, GRID, window=window)
+    direct = ms.form_image(capture, GRID, window=window, method="backprojection")
+    assert relative(image.values, direct.values) < 0.01
+
+
+def test_bytes_do_not_depend_on_the_number_of_threads(case):
+    capture, grid = case
+    before = numba.get_num_threads()
+    if before < 2:
+        pytest.skip("one core: nothing to compare")
+    many = ms.form_image(capture, grid).values.tobytes()
+    try:
+        numba.set_num_threads(1)
+        assert ms.form_image(capture, grid).values.tobytes() == many
+    finally:
+        numba.set_num_threads(before)
+
+
+def test_a_capture_that_does_not_fit_at_once_is_imaged_in_parts(case, tmp_path, monkeypatch):
+    capture, grid = case
+    whole = ms.form_image(capture, grid)
+    ms.save(tmp_path / "c.h5", capture)
+    monkeypatch.setattr(module, "_PROFILE_BYTES", 500_000)
+    calls = []
+    with ms.open_capture(tmp_path / "c.h5") as on_disk:
+        parts = ms.form_image(on_disk, grid, progress=lambda done, total: calls.append((done, total)))
+    assert relative(parts.values, whole.values) < 0.01
+    assert len(calls) > 3
+    assert calls[-1][0] == calls[-1][1] == len(capture.trajectory)
+    assert all(a[0] <= b[0] for a, b in zip(calls, calls[1:], strict=False))
+
+
+def plan_of(capture, grid, **settings):
+    axes = (grid.x, grid.y, grid.z)
+    return make_plan(capture.tx_positions, capture.rx_positions, axes, capture, **settings)
+
+
+def test_the_plan_follows_the_geometry_and_the_tolerance(case):
+    capture, grid = case
+    plan = plan_of(capture, grid)
+    assert plan is not None
+    assert plan.gain > 1.2
+    sizes = [level.size for level in plan.levels]
+    assert sizes == sorted(sizes)
+    counts = [len(level.axes[0]) for level in plan.levels]
+    assert counts == sorted(counts)
+    strict = plan_of(capture, grid, tolerance=1e-4)
+    assert strict is None or strict.gain < plan.gain
+
+
+def test_small_problems_are_done_directly():
+    capture = scan_of(ms.Radar.preset("iwr1443"), np.zeros((1, 3)), reflectors=1)
+    grid = ms.VoxelGrid(x=[0.0], y=[0.0], z=[-0.3, 0.0])
+    image = ms.form_image(capture, grid)
+    assert image.metadata["history"][-1]["done_by"] == "backprojection"
+    assert relative(image.values, ms.form_image(capture, grid, method="exact").values) < 0.01
+    # Many coincident positions have no aperture to factorise either.
+    still = scan_of(ms.Radar.preset("iwr1443"), np.zeros((200, 3)), reflectors=1)
+    assert plan_of(still, GRID) is None
+
+
+def test_voxels_at_the_antennas_are_right_too():
+    """There the field turns as fast as it can: the plan must see it, or leave the work to direct backprojection."""
+    capture = scan_of(ms.Radar.preset("mito-sim-77ghz"), raster((0.1, 0.1), (20, 20), 0.0005))
+    grid = ms.VoxelGrid.regular((-0.05, -0.05, -0.02), (0.05, 0.05, 0.02), (0.002, 0.002, 0.01))
+    image = ms.form_image(capture, grid)
+    picks = np.random.default_rng(5).choice(grid.size, 500, replace=False)
+    assert relative(image.values.ravel()[picks], exact_at(capture, grid, picks)) < 0.02
