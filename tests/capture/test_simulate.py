@@ -162,6 +162,60 @@ def test_sharing_views_agrees_with_casting_every_ray():
         assert (shared_view == every_ray).mean() > 0.999
 
 
+@pytest.mark.parametrize("model", ["edge", "diffuse"])
+def test_images_from_shared_views_agree_with_those_from_every_ray(model, monkeypatch):
+    """The images within 2 % of those from exhaustive casting."""
+    from millisight.capture.visibility import Visibility
+
+    scene = ms.Scene.from_mesh("mug", vertices=2000, rotate_deg=(20, 30, 0))
+    radar, trajectory = ms.Radar.preset("mito-sim-77ghz"), ms.Trajectory.raster(size=(0.1, 0.1), step=0.0019)
+    grid = ms.VoxelGrid.regular((-0.06, -0.06, -0.05), (0.06, 0.06, 0.05), 0.004)
+    shared_view = ms.form_image(ms.simulate(scene, radar, trajectory, model=model), grid)
+
+    def every_ray(self, antennas, vertices, wanted, cell):
+        clear = np.zeros_like(wanted)
+        antenna, vertex = np.nonzero(wanted)
+        clear[antenna, vertex] = self.sees(antennas[antenna], vertices[vertex])
+        return clear
+
+    monkeypatch.setattr(Visibility, "among", every_ray)
+    exhaustive = ms.form_image(ms.simulate(scene, radar, trajectory, model=model), grid)
+    assert exhaustive.magnitude.max() > 0
+    assert relative(shared_view.values, exhaustive.values) < 0.02
+
+
+@pytest.mark.parametrize(("start", "step", "count"), [(70e9, 2e9, 16), (24e9, 1e9, 2), (77e9, 1e9, 5), (77e9, 0, 1)])
+def test_few_samples_over_a_wide_band_are_summed_as_they_are(start, step, count):
+    radar = ms.Radar(
+        name="stepped", waveform=ms.Waveform.stepped(start, step, count), array=ms.AntennaArray.monostatic()
+    )
+    trajectory = ms.Trajectory.raster(size=(0.3, 0.3), step=0.1, center=(0, 0, 0.35))
+    capture = ms.simulate(BOX, radar, trajectory, model="diffuse")
+    scatterers = Scatterers(BOX.mesh, ScatteringModel(name="diffuse"))
+    tx = capture.tx_positions
+    lit = scatterers.lit(tx, tx).astype(float)
+    expected = point_frames(scatterers.points, lit, tx, tx, radar.waveform.frequencies)
+    assert relative(capture.frames, expected) < 1e-5
+
+
+def test_noise_is_added_once_to_a_combined_capture():
+    radar, trajectory = ms.Radar.preset("mito-sim-24ghz"), ms.Trajectory.raster(size=(0.1, 0.1), step=0.005)
+    clean = ms.combine(
+        *(ms.simulate(SPHERE, radar, trajectory, model=m) for m in ("specular", "diffuse")), alpha=(1, 1)
+    )
+    noise = ms.add_noise(clean, snr_db=12.0, rng=3).frames - clean.frames
+    measured = 10 * np.log10((np.abs(clean.frames) ** 2).mean() / (np.abs(noise) ** 2).mean())
+    assert measured == pytest.approx(12.0, abs=0.1)
+
+
+@pytest.mark.parametrize("bad", [{"rng": -1}, {"rng": 1.5}, {"rng": "a"}, {"rng": True}, {"rng": 0, "snr_db": 1e5}])
+def test_noise_that_cannot_be_is_refused_before_the_work(bad):
+    with pytest.raises(InputError, match="rng is|snr_db is"):
+        ms.simulate(
+            BOX, ms.Radar.preset("mito-sim-77ghz"), ms.Trajectory.raster(size=(0, 0), step=1), **{"snr_db": 3, **bad}
+        )
+
+
 def test_two_sided_sees_flipped_faces():
     mesh = SPHERE.mesh
     flipped = ms.Scene.from_mesh(ms.TriangleMesh(vertices=mesh.vertices, faces=mesh.faces[:, ::-1]), vertices=None)

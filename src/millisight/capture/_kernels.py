@@ -12,21 +12,33 @@ _cosine = inline(wave.cosine, fastmath=True)
 _sine = inline(wave.sine, fastmath=True)
 
 
-@kernel(error_model="numpy")
+@kernel(fastmath=True, error_model="numpy")
 def specular(tx, rx, vertices, normals, cos_tau, two_sided, lit):
-    """lit[c, v]: is normal v within tau of the bisector of the directions to tx[c] and rx[c]? (primer 11)"""
+    """lit[c, v]: is normal v within tau of the bisector of the directions to tx[c] and rx[c]? (primer 11)
+
+    vertices and normals are (3, V), so that the loop over v becomes vector code; squares spare it the roots.
+    """
     for c in prange(len(tx)):
-        for v in range(len(vertices)):
-            x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
-            ax, ay, az = tx[c, 0] - x, tx[c, 1] - y, tx[c, 2] - z
-            bx, by, bz = rx[c, 0] - x, rx[c, 1] - y, rx[c, 2] - z
-            a, b = _distance(ax, ay, az), _distance(bx, by, bz)
-            # The bisector of unit vectors, times a b, which spares the divisions.
-            hx, hy, hz = ax * b + bx * a, ay * b + by * a, az * b + bz * a
-            along = hx * normals[v, 0] + hy * normals[v, 1] + hz * normals[v, 2]
-            if two_sided:
-                along = abs(along)
-            lit[c, v] = along > cos_tau * _distance(hx, hy, hz)
+        together = tx[c, 0] == rx[c, 0] and tx[c, 1] == rx[c, 1] and tx[c, 2] == rx[c, 2]
+        tx0, tx1, tx2 = tx[c, 0], tx[c, 1], tx[c, 2]
+        rx0, rx1, rx2 = rx[c, 0], rx[c, 1], rx[c, 2]
+        bound = cos_tau * abs(cos_tau)
+        if together:
+            for v in range(lit.shape[1]):
+                x, y, z = tx0 - vertices[0, v], tx1 - vertices[1, v], tx2 - vertices[2, v]
+                along = x * normals[0, v] + y * normals[1, v] + z * normals[2, v]
+                along = abs(along) if two_sided else along
+                lit[c, v] = along * abs(along) > bound * (x * x + y * y + z * z)
+        else:
+            for v in range(lit.shape[1]):
+                ax, ay, az = tx0 - vertices[0, v], tx1 - vertices[1, v], tx2 - vertices[2, v]
+                bx, by, bz = rx0 - vertices[0, v], rx1 - vertices[1, v], rx2 - vertices[2, v]
+                a, b = _distance(ax, ay, az), _distance(bx, by, bz)
+                # The bisector of unit vectors, times a b, which spares the divisions.
+                x, y, z = ax * b + bx * a, ay * b + by * a, az * b + bz * a
+                along = x * normals[0, v] + y * normals[1, v] + z * normals[2, v]
+                along = abs(along) if two_sided else along
+                lit[c, v] = along * abs(along) > bound * (x * x + y * y + z * z)
 
 
 @kernel(fastmath=True)
@@ -72,11 +84,11 @@ def node_signals(lit, tx, rx, vertices, reflections, spread, center, path_offset
 
 
 @kernel(fastmath=True)
-def restore_delay(frames, tx, rx, center, path_offset, start, step):
-    """Multiply frames[c, j] by exp(-i 2 pi (start + j step) (d_c + path_offset)), in place: undoes the common delay."""
-    for c in prange(len(frames)):
+def restore_delay(signals, tx, rx, center, path_offset, start, step, rows, frames):
+    """frames[rows[c], j] = signals[c, j] exp(-i 2 pi (start + j step) (d_c + path_offset)): the common delay again."""
+    for c in prange(len(signals)):
         d_c = _distance(center[0] - tx[c, 0], center[1] - tx[c, 1], center[2] - tx[c, 2])
         d_c += _distance(center[0] - rx[c, 0], center[1] - rx[c, 1], center[2] - rx[c, 2]) + path_offset
-        for j in range(frames.shape[1]):
+        for j in range(signals.shape[1]):
             turn = np.float32(_wrapped((start + j * step) * d_c))
-            frames[c, j] *= complex(_cosine(turn), -_sine(turn))
+            frames[rows[c], j] = signals[c, j] * complex(_cosine(turn), -_sine(turn))

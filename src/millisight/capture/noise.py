@@ -8,7 +8,7 @@ from millisight.records import checked_number, with_step
 
 
 def add_noise(capture: Capture, *, snr_db: float, rng: int | np.random.Generator | None) -> Capture:
-    """The capture with complex white Gaussian noise: mean |S|² over all its frames over the noise's variance (primer 15).
+    """The capture with complex white Gaussian noise: mean |S|² of all its frames over the noise's variance (primer 15).
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ def add_noise(capture: Capture, *, snr_db: float, rng: int | np.random.Generator
 
 
 def check_noise(snr_db: float, rng: object) -> float:
-    """`snr_db` [dB] as a number; raise `InputError` before any work where noise could not be added with it and `rng`."""
+    """`snr_db` [dB] as a number; `InputError` before any work where noise could not be added with it and `rng`."""
     number = checked_number(snr_db, name="snr_db", unit="dB")
     if abs(number) > 300:
         raise InputError(f"snr_db is {number:g} dB; expected between -300 and 300 dB")

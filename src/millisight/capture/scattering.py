@@ -80,8 +80,8 @@ class Scatterers:
             _kernels.specular(
                 np.broadcast_to(tx_positions[:, :, None], pairs).reshape(-1, 3),
                 np.broadcast_to(rx_positions[:, None], pairs).reshape(-1, 3),
-                self.points,
-                self._normals,
+                np.ascontiguousarray(self.points.T),
+                np.ascontiguousarray(self._normals.T),
                 np.cos(np.radians(self.model.tau_deg)),
                 self.model.two_sided,
                 lit.reshape(-1, len(self.indices)),
@@ -98,7 +98,8 @@ class Scatterers:
 
     def _clear(self, antennas: np.ndarray, wanted: np.ndarray) -> np.ndarray:
         """(P, V) bool: whether antenna p (P, 3) sees vertex v; only where `wanted` (P, V), elsewhere False."""
-        antenna, vertex = np.nonzero(wanted)
+        # Several times as fast as np.nonzero in two dimensions.
+        antenna, vertex = np.divmod(np.flatnonzero(wanted), wanted.shape[1])
         # Corners of cells see every vertex, which pays only where many are wanted.
         if len(antenna) > wanted.size / 10:
             return self._visibility.among(antennas, self.indices, wanted, self._visibility.cell_size(antennas))

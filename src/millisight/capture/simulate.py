@@ -83,7 +83,7 @@ def simulate(
     _check_clearance(scene, tx, rx)
 
     poses, samples = len(trajectory), radar.waveform.samples_per_chirp
-    frames = np.empty((poses, len(array.tx_positions), len(array.rx_positions), samples), dtype=np.complex64)
+    frames = np.zeros((poses, len(array.tx_positions), len(array.rx_positions), samples), dtype=np.complex64)
     reflections = scene.reflections[scatterers.indices]
     ever_lit = np.zeros(len(scatterers.indices), dtype=bool)
     order = scatterers.neighbours_first(trajectory.positions)
@@ -92,7 +92,7 @@ def simulate(
         block = order[start : start + step]
         lit = scatterers.lit(tx[block], rx[block])
         ever_lit |= lit.any(axis=(0, 1, 2))
-        frames[block] = _signals(lit, tx[block], rx[block], scatterers.points, reflections, radar, spreading)
+        _add_signals(lit, tx[block], rx[block], scatterers.points, reflections, radar, spreading, block, frames)
         if progress is not None:
             progress(start + len(block), poses)
 
@@ -117,8 +117,8 @@ def simulate(
     return capture if snr_db is None else add_noise(capture, snr_db=snr_db, rng=rng)
 
 
-def _signals(lit, tx, rx, points, reflections, radar, spreading) -> np.ndarray:
-    """(P, T, R, N) complex64 frames of one block: the sum over lit vertices (primer 13).
+def _add_signals(lit, tx, rx, points, reflections, radar, spreading, block, frames) -> None:
+    """Write the frames of the poses `block`: the sum over lit vertices (primer 13).
 
     Less the common delay of the scene's centre, the signal varies slowly with frequency: it is summed at a few
     Chebyshev nodes of the band, from which a matrix product gives every sample: see `_band_nodes`.
@@ -128,7 +128,7 @@ def _signals(lit, tx, rx, points, reflections, radar, spreading) -> np.ndarray:
 
     waveform = radar.waveform
     if not len(points):
-        return np.zeros((*lit.shape[:3], waveform.samples_per_chirp), dtype=np.complex64)
+        return
     lower, upper = points.min(axis=0), points.max(axis=0)
     center = (lower + upper) / 2
     frequencies = (waveform.frequencies - waveform.center_frequency) / SPEED_OF_LIGHT
@@ -144,11 +144,11 @@ def _signals(lit, tx, rx, points, reflections, radar, spreading) -> np.ndarray:
         lit.reshape(len(tx), -1), tx, rx, points, reflections, spreading == "1/d", center, radar.path_offset,
         waveform.center_frequency / SPEED_OF_LIGHT, half_band, nodes, signals,
     )  # fmt: skip
-    frames = product(signals, interpolation)
+    rows = np.arange(frames.size // frames.shape[-1]).reshape(frames.shape[:3])[block].ravel()
     _kernels.restore_delay(
-        frames, tx, rx, center, radar.path_offset, frequencies[0], waveform.frequency_step / SPEED_OF_LIGHT
-    )
-    return frames.reshape(*lit.shape[:3], -1)
+        product(signals, interpolation), tx, rx, center, radar.path_offset, frequencies[0],
+        waveform.frequency_step / SPEED_OF_LIGHT, rows, frames.reshape(-1, frames.shape[-1]),
+    )  # fmt: skip
 
 
 def _band_nodes(frequencies: np.ndarray, phase: float) -> tuple[np.ndarray, np.ndarray]:

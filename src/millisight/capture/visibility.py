@@ -80,6 +80,6 @@ class Visibility:
 
         home = home.reshape(-1)
         clear = wanted & agreed[home]
-        antenna, vertex = np.nonzero(wanted & ~settled[home])
+        antenna, vertex = np.divmod(np.flatnonzero(wanted & ~settled[home]), len(vertices))
         clear[antenna, vertex] = self.sees(antennas[antenna], vertices[vertex])
         return clear
