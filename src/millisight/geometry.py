@@ -1,15 +1,16 @@
 """Rotations and the interpolation of poses in time. Frames and axes: docs/explanation/conventions.md."""
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from millisight.errors import InputError
 from millisight.records import checked_array
 
 
-def rotation_from_euler_deg(angles_deg: tuple[float, float, float]) -> np.ndarray:
+def rotation_from_euler_deg(angles_deg: ArrayLike) -> np.ndarray:
     """(3, 3) rotation about the fixed x, then y, then z axis by `angles_deg` [degrees]."""
-    cx, cy, cz = np.cos(np.radians(checked_array(angles_deg, name="angles_deg", shape=(3,), unit="deg")))
-    sx, sy, sz = np.sin(np.radians(np.asarray(angles_deg, dtype=float)))
+    angles = np.radians(checked_array(angles_deg, name="angles_deg", shape=(3,), unit="deg"))
+    (cx, cy, cz), (sx, sy, sz) = np.cos(angles), np.sin(angles)
     about_x = np.array([[1, 0, 0], [0, cx, -sx], [0, sx, cx]])
     about_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
     about_z = np.array([[cz, -sz, 0], [sz, cz, 0], [0, 0, 1]])

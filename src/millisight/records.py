@@ -1,14 +1,13 @@
 """What every record shares: fields are checked once, in `__post_init__`, and never change after.
 
 A record is a frozen, keyword-only dataclass with slots and without `==` (comparing arrays has no one meaning).
-Its arrays are read-only NumPy; its metadata is a read-only mapping of what JSON can hold.
+Its arrays are read-only NumPy; its metadata is a read-only tree of what JSON can hold.
 """
 
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass
-from types import MappingProxyType
-from typing import Any, dataclass_transform
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import Any, NoReturn, TypeVar, dataclass_transform
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
@@ -16,12 +15,24 @@ from numpy.typing import ArrayLike, DTypeLike
 from millisight.errors import InputError
 
 Metadata = Mapping[str, Any]
+T = TypeVar("T")
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True, eq_default=False)
 def record(cls):
     """Make `cls` a record: a frozen, keyword-only dataclass with slots and identity equality."""
-    return dataclass(frozen=True, slots=True, kw_only=True, eq=False)(cls)
+    made = dataclass(frozen=True, slots=True, kw_only=True, eq=False)(cls)
+    made.__reduce__ = _reduced
+    return made
+
+
+def _reduced(self: Any) -> tuple:
+    """For pickle and copy: made anew by its constructor, so checked again and its arrays read-only again."""
+    return _made, (type(self), {field.name: getattr(self, field.name) for field in fields(self)})
+
+
+def _made(cls: type, values: dict[str, Any]) -> Any:
+    return cls(**values)
 
 
 def put(owner: object, **fields: Any) -> None:
@@ -33,7 +44,35 @@ def put(owner: object, **fields: Any) -> None:
 def checked_array(
     value: ArrayLike, *, name: str, shape: tuple[int | str, ...], dtype: DTypeLike = np.float64, unit: str = ""
 ) -> np.ndarray:
-    """`value` as a read-only array of `dtype`, its shape and finiteness checked.
+    """`value` as a read-only array of `dtype` that nobody else can write to: `as_array`, copied where need be.
+
+    Raises
+    ------
+    InputError
+        As `as_array`.
+    """
+    array = as_array(value, name=name, shape=shape, dtype=dtype, unit=unit)
+    # What may be somebody else's is copied, so that nobody can write to it later; a read-only one is taken as it is.
+    ours = array is not value and array.base is None and isinstance(value, np.ndarray | list | tuple)
+    if not ours and _writeable(array):
+        array = array.copy()
+    array.flags.writeable = False
+    return array
+
+
+def _writeable(array: Any) -> bool:
+    """Whether the array, or one that it is a view of, can be written to."""
+    while isinstance(array, np.ndarray):
+        if array.flags.writeable:
+            return True
+        array = array.base
+    return False
+
+
+def as_array(
+    value: ArrayLike, *, name: str, shape: tuple[int | str, ...], dtype: DTypeLike = np.float64, unit: str = ""
+) -> np.ndarray:
+    """`value` as an array of `dtype`, perhaps itself, its shape and finiteness checked.
 
     A string in `shape` names a free dimension of at least one entry, an integer fixes it.
 
@@ -48,8 +87,11 @@ def checked_array(
         given = np.asarray(value)
         if given.dtype.kind == "c" and dtype.kind != "c":
             raise TypeError("it holds complex values")
-        array = np.asarray(given, dtype=dtype)
-    except (TypeError, ValueError) as error:
+        with np.errstate(over="ignore", invalid="ignore"):
+            array = np.asarray(given, dtype=dtype)
+        if given.dtype.kind == "f" and dtype.kind in "iu" and not np.array_equal(given, array):
+            raise TypeError("it holds values that are not whole")
+    except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"{name} cannot be read as an array of {dtype}: {error}") from error
     check_shape(array.shape, name=name, shape=shape)
     if array.dtype.kind in "fc" and not np.isfinite(array).all():
@@ -58,10 +100,6 @@ def checked_array(
         raise InputError(
             f"{name}{unit} has {count} values that are NaN or infinite, the first at {where}; remove or mend them"
         )
-    if array.flags.writeable:
-        # A caller's own array is copied, so that nobody can write to it later; a read-only one is taken as it is.
-        array = array.copy() if array is value or array.base is not None else array
-        array.flags.writeable = False
     return array
 
 
@@ -87,8 +125,10 @@ def checked_number(
     """
     unit = f" {unit}" if unit else ""
     try:
+        if np.ndim(value):
+            raise TypeError("not a single number")
         number = float(value)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"{name} is {value!r}; expected a number{f' in{unit}' if unit else ''}") from error
     if not np.isfinite(number):
         raise InputError(f"{name} is {number}; expected a finite number{f' in{unit}' if unit else ''}")
@@ -99,19 +139,110 @@ def checked_number(
     return number
 
 
-def checked_metadata(value: Metadata) -> Metadata:
-    """`value` as a read-only mapping, refused where JSON cannot hold it.
+def checked_numbers(
+    value: Any,
+    *,
+    name: str,
+    count: int,
+    repeat: bool = False,
+    unit: str = "",
+    minimum: float | None = None,
+    above: float | None = None,
+) -> tuple[float, ...]:
+    """`count` numbers, each as `checked_number` takes it; with `repeat`, a single one stands for all.
 
     Raises
     ------
     InputError
-        It is no mapping, or holds what JSON cannot.
+        They are of another number, or one of them cannot be right.
+    """
+    if repeat and isinstance(value, int | float | np.number):
+        value = [value] * count
+    if not isinstance(value, Sequence | np.ndarray) or isinstance(value, str | bytes) or not np.ndim(value):
+        raise InputError(f"{name} is {value!r}; expected {count} numbers{', or one' if repeat else ''}")
+    numbers = list(value)
+    if len(numbers) != count:
+        raise InputError(f"{name} has {len(numbers)} numbers; expected {count}{', or one' if repeat else ''}")
+    return tuple(checked_number(n, name=name, unit=unit, minimum=minimum, above=above) for n in numbers)
+
+
+def checked_integer(value: Any, *, name: str, minimum: int = 1) -> int:
+    """`value` as an int of at least `minimum`; 4.0 is whole, "4" and True are no numbers.
+
+    Raises
+    ------
+    InputError
+        It is not whole, or below `minimum`.
+    """
+    whole = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+    if not whole or not np.isfinite(value) or int(value) != value or value < minimum:
+        raise InputError(f"{name} is {value!r}; expected a whole number of at least {minimum}")
+    return int(value)
+
+
+def checked_record(value: Any, cls: type[T], *, name: str) -> T:
+    """`value`, which must be a `cls`.
+
+    Raises
+    ------
+    InputError
+        It is something else.
+    """
+    if not isinstance(value, cls):
+        raise InputError(f"{name} is of type {type(value).__name__}; expected {cls.__name__}")
+    return value
+
+
+def checked_metadata(value: Metadata) -> Metadata:
+    """`value` as a read-only dictionary, its lists and dictionaries too; refused where JSON cannot hold it.
+
+    Raises
+    ------
+    InputError
+        It is no mapping, or holds what JSON cannot, or its `history` is no list of steps.
     """
     try:
         plain = json.loads(json.dumps(dict(value), allow_nan=False))
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, RecursionError) as error:
         raise InputError(f"metadata must be a mapping of plain values that JSON can hold: {error}") from error
-    return MappingProxyType(plain)
+    history = plain.get("history", [])
+    if not isinstance(history, list) or not all(isinstance(entry, dict) for entry in history):
+        raise InputError("metadata's history must be a list of mappings, one for each step, as `with_step` adds them")
+    return _frozen(plain)
+
+
+def _refuse(self: Any, *_: Any, **__: Any) -> NoReturn:
+    raise TypeError("metadata is read-only; make a new record with other metadata")
+
+
+class _Dict(dict):
+    """A dictionary that cannot be changed, and otherwise is one: for JSON, for pickle, for `==`."""
+
+    __setitem__ = __delitem__ = __ior__ = clear = pop = popitem = setdefault = update = _refuse
+
+    def __reduce__(self) -> tuple:
+        return _Dict, (dict(self),)
+
+
+class _List(list):
+    """A list that cannot be changed, and otherwise is one."""
+
+    __setitem__ = __delitem__ = __iadd__ = __imul__ = _refuse
+    append = clear = extend = insert = pop = remove = reverse = sort = _refuse
+
+    def __reduce__(self) -> tuple:
+        return _List, (list(self),)
+
+
+def _frozen(value: Any) -> Any:
+    if isinstance(value, dict):
+        return _Dict({key: _frozen(item) for key, item in value.items()})
+    return _List(map(_frozen, value)) if isinstance(value, list) else value
+
+
+def box(lower: np.ndarray, upper: np.ndarray) -> str:
+    """The box from (3,) `lower` to (3,) `upper` [m], in words."""
+    return ", ".join(f"{name} {a:.4g} to {b:.4g} m" for name, a, b in zip("xyz", lower, upper, strict=True))
 
 
 def with_step(metadata: Metadata, step: str, **settings: Any) -> dict[str, Any]:

@@ -53,7 +53,12 @@ def test_waveform_derives_what_it_says():
         ("slope", 0, "slope is 0 Hz/s with 4 samples"),
         ("sample_rate", float("nan"), "sample_rate is nan; expected a finite number in Hz"),
         ("samples_per_chirp", 0, "samples_per_chirp is 0"),
-        ("samples_per_chirp", 2.5, "samples_per_chirp is 2.5"),
+        ("samples_per_chirp", 2.5, "samples_per_chirp is 2.5; expected a whole number of at least 1"),
+        ("samples_per_chirp", "4", "samples_per_chirp is '4'"),
+        ("samples_per_chirp", float("inf"), "samples_per_chirp is inf"),
+        ("samples_per_chirp", [4], r"samples_per_chirp is \[4\]"),
+        ("sample_rate", [1.0], "sample_rate is .*; expected a number in Hz"),
+        ("sample_rate", 10**400, "sample_rate is .*; expected a number in Hz"),
         ("start_frequency", "77 GHz", "start_frequency is '77 GHz'; expected a number in Hz"),
     ],
 )
@@ -89,6 +94,48 @@ def test_raster_takes_size_step_center_and_serpentine():
     assert there_and_back.positions[:, 1] == pytest.approx([-0.005, 0, 0.005, 0.005, 0, -0.005, -0.005, 0, 0.005])
     assert np.linalg.norm(np.diff(there_and_back.positions, axis=0), axis=1).max() == pytest.approx(0.01)
     assert straight.times == pytest.approx(1e-3 * np.arange(9))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"size": (0.1, 0.1, 0.1)}, "size has 3 numbers; expected 2, or one"),
+        ({"step": "fine"}, "step is 'fine'; expected 2 numbers, or one"),
+        ({"step": (0.01, np.nan)}, "step is nan"),
+        ({"center": (0, 0)}, "center has 2 numbers; expected 3"),
+        ({"center": 0.2}, "center is 0.2; expected 3 numbers"),
+        ({"interval": 0}, "interval is 0 s; expected more than 0 s"),
+        ({"step": 1e-9}, r"would have 1e\+08 x 1e\+08 positions; .* larger step"),
+    ],
+)
+def test_impossible_rasters_are_refused(changes, message):
+    with pytest.raises(InputError, match=message):
+        ms.Trajectory.raster(**({"size": (0.1, 0.1), "step": 0.01} | changes))
+
+
+def test_a_radar_is_made_of_records():
+    radar = ms.Radar.preset("iwr1443")
+    for changes, message in (
+        ({"waveform": "x"}, "waveform is of type str; expected Waveform"),
+        ({"array": np.zeros((1, 3))}, "array is of type ndarray; expected AntennaArray"),
+        ({"name": 3}, "name is of type int; expected str"),
+    ):
+        with pytest.raises(InputError, match=message):
+            ms.Radar(**({"name": "mine", "waveform": radar.waveform, "array": radar.array} | changes))
+    trajectory = ms.Trajectory.raster(size=0.01, step=0.01)
+    for changes, message in (
+        ({"radar": "x"}, "radar is of type str"),
+        ({"trajectory": 3}, "trajectory is of type int"),
+    ):
+        with pytest.raises(InputError, match=message):
+            ms.Capture(**({"radar": radar, "trajectory": trajectory, "frames": np.zeros((4, 1, 4, 512))} | changes))
+
+
+def test_reprs_are_short():
+    radar, trajectory = ms.Radar.preset("iwr1443"), ms.Trajectory.raster(size=0.02, step=0.01)
+    assert repr(trajectory) == "Trajectory(9 poses, x -0.01 to 0.01 m, y -0.01 to 0.01 m, z 0.2 to 0.2 m)"
+    capture = ms.Capture(radar=radar, trajectory=trajectory, frames=np.zeros((9, 1, 4, 512)))
+    assert repr(capture) == "Capture(iwr1443, 9 poses x 1 TX x 4 RX x 512 samples, in memory)"
 
 
 def test_orientations_turn_the_antennas():

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import millisight as ms
+from millisight.errors import InputError
 from oracles import C, point_frames, point_image, relative, width_3db
 
 FREQUENCIES = 77.5e9 + 3e9 / 64 * np.arange(64)
@@ -113,6 +114,44 @@ def test_the_other_phase_sign_does_not_focus(bistatic):
     frames = point_frames(at, np.ones(1), *bistatic, FREQUENCIES)
     assert abs(ms.image_at(frames, *bistatic, FREQUENCIES, at)[0]) > 0.999
     assert abs(ms.image_at(np.conj(frames), *bistatic, FREQUENCIES, at)[0]) < 0.2
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"frames": np.zeros((2, 1, 1))}, r"frames has shape \(2, 1, 1\); expected \(P, T, R, N\)"),
+        ({"frames": np.full((2, 1, 1, 3), np.nan)}, "frames has 6 values that are NaN"),
+        ({"tx_positions": np.zeros((1, 1, 3))}, r"tx_positions has shape \(1, 1, 3\); expected \(2, 1, 3\)"),
+        ({"rx_positions": np.zeros((2, 2, 3))}, r"rx_positions has shape \(2, 2, 3\); expected \(2, 1, 3\)"),
+        ({"rx_positions": np.zeros((2, 1, 2))}, "rx_positions has shape"),
+        ({"frequencies": np.ones(2)}, r"frequencies has shape \(2,\); expected \(3,\)"),
+        ({"frequencies": 1j * np.ones(3)}, "frequencies cannot be read .* complex"),
+        ({"points": np.zeros(3)}, r"points has shape \(3,\); expected \(V, 3\)"),
+        ({"points": np.zeros((4, 2))}, "points has shape"),
+        ({"path_offset": np.nan}, "path_offset is nan"),
+    ],
+)
+def test_arrays_that_do_not_fit_are_refused(changes, message):
+    """Compiled code would read beyond their ends."""
+    good = {
+        "frames": np.ones((2, 1, 1, 3), complex), "tx_positions": np.zeros((2, 1, 3)),
+        "rx_positions": np.zeros((2, 1, 3)), "frequencies": np.array([1e9, 2e9, 3e9]), "points": np.ones((4, 3)),
+    }  # fmt: skip
+    assert len(ms.image_at(**good)) == 4
+    with pytest.raises(InputError, match=message):
+        ms.image_at(**(good | changes))
+
+
+def test_other_kinds_of_numbers_give_the_same_image(bistatic):
+    """Lists, float32, foreign byte order, integers, and arrays that lie askew in memory."""
+    rng = np.random.default_rng(8)
+    frames = rng.integers(-9, 9, (2, 1, 4, 64)).astype(np.int64)
+    points = rng.integers(-3, 3, (5, 3)) / 4 + 0.125  # whole in float32
+    tx, rx = np.round(bistatic[0][:2, :1] * 1024) / 1024, np.round(bistatic[1][:2] * 1024) / 1024
+    expected = ms.image_at(frames.astype(complex), tx, rx, FREQUENCIES, points)
+    askew = np.asfortranarray(points)
+    others = ms.image_at(frames.tolist(), tx.astype(np.float32), rx.astype(">f8"), list(FREQUENCIES), askew)
+    assert np.array_equal(expected, others)
 
 
 def aperture_of(width_x, width_y, count=61):

@@ -23,9 +23,15 @@ def test_points_run_along_z_first():
 @pytest.mark.parametrize(
     ("lower", "upper", "spacing", "message"),
     [
-        ((0, 0, 0), (1, 1, 1), 0, "spacing along x is 0 m; expected more than 0 m"),
+        ((0, 0, 0), (1, 1, 1), 0, "spacing is 0 m; expected more than 0 m"),
         ((0, 0, 0), (1, -1, 1), 0.1, "grid along y runs from 0 to -1 m"),
-        ((0, 0, np.nan), (1, 1, 1), 0.1, "bounds of z is nan"),
+        ((0, 0), (1, 1, 1), 0.1, "lower has 2 numbers; expected 3"),
+        (0, (1, 1, 1), 0.1, "lower is 0; expected 3 numbers"),
+        ((0, 0, 0), (1, 1, 1), (1, 1), "spacing has 2 numbers; expected 3, or one"),
+        ((0, 0, 0), (1, 1, 1), "fine", "spacing is 'fine'; expected 3 numbers, or one"),
+        ((0, 0, 0), (1, 1, 1), 1e-5, r"1e\+05 x 1e\+05 x 1e\+05 = 1e\+15 voxels; .* coarser"),
+        ((0, 0, 0), (1, 0, 0), 1e-300, "voxels; expected 1e"),
+        ((0, 0, np.nan), (1, 1, 1), 0.1, "lower is nan; expected a finite number in m"),
     ],
 )
 def test_impossible_grids_are_refused(lower, upper, spacing, message):
@@ -59,7 +65,7 @@ def test_combine_is_the_weighted_mean():
     assert combined.metadata["history"][-1]["alpha"] == [0.6, 0.2]
 
 
-@pytest.mark.parametrize("alpha", [(0, 0), (-1, 2), (1,), (np.nan, 1)])
+@pytest.mark.parametrize("alpha", [(0, 0), (-1, 2), (1,), (np.nan, 1), 0.5, "ab", None])
 def test_impossible_weights_are_refused(alpha):
     with pytest.raises(InputError, match="alpha"):
         ms.combine(image(1), image(2), alpha=alpha)
@@ -79,6 +85,24 @@ def test_values_are_read_only_and_of_the_grids_shape():
         one.values[0, 0, 0] = 0
     with pytest.raises(InputError, match=r"values has shape \(2, 2, 2\); expected \(4, 3, 3\)"):
         ms.SarImage(grid=GRID, values=np.zeros((2, 2, 2)))
+
+
+def test_reprs_are_short():
+    assert repr(GRID) == "VoxelGrid(4 x 3 x 3 voxels, x 0 to 0.03 m, y 0 to 0.02 m, z -0.1 to 0 m)"
+    assert repr(image(0)) == f"SarImage(complex64 on {GRID!r})"
+
+
+def test_the_grid_must_be_a_grid():
+    with pytest.raises(InputError, match="grid is of type int; expected VoxelGrid"):
+        ms.SarImage(grid=3, values=np.zeros((1, 1, 1)))
+
+
+@pytest.mark.parametrize("window", [3, ("hann",), ["hann", "taylor", None], {"a", "b"}])
+def test_impossible_windows_are_refused(window):
+    from millisight.imaging.windows import window_pair
+
+    with pytest.raises(InputError, match="expected a name, or a pair of names"):
+        window_pair(window)
 
 
 def test_xarray_carries_coordinates():

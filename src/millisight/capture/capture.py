@@ -7,8 +7,8 @@ import numpy as np
 
 from millisight.capture.radar import Radar
 from millisight.capture.trajectory import Trajectory
-from millisight.errors import InputError
-from millisight.records import Metadata, check_shape, checked_array, checked_metadata, put, record
+from millisight.errors import DamagedFileError, InputError
+from millisight.records import Metadata, check_shape, checked_array, checked_metadata, checked_record, put, record
 
 PHASE_SIGN = -1
 """Sign of i 2 pi f d / c in every frame inside millisight (primer 3); files state it, readers conjugate at the door."""
@@ -37,13 +37,9 @@ class Capture:
     metadata: Metadata = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        array, waveform = self.radar.array, self.radar.waveform
-        shape = (
-            len(self.trajectory),
-            len(array.tx_positions),
-            len(array.rx_positions),
-            waveform.samples_per_chirp,
-        )
+        checked_record(self.radar, Radar, name="radar")
+        checked_record(self.trajectory, Trajectory, name="trajectory")
+        shape = self._shape
         if self.in_memory:
             put(self, frames=checked_array(self.frames, name="frames", shape=shape, dtype=np.complex64))
         else:
@@ -52,10 +48,29 @@ class Capture:
                 raise InputError(f"frames on disk are {self.frames.dtype}; expected complex64")
         put(self, metadata=checked_metadata(self.metadata))
 
+    def __repr__(self) -> str:
+        poses, transmitters, receivers, samples = self._shape
+        return (
+            f"Capture({self.radar.name}, {poses} poses x {transmitters} TX x {receivers} RX x {samples} samples, "
+            f"{'in memory' if self.in_memory else 'on disk'})"
+        )
+
+    @property
+    def _shape(self) -> tuple[int, int, int, int]:
+        """(P, T, R, N)"""
+        array = self.radar.array
+        return (
+            len(self.trajectory),
+            len(array.tx_positions),
+            len(array.rx_positions),
+            self.radar.waveform.samples_per_chirp,
+        )
+
     @property
     def in_memory(self) -> bool:
         """Whether the frames are a NumPy array (or what becomes one), rather than a dataset on disk."""
-        return not (hasattr(self.frames, "id") and hasattr(self.frames, "chunks"))
+        kind = type(self.frames)  # asked of the type: a closed dataset answers nothing
+        return not (hasattr(kind, "id") and hasattr(kind, "chunks"))
 
     @property
     def tx_positions(self) -> np.ndarray:
@@ -70,7 +85,7 @@ class Capture:
     @property
     def channels(self) -> int:
         """K = P T R, the number of frames in the published sense."""
-        return int(np.prod(self.frames.shape[:3]))
+        return int(np.prod(self._shape[:3]))
 
     def frames_of(self, poses: slice) -> np.ndarray:
         """The frames of some poses as a complex64 array, read from disk where they lie there.
@@ -78,11 +93,23 @@ class Capture:
         Raises
         ------
         InputError
-            They hold NaN or infinite values.
+            They hold NaN or infinite values, or lie in a file that is closed.
+        DamagedFileError
+            They lie on disk and cannot be read.
         """
         if self.in_memory:
             return self.frames[poses]
-        frames = self.frames[poses]
+        if not self.frames:
+            raise InputError(
+                "the capture's file was closed; use the capture inside the `with ms.open_capture(...)` block, or read "
+                "it into memory with ms.load"
+            )
+        start, stop, _ = poses.indices(len(self.trajectory))
+        try:
+            frames = self.frames[poses]
+        except OSError as error:
+            raise DamagedFileError(f"frames of poses {start} to {stop - 1} cannot be read: {error}") from error
+        frames.flags.writeable = False
         return checked_array(
-            frames, name=f"frames of poses {poses.start} to {poses.stop - 1}", shape=frames.shape, dtype=np.complex64
+            frames, name=f"frames of poses {start} to {stop - 1}", shape=frames.shape, dtype=np.complex64
         )

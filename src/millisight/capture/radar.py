@@ -8,7 +8,7 @@ import numpy as np
 
 from millisight.constants import SPEED_OF_LIGHT
 from millisight.errors import InputError, UnknownNameError
-from millisight.records import checked_array, checked_number, put, record
+from millisight.records import checked_array, checked_integer, checked_number, checked_record, put, record
 
 
 @record
@@ -29,15 +29,13 @@ class Waveform:
     samples_per_chirp: int
 
     def __post_init__(self) -> None:
-        samples = self.samples_per_chirp
-        if int(samples) != samples or samples < 1:
-            raise InputError(f"samples_per_chirp is {samples}; expected a whole number of at least 1")
+        samples = checked_integer(self.samples_per_chirp, name="samples_per_chirp")
         put(
             self,
             start_frequency=checked_number(self.start_frequency, name="start_frequency", unit="Hz", above=0),
             slope=checked_number(self.slope, name="slope", unit="Hz/s", minimum=0),
             sample_rate=checked_number(self.sample_rate, name="sample_rate", unit="Hz", above=0),
-            samples_per_chirp=int(samples),
+            samples_per_chirp=samples,
         )
         if samples > 1 and not self.slope > 0:
             raise InputError(f"slope is 0 Hz/s with {samples} samples; expected a rising chirp, or a single sample")
@@ -116,6 +114,9 @@ class Radar:
     path_offset: float = 0.0
 
     def __post_init__(self) -> None:
+        checked_record(self.name, str, name="name")
+        checked_record(self.waveform, Waveform, name="waveform")
+        checked_record(self.array, AntennaArray, name="array")
         put(self, path_offset=checked_number(self.path_offset, name="path_offset", unit="m"))
 
     @classmethod

@@ -5,7 +5,9 @@ import numpy as np
 from millisight.constants import SPEED_OF_LIGHT
 from millisight.errors import InputError
 from millisight.geometry import interpolate_poses, rotation_from_quaternion
-from millisight.records import checked_array, checked_number, put, record
+from millisight.records import box, checked_array, checked_number, checked_numbers, put, record
+
+_MOST_POSITIONS = 1e8  # of a raster; their frames would fill hundreds of gigabytes
 
 
 @record
@@ -40,6 +42,11 @@ class Trajectory:
     def __len__(self) -> int:
         return len(self.positions)
 
+    def __repr__(self) -> str:
+        lower, upper = self.positions.min(axis=0), self.positions.max(axis=0)
+        turned = "" if self.orientations is None else ", oriented"
+        return f"Trajectory({len(self)} poses, {box(lower, upper)}{turned})"
+
     @classmethod
     def raster(
         cls,
@@ -65,10 +72,17 @@ class Trajectory:
         >>> len(Trajectory.raster(size=(0.02, 0.01), step=0.001))
         231
         """
-        steps = [checked_number(s, name="step", unit="m", above=0) for s in np.broadcast_to(step, 2)]
-        extents = [checked_number(s, name="size", unit="m", minimum=0) for s in np.broadcast_to(size, 2)]
-        counts = tuple(int(np.floor(e / s * (1 + 1e-9))) + 1 for e, s in zip(extents, steps, strict=True))
-        return cls._from_counts(counts, steps, center, serpentine, interval)
+        steps = checked_numbers(step, name="step", count=2, repeat=True, unit="m", above=0)
+        extents = checked_numbers(size, name="size", count=2, repeat=True, unit="m", minimum=0)
+        middle = checked_numbers(center, name="center", count=3, unit="m")
+        interval = checked_number(interval, name="interval", unit="s", above=0)
+        counts = [np.floor(e / s * (1 + 1e-9)) + 1 for e, s in zip(extents, steps, strict=True)]
+        if not counts[0] * counts[1] <= _MOST_POSITIONS:
+            raise InputError(
+                f"the raster would have {counts[0]:.3g} x {counts[1]:.3g} positions; expected {_MOST_POSITIONS:.0e} "
+                "at most: choose a larger step or a smaller size"
+            )
+        return cls._from_counts([int(n) for n in counts], steps, middle, serpentine, interval)
 
     @classmethod
     def published(cls, start_frequency: float, *, large: bool = False) -> "Trajectory":

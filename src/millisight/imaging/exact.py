@@ -3,17 +3,19 @@
 from collections.abc import Callable
 
 import numpy as np
-from jaxtyping import Complex, Float
+from jaxtyping import Complex
+from numpy.typing import ArrayLike, DTypeLike
 
 from millisight.constants import SPEED_OF_LIGHT
+from millisight.records import as_array, checked_number
 
 
 def image_at(
-    frames: Complex[np.ndarray, "P T R N"],
-    tx_positions: Float[np.ndarray, "P T 3"],
-    rx_positions: Float[np.ndarray, "P R 3"],
-    frequencies: Float[np.ndarray, " N"],
-    points: Float[np.ndarray, "V 3"],
+    frames: ArrayLike,
+    tx_positions: ArrayLike,
+    rx_positions: ArrayLike,
+    frequencies: ArrayLike,
+    points: ArrayLike,
     path_offset: float = 0.0,
     *,
     progress: Callable[[int, int], None] | None = None,
@@ -35,6 +37,11 @@ def image_at(
     -------
     (V,) complex128
 
+    Raises
+    ------
+    InputError
+        The shapes do not fit together, or a value is no finite number.
+
     Examples
     --------
     >>> point = np.array([[0.01, 0.02, -0.3]])
@@ -47,8 +54,14 @@ def image_at(
     """
     from millisight.imaging import _kernels
 
-    frames = np.ascontiguousarray(frames, dtype=np.complex128)
-    wavenumbers = np.ascontiguousarray(frequencies, dtype=np.float64) / SPEED_OF_LIGHT
+    # Whatever does not fit would be read from beyond the arrays' ends.
+    frames = _ready(frames, "frames", ("P", "T", "R", "N"), dtype=np.complex128)
+    poses, transmitters, receivers, samples = frames.shape
+    tx_positions = _ready(tx_positions, "tx_positions", (poses, transmitters, 3), unit="m")
+    rx_positions = _ready(rx_positions, "rx_positions", (poses, receivers, 3), unit="m")
+    wavenumbers = _ready(frequencies, "frequencies", (samples,), unit="Hz") / SPEED_OF_LIGHT
+    points = _ready(points, "points", ("V", 3), unit="m")
+    path_offset = checked_number(path_offset, name="path_offset", unit="m")
     even = np.ptp(np.diff(wavenumbers)) <= 1e-12 * wavenumbers[-1] if len(wavenumbers) > 2 else True
     sums = np.zeros(len(points), dtype=np.complex128)
     # So many poses at a time that progress shows and Ctrl-C is heard within about a second.
@@ -56,10 +69,14 @@ def image_at(
     for start in range(0, len(frames), step):
         block = slice(start, min(start + step, len(frames)))
         kernel = _kernels.exact_even if even else _kernels.exact_any
-        kernel(
-            frames[block], np.ascontiguousarray(tx_positions[block]), np.ascontiguousarray(rx_positions[block]),
-            wavenumbers, np.ascontiguousarray(points), path_offset, sums,
-        )  # fmt: skip
+        kernel(frames[block], tx_positions[block], rx_positions[block], wavenumbers, points, path_offset, sums)
         if progress is not None:
             progress(block.stop, len(frames))
     return sums / frames.size
+
+
+def _ready(
+    value: ArrayLike, name: str, shape: tuple[int | str, ...], *, dtype: DTypeLike = np.float64, unit: str = ""
+) -> np.ndarray:
+    """`value` as the kernels need it, checked; not copied where it already is so."""
+    return np.ascontiguousarray(as_array(value, name=name, shape=shape, dtype=dtype, unit=unit))

@@ -5,7 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from millisight.errors import InputError
-from millisight.records import checked_array, checked_number, put, record
+from millisight.records import box, checked_array, checked_numbers, put, record
+
+_MOST_VOXELS = 1e11  # 800 GB of complex64
 
 
 def _coordinates(value: np.ndarray, name: str) -> np.ndarray:
@@ -41,6 +43,9 @@ class VoxelGrid:
     def __post_init__(self) -> None:
         put(self, x=_coordinates(self.x, "x"), y=_coordinates(self.y, "y"), z=_coordinates(self.z, "z"))
 
+    def __repr__(self) -> str:
+        return f"VoxelGrid({' x '.join(map(str, self.shape))} voxels, {box(*self.bounds)})"
+
     @classmethod
     def regular(
         cls,
@@ -53,20 +58,26 @@ class VoxelGrid:
         Raises
         ------
         InputError
-            A spacing is not positive, or `upper` lies below `lower`.
+            A spacing is not positive, `upper` lies below `lower`, or the voxels are too many for any memory.
 
         Examples
         --------
         >>> VoxelGrid.regular((0, 0, 0), (0.1, 0.05, 0), 0.01).shape
         (11, 6, 1)
         """
-        axes = []
-        for name, start, stop, step in zip("xyz", lower, upper, np.broadcast_to(spacing, 3), strict=True):
-            step = checked_number(step, name=f"spacing along {name}", unit="m", above=0)
-            start, stop = (checked_number(v, name=f"bounds of {name}", unit="m") for v in (start, stop))
+        starts = checked_numbers(lower, name="lower", count=3, unit="m")
+        stops = checked_numbers(upper, name="upper", count=3, unit="m")
+        steps = checked_numbers(spacing, name="spacing", count=3, repeat=True, unit="m", above=0)
+        for name, start, stop in zip("xyz", starts, stops, strict=True):
             if stop < start:
                 raise InputError(f"grid along {name} runs from {start:g} to {stop:g} m; expected upper >= lower")
-            axes.append(start + step * np.arange(int(np.floor((stop - start) / step * (1 + 1e-9))) + 1))
+        counts = np.floor((np.array(stops) - starts) / steps * (1 + 1e-9)) + 1
+        if not counts.prod() <= _MOST_VOXELS:
+            raise InputError(
+                f"the grid would have {' x '.join(f'{n:.3g}' for n in counts)} = {counts.prod():.3g} voxels; expected "
+                f"{_MOST_VOXELS:.0e} at most: choose a coarser spacing or a smaller box"
+            )
+        axes = [start + step * np.arange(int(n)) for start, step, n in zip(starts, steps, counts, strict=True)]
         return cls(x=axes[0], y=axes[1], z=axes[2])
 
     @property

@@ -8,7 +8,16 @@ import numpy as np
 from millisight.capture.capture import Capture
 from millisight.errors import InputError, UnknownNameError
 from millisight.imaging.grid import VoxelGrid
-from millisight.records import Metadata, checked_array, checked_metadata, checked_number, put, record, with_step
+from millisight.records import (
+    Metadata,
+    checked_array,
+    checked_metadata,
+    checked_numbers,
+    checked_record,
+    put,
+    record,
+    with_step,
+)
 
 
 @record
@@ -27,11 +36,15 @@ class SarImage:
     metadata: Metadata = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        checked_record(self.grid, VoxelGrid, name="grid")
         put(
             self,
             values=checked_array(self.values, name="values", shape=self.grid.shape, dtype=np.complex64),
             metadata=checked_metadata(self.metadata),
         )
+
+    def __repr__(self) -> str:
+        return f"SarImage({self.values.dtype} on {self.grid!r})"
 
     @property
     def magnitude(self) -> np.ndarray:
@@ -101,9 +114,7 @@ def combine(specular, edge, alpha):
     InputError
         The two do not belong together, or the weights cannot be right.
     """
-    if len(alpha) != 2:
-        raise InputError(f"alpha has {len(alpha)} weights; expected two, (a1, a2)")
-    a1, a2 = (checked_number(a, name="alpha", minimum=0) for a in alpha)
+    a1, a2 = checked_numbers(alpha, name="alpha", count=2, minimum=0)
     if not a1 + a2 > 0:
         raise InputError("alpha is (0, 0); expected at least one weight above zero")
     weights = np.float32(a1 / (a1 + a2)), np.float32(a2 / (a1 + a2))
@@ -118,7 +129,7 @@ def combine(specular, edge, alpha):
         metadata = with_step(specular.metadata, "combine", alpha=[a1, a2], edge=dict(edge.metadata))
         if not _same_setup(specular, edge):
             raise InputError("the two captures' radars or positions differ; simulate both with the same ones")
-        frames = weights[0] * specular.frames[...] + weights[1] * edge.frames[...]
+        frames = weights[0] * specular.frames_of(slice(None)) + weights[1] * edge.frames_of(slice(None))
         metadata["lit_fraction"] = max(c.metadata.get("lit_fraction", 0.0) for c in (specular, edge))
         return Capture(radar=specular.radar, trajectory=specular.trajectory, frames=frames, metadata=metadata)
     raise InputError(
@@ -128,8 +139,7 @@ def combine(specular, edge, alpha):
 
 def _same_setup(a: Capture, b: Capture) -> bool:
     return (
-        a.frames.shape == b.frames.shape
-        and np.array_equal(a.radar.waveform.frequencies, b.radar.waveform.frequencies)
+        np.array_equal(a.radar.waveform.frequencies, b.radar.waveform.frequencies)
         and a.radar.path_offset == b.radar.path_offset
         and np.array_equal(a.tx_positions, b.tx_positions)
         and np.array_equal(a.rx_positions, b.rx_positions)

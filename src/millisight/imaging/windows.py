@@ -16,8 +16,8 @@ def window_pair(window: Window) -> tuple[str | None, str | None]:
     ------
     UnknownNameError, InputError
     """
-    pair = (window, window) if window is None or isinstance(window, str) else tuple(window)
-    if len(pair) != 2:
+    pair = (window, window) if window is None or isinstance(window, str) else window
+    if not isinstance(pair, tuple | list) or len(pair) != 2:
         raise InputError(f"window is {window!r}; expected a name, or a pair of names (range, aperture)")
     for name in pair:
         if name is not None and name not in WINDOWS:

@@ -2,8 +2,10 @@
 
 from types import MappingProxyType
 
+import numpy as np
+
 from millisight.errors import InputError, UnknownNameError
-from millisight.records import checked_number, put, record
+from millisight.records import checked_array, checked_number, checked_numbers, checked_record, put, record
 
 
 @record
@@ -22,15 +24,17 @@ class Material:
     alpha: tuple[float, float] = (0.7, 0.3)
 
     def __post_init__(self) -> None:
-        a1, a2 = (checked_number(a, name="alpha", minimum=0) for a in self.alpha)
+        checked_record(self.name, str, name="name")
+        a1, a2 = checked_numbers(self.alpha, name="alpha", count=2, minimum=0)
         if not a1 + a2 > 0:
             raise InputError("alpha is (0, 0); expected at least one weight above zero")
-        amplitude = checked_number(abs(self.reflection), name="|reflection|", above=0)
+        reflection = complex(checked_array(self.reflection, name="reflection", shape=(), dtype=np.complex128))
+        amplitude = checked_number(abs(reflection), name="|reflection|", above=0)
         if amplitude > 1:
             raise InputError(
                 f"|reflection| is {amplitude:g}; expected at most 1: a passive surface returns no more than it gets"
             )
-        put(self, reflection=complex(self.reflection), alpha=(a1, a2))
+        put(self, reflection=reflection, alpha=(a1, a2))
 
 
 def _dielectric(name: str, permittivity: complex, alpha: tuple[float, float]) -> Material:
@@ -69,6 +73,6 @@ def material_named(material: "str | Material") -> Material:
     """
     if isinstance(material, Material):
         return material
-    if material not in MATERIALS:
+    if not isinstance(material, str) or material not in MATERIALS:
         raise UnknownNameError("material", material, MATERIALS)
     return MATERIALS[material]

@@ -3,7 +3,9 @@
 import numpy as np
 
 from millisight.errors import MeshError
-from millisight.records import checked_array, put, record
+from millisight.records import box, checked_array, put, record
+
+_FARTHEST = 1e9  # coordinate, in the file's unit or in metres: beyond it float64 resolves no micrometre
 
 
 @record
@@ -20,7 +22,7 @@ class TriangleMesh:
     InputError
         A shape does not fit, or a vertex is NaN or infinite.
     MeshError
-        A face names a vertex that is not there, or every face has zero area.
+        A face names a vertex that is not there, every face has zero area, or the mesh is as large as a planet.
     """
 
     vertices: np.ndarray
@@ -28,6 +30,7 @@ class TriangleMesh:
 
     def __post_init__(self) -> None:
         vertices = checked_array(self.vertices, name="vertices", shape=("V", 3), unit="m")
+        check_reach(vertices, "the mesh")
         faces = checked_array(self.faces, name="faces", shape=("F", 3), dtype=np.int64)
         if faces.min() < 0 or faces.max() >= len(vertices):
             raise MeshError(
@@ -37,6 +40,9 @@ class TriangleMesh:
         put(self, vertices=vertices, faces=faces)
         if not self.area > 0:
             raise MeshError("every face has zero area; expected a surface: check the export's scale and unit")
+
+    def __repr__(self) -> str:
+        return f"TriangleMesh({len(self.vertices)} vertices, {len(self.faces)} faces, {box(*self.bounds)})"
 
     @property
     def face_crosses(self) -> np.ndarray:
@@ -114,8 +120,26 @@ class TriangleMesh:
 
     def moved(self, *, rotation: np.ndarray | None = None, translation: np.ndarray | None = None) -> "TriangleMesh":
         """The mesh rotated by a (3, 3) matrix about the origin, then shifted by a (3,) vector [m]."""
-        vertices = self.vertices if rotation is None else self.vertices @ np.asarray(rotation, dtype=float).T
-        return TriangleMesh(vertices=vertices if translation is None else vertices + translation, faces=self.faces)
+        vertices = self.vertices
+        if rotation is not None:
+            vertices = vertices @ checked_array(rotation, name="rotation", shape=(3, 3)).T
+        if translation is not None:
+            vertices = vertices + checked_array(translation, name="translation", shape=(3,), unit="m")
+        return TriangleMesh(vertices=vertices, faces=self.faces)
+
+
+def check_reach(vertices: np.ndarray, name: str) -> None:
+    """Refuse coordinates so large that areas and volumes would overflow or drown in rounding.
+
+    Raises
+    ------
+    MeshError
+    """
+    farthest = float(np.abs(vertices).max(initial=0))
+    if farthest > _FARTHEST:
+        raise MeshError(
+            f"{name} has coordinates of {farthest:.3g}; expected under {_FARTHEST:g}: it is damaged, export it again"
+        )
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:
