@@ -6,6 +6,7 @@ disk, a read-only folder, or Ctrl-C in the middle leaves what was there before, 
 
 import os
 import secrets
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -20,24 +21,25 @@ FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
 def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a temporary path beside `path`; rename it to `path` on success, remove it on any failure.
 
-    The temporary name keeps the suffix, since libraries choose the format by it.
+    The temporary name keeps the suffix, since libraries choose the format by it. A symbolic link is followed, and
+    the permissions of an older file are kept.
 
     Raises
     ------
     FileError
         The folder is missing or cannot be written to, or the disk is full.
     """
-    path = Path(path)
-    temporary = _claim(path)
+    path = checked_path(path)
+    temporary, target = _claim(path)
     try:
         yield temporary
         with open(temporary, "rb") as written:
             os.fsync(written.fileno())
-        os.replace(temporary, path)
+        os.replace(temporary, target)
     except FileError:
         raise
     except OSError as error:
-        raise FileError(f"cannot write {path}: {error.strerror or error}; nothing was changed") from error
+        raise FileError(f"cannot write {printable(path)}: {error.strerror or error}; nothing was changed") from error
     finally:
         temporary.unlink(missing_ok=True)
 
@@ -50,22 +52,83 @@ def check_writable(path: str | os.PathLike[str]) -> None:
     FileError
         The folder is missing or cannot be written to.
     """
-    _claim(path).unlink()
+    _claim(checked_path(path))[0].unlink()
 
 
-def _claim(path: str | os.PathLike[str]) -> Path:
-    """Create an empty temporary file beside `path`: a plain error now rather than a library's own later."""
-    path = Path(path)
+def checked_path(path: object) -> Path:
+    """`path` as a Path, where it can be one.
+
+    Raises
+    ------
+    FileError
+        It is no text and no Path, is empty, or holds a NUL.
+    """
+    if not isinstance(path, str | Path | os.PathLike) or not isinstance(text := os.fspath(path), str):
+        raise FileError(f"path is of type {type(path).__name__}; expected a str or a Path")
+    if not text or "\0" in text:
+        raise FileError(f"path is {text!r}; expected the name of a file, not empty and without NUL characters")
+    return Path(text)
+
+
+def check_readable(path: object) -> Path:
+    """`path` as the Path of a file that can be opened.
+
+    Raises
+    ------
+    FileError
+        There is no such file, it is a folder, or may not be read.
+    """
+    path = checked_path(path)
     if os.path.isdir(path):
-        raise FileError(f"{path} is a folder; expected the name of a file to write")
-    if not os.path.isdir(path.parent):
-        raise FileError(f"cannot write {path}: there is no folder {path.parent}; make it first, or choose another")
-    temporary = path.with_name(f".{path.stem[:100]}.{secrets.token_hex(4)}.part{path.suffix}")
+        raise FileError(f"{printable(path)} is a folder; expected a file")
+    if os.path.exists(path) and not os.path.isfile(path):
+        raise FileError(f"{printable(path)} is a device or a pipe; expected a file")
     try:
-        os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o644))
+        open(path, "rb").close()
+    except FileNotFoundError as error:
+        raise FileError(f"{printable(path)}: no such file") from error
     except OSError as error:
-        raise FileError(f"cannot write {path}: {error.strerror}; choose another folder or free this one") from error
-    return temporary
+        raise FileError(f"cannot read {printable(path)}: {error.strerror}; check its name and permissions") from error
+    return path
+
+
+def same_file(a: Path, b: Path) -> bool:
+    """Whether two paths lead to one place, by links or by name."""
+    try:
+        return os.path.samefile(a, b)
+    except OSError:  # one of them is not there yet
+        return os.path.realpath(a) == os.path.realpath(b)
+
+
+def printable(text: object) -> str:
+    """A text, such as a file's name in another encoding, as any terminal and any file can hold it."""
+    return str(text).encode("utf-8", "backslashreplace").decode("utf-8")
+
+
+def _claim(path: Path) -> tuple[Path, Path]:
+    """An empty temporary file, and the place it is for: a plain error now rather than a library's own later."""
+    name = printable(path)
+    target = Path(os.path.realpath(path))
+    try:
+        mode = target.stat().st_mode
+    except FileNotFoundError:
+        mode = None
+    except OSError as error:
+        raise FileError(f"cannot write {name}: {error.strerror}; choose another name") from error
+    if mode is not None and stat.S_ISDIR(mode):
+        raise FileError(f"{name} is a folder; expected the name of a file to write")
+    if mode is not None and not stat.S_ISREG(mode):
+        raise FileError(f"{name} is a device or a pipe; expected the name of a file to write")
+    if not os.path.isdir(target.parent):
+        raise FileError(f"cannot write {name}: there is no folder {printable(path.parent)}; make it or choose another")
+    temporary = target.with_name(f".{target.stem[:40]}.{secrets.token_hex(4)}.part{target.suffix}")
+    try:
+        os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+        if mode is not None:
+            temporary.chmod(stat.S_IMODE(mode))
+    except OSError as error:
+        raise FileError(f"cannot write {name}: {error.strerror}; choose another folder or free this one") from error
+    return temporary, target
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:
@@ -82,8 +145,9 @@ def make_folder(path: str | os.PathLike[str]) -> Path:
     FileError
         It cannot be made, or a file is in its place.
     """
+    path = checked_path(path)
     try:
-        Path(path).mkdir(parents=True, exist_ok=True)
+        path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise FileError(f"cannot make the folder {path}: {error.strerror}; choose another name") from error
-    return Path(path)
+        raise FileError(f"cannot make the folder {printable(path)}: {error.strerror}; choose another name") from error
+    return path

@@ -223,3 +223,142 @@ def test_a_read_only_folder_is_refused(tmp_path):
         if superuser:
             os.seteuid(0)
     assert not list(folder.iterdir())
+
+
+def forge(path, change):
+    """Change a file of ours and make its digest right again, as only somebody who knows it would."""
+    from millisight.io.hdf5 import _digest
+
+    with h5py.File(path, "r+") as file:
+        change(file)
+        file.attrs["digest"] = _digest(file)
+
+
+def swap(file, name, source):
+    del file[name]
+    file.copy(file[source], name)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda f: f.attrs.__setitem__("record", np.array([1, 2])),
+        lambda f: f.attrs.__setitem__("record", h5py.Empty("f")),
+        lambda f: f["radar"].attrs.__setitem__("record", np.zeros(3)),
+        lambda f: swap(f, "radar", "trajectory"),
+        lambda f: swap(f, "radar", "frames"),
+        lambda f: swap(f, "frames", "radar"),
+        lambda f: swap(f, "trajectory/times", "radar/array"),
+        lambda f: f["radar/waveform"].attrs.__setitem__("samples_per_chirp", np.array([512, 512])),
+        lambda f: f["radar/waveform"].attrs.__setitem__("slope", "steep"),
+        lambda f: f["radar"].attrs.__delitem__("record"),
+        lambda f: f.attrs.__setitem__("metadata", 'json:{"history": 3}'),
+        lambda f: f.attrs.__setitem__("metadata", "json:[1, 2]"),
+        lambda f: f.attrs.__setitem__("format", np.array([1, 2])),
+        lambda f: f.attrs.__setitem__("schema_version", np.array([1, 2])),
+    ],
+)
+def test_forged_files_are_refused(tmp_path, change):
+    path = tmp_path / "c.h5"
+    ms.save(path, small_capture())
+    forge(path, change)
+    with pytest.raises((DamagedFileError, FormatError), match=r"c\.h5"):
+        ms.load(path)
+    with pytest.raises((DamagedFileError, FormatError), match=r"c\.h5"), ms.open_capture(path):
+        pass
+
+
+def test_a_forged_provenance_is_told_as_text(tmp_path):
+    path = tmp_path / "c.h5"
+    ms.save(path, small_capture())
+    forge(path, lambda f: (f.attrs.__setitem__("command", np.array([1, 2])), f.attrs.__delitem__("created")))
+    told = provenance(path)
+    assert told["command"] == "[1 2]"
+    assert told["created"] == "unknown"
+
+
+@pytest.mark.parametrize("path", [None, 3, b"c.h5", "", "c\0.h5", "c" * 300 + ".h5"])
+def test_impossible_paths_are_refused(path, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for attempt in (lambda: ms.save(path, small_capture()), lambda: ms.load(path), lambda: provenance(path)):
+        with pytest.raises(FileError, match=r"path is|File name too long"):
+            attempt()
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_is_no_file(tmp_path):
+    for attempt in (ms.load, provenance, lambda p: ms.save(p, small_capture())):
+        with pytest.raises(FileError, match="is a folder"):
+            attempt(tmp_path)
+    os.mkfifo(tmp_path / "pipe")
+    for attempt in (ms.load, lambda p: ms.save(p, small_capture())):
+        with pytest.raises(FileError, match="is a device or a pipe"):
+            attempt(tmp_path / "pipe")
+
+
+def test_long_names_in_any_script_are_written(tmp_path):
+    for name in ("像" * 80 + ".h5", "ö.h5", os.fsdecode(b"\xff\xfe.h5")):
+        ms.save(tmp_path / name, small_capture())
+        assert same(small_capture(), ms.load(tmp_path / name))
+    assert len(list(tmp_path.iterdir())) == 3
+
+
+@pytest.mark.parametrize("name", ["a\0b", "\udcff", "json:[1]", "", "µ"])
+def test_any_text_comes_back(name, tmp_path):
+    ms.save(tmp_path / "m.h5", ms.Material(name=name))
+    assert ms.load(tmp_path / "m.h5").name == name
+
+
+def test_a_link_is_followed(tmp_path):
+    (tmp_path / "results").mkdir()
+    target, link = tmp_path / "results" / "real.h5", tmp_path / "link.h5"
+    for state in ("dangling", "there"):
+        link.unlink(missing_ok=True)
+        link.symlink_to(target)
+        ms.save(link, small_capture())
+        assert link.is_symlink(), state
+        assert same(small_capture(), ms.load(target))
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["link.h5", "results"]
+
+
+def test_permissions_are_kept_and_new_files_follow_the_umask(tmp_path):
+    path = tmp_path / "c.h5"
+    before = os.umask(0o027)
+    try:
+        ms.save(path, small_capture())
+        assert path.stat().st_mode & 0o777 == 0o640
+        path.chmod(0o600)
+        ms.save(path, small_capture())
+        assert path.stat().st_mode & 0o777 == 0o600
+    finally:
+        os.umask(before)
+
+
+def test_a_capture_whose_file_is_closed_says_so(tmp_path):
+    ms.save(tmp_path / "c.h5", small_capture())
+    with ms.open_capture(tmp_path / "c.h5") as capture:
+        assert repr(capture).endswith("on disk)")
+    grid = ms.VoxelGrid.regular((0, 0, 0), (0, 0, 0), 0.01)
+    for use in (
+        lambda: capture.frames_of(slice(0, 1)),
+        lambda: ms.form_image(capture, grid, method="exact"),
+        lambda: ms.save(tmp_path / "d.h5", capture),
+        lambda: ms.combine(capture, capture, alpha=(1, 1)),
+    ):
+        with pytest.raises(InputError, match=r"file was closed; use the capture inside the `with"):
+            use()
+    assert capture.channels == 8
+    assert "on disk" in repr(capture)
+    assert [p.name for p in tmp_path.iterdir()] == ["c.h5"]
+
+
+def test_frames_damaged_on_disk_say_so(tmp_path):
+    path = tmp_path / "c.h5"
+    ms.save(path, small_capture())
+    with h5py.File(path) as file:
+        place = file["frames"].id.get_chunk_info(0).byte_offset
+    data = bytearray(path.read_bytes())
+    data[place] ^= 0xFF
+    path.write_bytes(data)
+    with ms.open_capture(path) as capture, pytest.raises(DamagedFileError, match="frames of poses 0 to 1 cannot be"):
+        capture.frames_of(slice(0, 2))

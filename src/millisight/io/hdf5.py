@@ -11,7 +11,7 @@ import json
 import os
 import shlex
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import fields
 from datetime import UTC, datetime
@@ -24,7 +24,7 @@ from millisight.capture.capture import PHASE_SIGN, Capture
 from millisight.capture.radar import AntennaArray, Radar, Waveform
 from millisight.capture.trajectory import Trajectory
 from millisight.errors import DamagedFileError, FileError, FormatError, InputError
-from millisight.files import atomic_path
+from millisight.files import atomic_path, check_readable, printable
 from millisight.imaging.grid import PixelGrid, VoxelGrid
 from millisight.imaging.image import SarImage
 from millisight.perception.classification import Prediction
@@ -79,6 +79,8 @@ def save(path: str | os.PathLike[str], record: Any) -> None:
 
     if type(record).__name__ not in RECORDS:
         raise InputError(f"save got {type(record).__name__}; expected one of {', '.join(sorted(RECORDS))}")
+    if isinstance(record, Capture):
+        record.frames_of(slice(0, 1))  # refuses, before anything is written, one whose file was closed
     with (
         atomic_path(path) as temporary,
         open(temporary, "w+b") as raw,
@@ -88,7 +90,7 @@ def save(path: str | os.PathLike[str], record: Any) -> None:
         file.attrs["format"] = "millisight"
         file.attrs["schema_version"] = SCHEMA_VERSION
         file.attrs["code_version"] = importlib.metadata.version("millisight")
-        file.attrs["command"] = shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
+        file.attrs["command"] = printable(shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]]))
         file.attrs["created"] = datetime.now(UTC).isoformat(timespec="seconds")
         _write(file, record, sink)
         file.attrs["digest"] = _digest(file)
@@ -120,16 +122,17 @@ def open_capture(path: str | os.PathLike[str]) -> Iterator[Capture]:
         As `load`; FormatError also where the file holds another record.
     """
     with _opened(path) as file:
-        if file.attrs.get("record") != "Capture":
-            raise FormatError(f"{path} holds a {file.attrs.get('record')}; expected a Capture")
+        if _kind(file, path) != "Capture":
+            raise FormatError(f"{path} holds a {_kind(file, path)}; expected a Capture")
         yield _read(file, path, lazy=("frames",))
 
 
 def provenance(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """What the file says of its own making: record, schema_version, code_version, command, created."""
+    """What the file says of its own making: record, schema_version, code_version, command, created; or "unknown"."""
     with _opened(path) as file:
         names = ("record", "schema_version", "code_version", "command", "created")
-        return {name: _plain(file.attrs[name]) for name in names if name in file.attrs}
+        told = {name: _plain(file.attrs.get(name, "unknown")) for name in names}
+        return {name: value if isinstance(value, int | str) else str(value) for name, value in told.items()}
 
 
 class _Sink:
@@ -140,7 +143,7 @@ class _Sink:
 
     def __init__(self, raw: Any):
         self._raw = raw
-        self.error: OSError | None = None
+        self.error: BaseException | None = None
 
     def write(self, data: Any) -> int:
         self._attempt(self._raw.write, data)
@@ -171,7 +174,7 @@ class _Sink:
         if self.error is None:
             try:
                 action(*arguments)
-            except OSError as error:
+            except BaseException as error:  # Ctrl-C as well: it must not pass through HDF5 either
                 self.error = error
 
     def check(self) -> None:
@@ -190,8 +193,7 @@ class _Sink:
 def _opened(path: str | os.PathLike[str]) -> Iterator[Any]:
     import h5py
 
-    if not os.path.isfile(path):
-        raise FileError(f"{path}: no such file")
+    path = check_readable(path)
     with open(path, "rb") as raw:
         start = raw.read(8)
     if start != b"\x89HDF\r\n\x1a\n":
@@ -202,9 +204,9 @@ def _opened(path: str | os.PathLike[str]) -> Iterator[Any]:
         raise DamagedFileError(f"{path} cannot be opened as HDF5: {_reason(error)}; make or copy it again") from error
     with file:
         try:
-            ours = _plain(file.attrs.get("format")) == "millisight"
+            ours = str(_plain(file.attrs.get("format"))) == "millisight"
             version = int(file.attrs.get("schema_version", 0))
-            intact = file.attrs.get("digest") == _digest(file)
+            intact = str(file.attrs.get("digest")) == _digest(file)
         except (OSError, RuntimeError, KeyError, TypeError, ValueError) as error:
             raise DamagedFileError(f"{path} is damaged: {_reason(error)}; make or copy it again") from error
         if not ours:
@@ -235,8 +237,8 @@ def _write(group: Any, record: Any, sink: _Sink) -> None:
         elif not isinstance(value, tuple) and np.shape(value):
             about = _write_array(group, field.name, value, sink).attrs
         else:
-            plain = isinstance(value, str | int | float | complex | np.number)
-            group.attrs[field.name] = value if plain else _JSON + json.dumps(_unfrozen(value))
+            plain = isinstance(value, int | float | complex | np.number) or _is_plain_text(value)
+            group.attrs[field.name] = value if plain else _JSON + json.dumps(value)
             continue
         for name, text in _ABOUT.get(field.name, {}).items():
             about[name] = text
@@ -258,7 +260,7 @@ def _write_array(group: Any, name: str, array: Any, sink: _Sink) -> Any:
 
 def _read(group: Any, path: str | os.PathLike[str], lazy: tuple[str, ...] = ()) -> Any:
     """Build the record of a group; whatever does not fit is a damaged file."""
-    name = _plain(group.attrs.get("record"))
+    name = _kind(group, path)
     if name not in RECORDS:
         raise FormatError(f"{path} holds {name!r}; expected one of {', '.join(sorted(RECORDS))}")
     values: dict[str, Any] = {}
@@ -271,7 +273,7 @@ def _read(group: Any, path: str | os.PathLike[str], lazy: tuple[str, ...] = ()) 
         return RECORDS[name](**values)
     except FileError:
         raise
-    except (OSError, RuntimeError, KeyError, TypeError, ValueError) as error:
+    except (OSError, RuntimeError, LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
         raise DamagedFileError(f"{path} is damaged at {group.name}: {_reason(error)}; make or copy it again") from error
 
 
@@ -286,7 +288,11 @@ def _read_item(item: Any, path: str | os.PathLike[str], *, lazily: bool) -> Any:
             f"{path} is damaged at {item.name}: {item.id.get_storage_size()} bytes stored, "
             f"{item.nbytes} expected; make or copy it again"
         )
-    return item if lazily else item[...]
+    if lazily:
+        return item
+    array = item[...]
+    array.flags.writeable = False  # so that the record takes it as it is
+    return array
 
 
 def _digest(file: Any) -> str:
@@ -312,8 +318,17 @@ def _plain(value: Any) -> Any:
     return value.item() if isinstance(value, np.generic) else value
 
 
-def _unfrozen(value: Any) -> Any:
-    return dict(value) if isinstance(value, Mapping) else value
+def _is_plain_text(value: Any) -> bool:
+    """Whether a text can be an attribute as it is: HDF5 holds no NUL and only UTF-8; and `_JSON` marks JSON."""
+    return isinstance(value, str) and not value.startswith(_JSON) and "\0" not in value and printable(value) == value
+
+
+def _kind(group: Any, path: str | os.PathLike[str]) -> str:
+    """The name of the record that a group holds."""
+    name = _plain(group.attrs.get("record"))
+    if not isinstance(name, str):
+        raise DamagedFileError(f"{path} is damaged at {group.name}: it names no record; make or copy it again")
+    return name
 
 
 def _reason(error: BaseException) -> str:

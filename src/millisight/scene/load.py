@@ -15,7 +15,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from millisight.errors import FileError, MeshError, UnknownNameError
-from millisight.scene.mesh import TriangleMesh
+from millisight.files import printable
+from millisight.scene.mesh import TriangleMesh, check_reach
 
 if TYPE_CHECKING:
     import trimesh
@@ -58,7 +59,7 @@ def load_mesh(
         raise UnknownNameError("unit of length", unit, UNITS)
     if isinstance(source, str | os.PathLike):
         path = Path(source)
-        name, scene = path.name, _read(path)
+        name, scene = printable(path.name), _read(path)
     else:
         name, scene = f"the {type(source).__name__}", source
     vertices, faces, stated = _flattened(scene, name)
@@ -72,9 +73,9 @@ def _read(path: Path) -> Any:
     """The trimesh scene in a file."""
     import trimesh
 
-    if not path.is_file():
-        kind = "is a folder" if path.is_dir() else "does not exist"
-        raise FileError(f"{path} {kind}; expected a mesh file ({', '.join(FORMATS)})")
+    if not os.path.isfile(path):
+        kind = "is a folder" if os.path.isdir(path) else "does not exist"
+        raise FileError(f"{printable(path)} {kind}; expected a mesh file ({', '.join(FORMATS)})")
     suffix = path.suffix.lower().removeprefix(".")
     if suffix not in FORMATS:
         raise UnknownNameError("mesh format", suffix, FORMATS)
@@ -85,19 +86,22 @@ def _read(path: Path) -> Any:
             scene = trimesh.load_scene(file, file_type=suffix, process=False, skip_materials=True)
             declared = _declared_faces(file) if suffix == "off" else 0
     except OSError as error:
-        raise FileError(f"cannot read {path}: {error.strerror or error}; check its permissions") from error
+        raise FileError(f"cannot read {printable(path)}: {error.strerror or error}; check its permissions") from error
     except ImportError as error:
         # trimesh looks for a package to guess the encoding: the file is no text, after it was no binary mesh.
-        raise MeshError(f"{path.name} is neither text nor a whole binary {suffix.upper()}; export it again") from error
+        raise MeshError(
+            f"{printable(path.name)} is neither text nor a whole binary {suffix.upper()}; export it again"
+        ) from error
     except Exception as error:  # each of trimesh's readers fails in its own way
         raise MeshError(
-            f"{path.name} cannot be read as {suffix.upper()} ({type(error).__name__}: {_one_line(error)}): it is "
-            "truncated, damaged, or of another format; export it again"
+            f"{printable(path.name)} cannot be read as {suffix.upper()} "
+            f"({type(error).__name__}: {_one_line(error)}): it is truncated, damaged, or of another format; "
+            "export it again"
         ) from error
     found = sum(len(getattr(part, "faces", ())) for part in scene.geometry.values())
     if not found or found < declared:
         raise MeshError(
-            f"{path.name} gives {found} faces{f' of {declared}' if declared else ''}; expected a surface in "
+            f"{printable(path.name)} gives {found} faces{f' of {declared}' if declared else ''}; expected a surface in "
             f"{suffix.upper()} format: it is empty, truncated, or of another format; export it again as triangles"
         )
     return scene
@@ -136,7 +140,7 @@ def _flattened(scene: Any, name: str) -> tuple[np.ndarray, np.ndarray, float | N
             )
         mirrored = np.linalg.det(transform[:3, :3]) < 0
         faces.append(start + (corners[:, ::-1] if mirrored else corners))
-        with np.errstate(invalid="ignore"):  # infinite vertices are refused later, if a face uses them
+        with np.errstate(invalid="ignore", over="ignore"):  # infinite vertices are refused later, if a face uses them
             vertices.append(np.asarray(part.vertices, dtype=float) @ transform[:3, :3].T + transform[:3, 3])
         start += len(part.vertices)
     stated = None
@@ -172,7 +176,7 @@ def _scale(vertices: np.ndarray, unit: str | None, stated: float | None, name: s
 def _length(metres: float) -> str:
     scale, unit = next(((s, u) for s, u in ((1, "m"), (0.01, "cm")) if metres >= s), (0.001, "mm"))
     value = metres / scale
-    return f"{value:.0f} {unit}" if value >= 100 else f"{value:.3g} {unit}"
+    return f"{value:.0f} {unit}" if 100 <= value < 1e6 else f"{value:.3g} {unit}"
 
 
 # Mending -------------------------------------------------------------------------------------------------------
@@ -187,6 +191,7 @@ def _mended(vertices: np.ndarray, faces: np.ndarray, name: str) -> tuple[np.ndar
     unfit = int((~np.isfinite(vertices).all(axis=1)).sum())
     if unfit:
         raise MeshError(f"{name} has {unfit} vertices that are NaN or infinite; remove them or export it again")
+    check_reach(vertices, name)
     vertices, faces = _merged(vertices, faces)
 
     done = []

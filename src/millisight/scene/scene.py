@@ -1,13 +1,16 @@
 """Scenes: what the radar looks at."""
 
 import os
+from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from millisight.errors import InputError
+from millisight.files import printable
 from millisight.geometry import rotation_from_euler_deg
-from millisight.records import checked_array, put, record
+from millisight.records import checked_array, checked_numbers, checked_record, put, record
 from millisight.scene.material import Material, material_named
 from millisight.scene.mesh import TriangleMesh
 
@@ -19,6 +22,11 @@ class SceneObject:
     name: str
     mesh: TriangleMesh
     material: Material
+
+    def __post_init__(self) -> None:
+        checked_record(self.name, str, name="name")
+        checked_record(self.mesh, TriangleMesh, name="mesh")
+        checked_record(self.material, Material, name="material")
 
 
 @record
@@ -40,9 +48,10 @@ class Scene:
     objects: tuple[SceneObject, ...]
 
     def __post_init__(self) -> None:
-        if not self.objects:
+        objects = tuple(checked_record(self.objects, Iterable, name="objects"))
+        if not objects:
             raise InputError("a scene without objects; expected at least one")
-        put(self, objects=tuple(self.objects))
+        put(self, objects=tuple(checked_record(o, SceneObject, name="a scene's object") for o in objects))
 
     @classmethod
     def from_mesh(
@@ -70,9 +79,10 @@ class Scene:
         ------
         MeshError, UnknownNameError, InputError, FileError
         """
+        angles = checked_numbers(rotate_deg, name="rotate_deg", count=3, unit="deg")
         name, mesh, catalogued = _resolve(source, unit)
-        if any(rotate_deg):
-            mesh = mesh.moved(rotation=rotation_from_euler_deg(rotate_deg))
+        if any(angles):
+            mesh = mesh.moved(rotation=rotation_from_euler_deg(angles))
         if center:
             mesh = mesh.moved(translation=-mesh.bounds.mean(axis=0))
         if vertices is not None:
@@ -82,7 +92,7 @@ class Scene:
         return cls(objects=(SceneObject(name=name, mesh=mesh, material=material_named(material or catalogued)),))
 
     def __add__(self, other: "Scene") -> "Scene":
-        return Scene(objects=self.objects + other.objects)
+        return Scene(objects=self.objects + checked_record(other, Scene, name="what is added to a scene").objects)
 
     def moved(self, translation: Any) -> "Scene":
         """The scene shifted by (3,) metres."""
@@ -127,5 +137,5 @@ def _resolve(source: Any, unit: str | None) -> tuple[str, TriangleMesh, str]:
         return source, mesh, CATALOGUE[source].material
     from millisight.scene.load import load_mesh
 
-    name = os.path.splitext(os.path.basename(source))[0] if isinstance(source, str | os.PathLike) else "mesh"
-    return name, load_mesh(source, unit=unit), "metal"
+    name = Path(source).stem if isinstance(source, str | os.PathLike) else "mesh"
+    return printable(name), load_mesh(source, unit=unit), "metal"
