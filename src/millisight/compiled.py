@@ -1,6 +1,7 @@
 """How kernels are compiled: by Numba, in parallel, and cached on disk wherever a disk lets us."""
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from numba import njit
@@ -8,15 +9,27 @@ from numba import njit
 
 def kernel(**options: Any) -> Callable[[Callable], Any]:
     """Compile a function's loops over `prange` for all cores, and keep the machine code for the next process."""
+    return serial(parallel=True, **options)
+
+
+def serial(**options: Any) -> Callable[[Callable], Any]:
+    """Compile a function for one core, and keep the machine code for the next process."""
 
     def compile_lazily(function: Callable) -> Any:
         try:
-            return njit(parallel=True, cache=True, **options)(function)
+            return njit(cache=True, **options)(function)
         except RuntimeError:
             # Neither the package's folder nor the user's cache can be written to: compile in every process.
-            return njit(parallel=True, **options)(function)
+            return njit(**options)(function)
 
     return compile_lazily
+
+
+def is_kept(function: Any) -> bool:
+    """Whether an earlier process has left machine code of a `kernel` or `serial` function where Numba keeps it."""
+    folder = function.stats.cache_path
+    name = Path(function.py_func.__code__.co_filename).stem
+    return folder is not None and any(Path(folder).glob(f"{name}.{function.py_func.__qualname__}-*.nbi"))
 
 
 def inline(function: Callable, **options: Any) -> Any:

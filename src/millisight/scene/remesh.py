@@ -17,11 +17,11 @@ Everything is deterministic. numba compiles the inner loops: import this module 
 import logging
 from collections.abc import Callable
 
-import numba
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from millisight.compiled import serial
 from millisight.errors import InputError, MeshError
 from millisight.scene.mesh import TriangleMesh
 from millisight.scene.polish import caps_turned, part_volumes, summed, unit, volume_kept
@@ -176,7 +176,7 @@ def _seeds(surface: _Surface, count: int) -> np.ndarray:
     return labels
 
 
-@numba.njit(cache=True)
+@serial()
 def _grow(start, neighbours, labels):
     """Give every vertex without a label (-1) that of a nearest labelled one, counted in edges."""
     queue = np.empty(len(labels), dtype=np.int64)
@@ -204,7 +204,7 @@ def _settle_connected(surface: _Surface, labels: np.ndarray) -> None:
             return
 
 
-@numba.njit(cache=True)
+@serial()
 def _merit(mass, moment, weight, point):
     """|sum w x|² / sum w of a cluster with `weight` at `point` added: its inertia falls as this grows."""
     square = 0.0
@@ -213,7 +213,7 @@ def _merit(mass, moment, weight, point):
     return square / (mass + weight)
 
 
-@numba.njit(cache=True)
+@serial()
 def _settle(edges, points, weights, labels, sweeps):
     """Lower the clusters' moment of inertia: hand single vertices over their borders until none gains.
 

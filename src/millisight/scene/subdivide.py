@@ -1,7 +1,8 @@
 """Finer meshes of the same surface, for `remesh`: long edges halved, thin faces filled without waste."""
 
-import numba
 import numpy as np
+
+from millisight.compiled import serial
 
 SIDES = [0, 1, 1, 2, 2, 0]  # of a triangle, as pairs of corners
 
@@ -50,7 +51,7 @@ def split_long_edges(points: np.ndarray, faces: np.ndarray, longest: float) -> t
     return points, np.concatenate([faces, zigzag])
 
 
-@numba.njit(cache=True, inline="always")
+@serial(inline="always")
 def edge_codes(low, high):
     """One number for an edge between two vertices, the smaller index first; it sorts as the pair does."""
     return (low << 32) | high
@@ -88,7 +89,7 @@ def _split_faces(faces: np.ndarray, middle: np.ndarray) -> np.ndarray:
     return np.concatenate([np.stack([x[kept], y[kept], z[kept]], axis=1) for kept, x, y, z in pieces])
 
 
-@numba.njit(cache=True)
+@serial()
 def _walk(start, stop, codes, middles, chain, stack):
     """Fill `chain` with the vertices of a split edge from `start` to `stop`; return how many."""
     chain[0] = start
@@ -108,7 +109,7 @@ def _walk(start, stop, codes, middles, chain, stack):
     return size
 
 
-@numba.njit(cache=True)
+@serial()
 def _zigzag(thin, points, codes, middles):
     """Thin faces, tip first, filled from the tip down with the shorter rung each time."""
     left, right = np.empty(len(points), dtype=np.int64), np.empty(len(points), dtype=np.int64)
