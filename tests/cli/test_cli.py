@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -84,7 +85,7 @@ def test_from_a_mesh_file_to_an_image_and_pictures(tmp_path):
 def test_every_accepted_option_changes_the_capture(option, value, tmp_path):
     from typer.testing import CliRunner
 
-    from millisight.cli.main import app
+    from millisight.cli.app import app
 
     def frames(*extra):
         result = CliRunner().invoke(
@@ -230,26 +231,197 @@ def test_a_full_disk(capture):
     assert [p.name for p in capture.parent.iterdir()] == [capture.name]
 
 
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_interrupted_work_leaves_nothing_behind(tmp_path, number, code):
-    (tmp_path / "c.h5").write_bytes(b"an older result")
-    process = subprocess.Popen(
-        [sys.executable, "-m", "millisight.cli.main", "simulate", "mug", "--aperture", "published", "-o", "c.h5"],
-        cwd=tmp_path,
+def started(*arguments, cwd):
+    """The command under way, Ctrl-C heard even where the tests themselves run in the background."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "millisight.cli.main", *arguments],
+        cwd=cwd,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )
-    # Wait until it has spoken of the aperture: then it simulates, for many seconds.
+
+
+INTERRUPTED = "millisight: interrupted; files that were being written are left as they were before"
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_interrupted_work_leaves_nothing_behind(tmp_path, number, code):
+    (tmp_path / "c.h5").write_bytes(b"an older result")
+    process = started("simulate", "mug", "--aperture", "published", "-o", "c.h5", cwd=tmp_path)
+    # Wait until it has spoken of the aperture: then it simulates, for seconds.
     assert process.stdout is not None
     line = ""
     while not line.startswith("aperture:"):
         line = process.stdout.readline()
         assert line, process.communicate()
-    time.sleep(2)
+    time.sleep(0.5)
     process.send_signal(number)
     _, err = process.communicate(timeout=120)
     assert process.returncode == code, err
-    assert "Traceback" not in err
+    assert [line for line in err.splitlines() if not line.startswith("mesh")] == [INTERRUPTED]
     assert [p.name for p in tmp_path.iterdir()] == ["c.h5"]
     assert (tmp_path / "c.h5").read_bytes() == b"an older result"
+
+
+@pytest.mark.skipif(
+    not os.path.isdir("/proc/self"), reason="when the signals are listened to is read from Linux's /proc"
+)
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("delay", [0.0, 0.1, 0.3])
+def test_interrupted_while_it_still_imports(tmp_path, number, delay):
+    process = started("simulate", "mug", "--aperture", "published", cwd=tmp_path)
+
+    def listens():
+        with open(f"/proc/{process.pid}/status") as status:
+            caught = next(line.split()[1] for line in status if line.startswith("SigCgt"))
+        return int(caught, 16) >> (signal.SIGTERM - 1) & 1
+
+    while not listens():
+        time.sleep(0.002)
+        assert process.poll() is None
+    time.sleep(delay)
+    process.send_signal(number)
+    _, err = process.communicate(timeout=120)
+    assert (process.returncode, err.splitlines()) == (128 + number, [INTERRUPTED])
+
+
+LOST = """
+import ctypes, os, signal, sys
+from millisight.cli import app, console, main, interrupts
+
+def work():
+    with console.progress("work") as report:
+        # A call-back from C cannot raise: Python would report the exception, and go on.
+        ctypes.CFUNCTYPE(None)(lambda: os.kill(os.getpid(), signal.SIGINT))()
+        report(1, 2)
+        print("went on")
+
+console.kernels_cached = lambda: True
+app.app = work
+main.run()
+"""
+
+
+def test_an_interrupt_that_is_lost_in_a_call_back_still_ends_the_work(tmp_path):
+    done = subprocess.run([sys.executable, "-c", LOST], cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout, done.stderr.splitlines()) == (130, "", [INTERRUPTED])
+
+
+def test_wrong_usage_is_explained(tmp_path):
+    for arguments, expected in (
+        (("simulate", "mug", "--sigma", "1"), "No such option: --sigma"),
+        (("simulate", "mug", "--seed", "-1"), "Invalid value for '--seed'"),
+        (("simulate", "mug", "--rotate", "90"), "--rotate"),
+        (("focus",), "No such command 'focus'"),
+    ):
+        code, _, err = run(*arguments, cwd=tmp_path)
+        assert code == 2
+        assert expected in err
+        assert "millisight: " not in err
+        assert "Traceback" not in err
+    assert not list(tmp_path.iterdir())
+
+
+def test_help_shows_what_stands_in_brackets(tmp_path):
+    text = " ".join(run("simulate", "--help", cwd=tmp_path)[1].split())
+    for expected in ("[degrees]", "[dB]", "X Y Z", "--rotate 0 0 45", "A1 A2", "--alpha 0.7 0.3", "[default: half"):
+        assert expected in text
+
+
+def test_an_input_is_never_overwritten(capture):
+    folder = capture.parent
+    before = capture.read_bytes()
+    (folder / "link.h5").symlink_to(capture.name)
+    for output in (capture.name, f"../{folder.name}/{capture.name}", "link.h5"):
+        line = refused("image", capture.name, "--grid", "2cm", "-o", output, cwd=folder)
+        assert "is the input, and would be overwritten" in line
+    os.link(capture, folder / "scan.png")
+    assert "is the input" in refused("image", capture.name, "--slices", "scan.png", cwd=folder)
+    assert "would be written twice" in refused(
+        "image", capture.name, "--plot", "a.png", "--slices", "a.png", cwd=folder
+    )
+    assert capture.read_bytes() == before
+    trimesh.creation.box((0.06, 0.05, 0.04)).export(folder / "part.stl")
+    assert "is the input" in refused("simulate", "part.stl", *COARSE, "-o", "part.stl", cwd=folder)
+
+
+def test_a_grid_of_nothing_is_refused(capture):
+    for grid, expected in (
+        ("0mm", "spacing is 0 m"),
+        ("", "--grid is ''; expected a length"),
+        ("0.00001mm", "voxels; expected"),
+    ):
+        assert expected in refused("image", capture.name, "--grid", grid, cwd=capture.parent)
+    for option in ("--step", "--aperture"):
+        assert f"{option} is ''" in refused("simulate", "cracker_box", *COARSE, option, "", cwd=capture.parent)
+
+
+def test_the_unit_is_asked_for_in_the_command_lines_words(tmp_path):
+    trimesh.creation.box((117, 93, 81)).export(tmp_path / "huge.stl")
+    line = refused("simulate", "huge.stl", cwd=tmp_path)
+    assert "Pass --unit mm or --unit cm, or --unit m to keep it" in line
+
+
+def test_noise_has_the_stated_ratio_when_models_are_combined(tmp_path):
+    options = ["simulate", "mug", *COARSE, "--step", "1cm"]
+    assert run(*options, "-o", "clean.h5", cwd=tmp_path)[0] == 0
+    code, _, err = run(*options, "--snr-db", "7", "--seed", "3", "-o", "noisy.h5", cwd=tmp_path)
+    assert code == 0, err
+    clean, noisy = ms.load(tmp_path / "clean.h5"), ms.load(tmp_path / "noisy.h5")
+    assert clean.frames.size > 100_000
+    ratio = np.mean(np.abs(clean.frames) ** 2) / np.mean(np.abs(noisy.frames - clean.frames) ** 2)
+    assert 10 * np.log10(ratio) == pytest.approx(7, abs=0.2)
+    assert noisy.metadata["history"][-1] == {"step": "add_noise", "snr_db": 7.0, "seed": 3}
+    assert "snr_db is nan" in refused("simulate", "mug", "--snr-db", "nan", cwd=tmp_path)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="such names exist where names are bytes")
+def test_file_names_in_another_encoding(tmp_path):
+    name = os.fsdecode(b"M\xfchle.stl")
+    trimesh.creation.box((0.06, 0.05, 0.04)).export(tmp_path / name)
+    code, out, err = run("simulate", name, *COARSE, "--step", "2cm", cwd=tmp_path)
+    assert code == 0, err
+    assert r"object: M\udcfchle, 6.0 x 5.0 x 4.0 cm" in out
+    output = os.fsdecode(b"M\xfchle.capture.h5")
+    code, out, err = run("info", output, name, cwd=tmp_path)
+    assert code == 0, err
+    assert r"command: main.py simulate" in out
+    assert r"M\udcfchle" in out
+
+
+def test_absurd_coordinates_get_one_short_line(tmp_path):
+    (tmp_path / "far.off").write_text("OFF\n3 1 0\n0 0 0\n1e308 0 0\n0 -1e308 0\n3 0 1 2\n")
+    line = refused("simulate", "far.off", cwd=tmp_path)
+    assert "far.off has coordinates of 1e+308" in line
+    assert len(line) < 200
+
+
+def test_the_outline_of_the_mesh_is_drawn(tmp_path):
+    trimesh.creation.box((6, 5, 4)).export(tmp_path / "part.stl")
+    turned = ["--unit", "cm", "--rotate", "0", "90", "0"]
+    code, _, err = run("simulate", "part.stl", *COARSE, *turned, "-o", "p.h5", cwd=tmp_path)
+    assert code == 0, err
+    options = ["image", "p.h5", "--grid", "1cm", "-o", "i.h5"]
+    pictures = []
+    for extra in ([], ["--outline", "part.stl"]):
+        code, _, err = run(*options, "--plot", "i.png", "--slices", "s.png", *extra, cwd=tmp_path)
+        assert code == 0, err
+        pictures.append((tmp_path / "i.png").read_bytes())
+    assert pictures[0] != pictures[1]
+    # What would draw nothing, or the wrong thing.
+    assert "add --plot or --slices" in refused(*options, "--outline", "part.stl", cwd=tmp_path)
+    line = refused(*options, "--plot", "j.png", "--outline", "mug", cwd=tmp_path)
+    assert "--outline mug is" in line
+    assert "the capture's scene was 4.0 x 5.0 x 6.0 cm" in line
+
+
+def test_examples_say_how_they_are_used(tmp_path):
+    examples = Path(__file__).resolve().parents[2] / "examples"
+    scripts = sorted(examples.glob("*.py"))
+    assert len(scripts) >= 2
+    for script in scripts:
+        done = subprocess.run([sys.executable, script], cwd=tmp_path, capture_output=True, text=True, timeout=60)
+        assert done.returncode == 2
+        assert done.stderr.startswith(f"usage: python examples/{script.name} ")

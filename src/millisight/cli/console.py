@@ -1,17 +1,19 @@
 """What the commands share: lengths as people write them, progress on screen, and a clean end."""
 
+import os
 import re
-import signal
 import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from itertools import combinations
 from pathlib import Path
 
 import typer
 
+from millisight.cli import interrupts
 from millisight.errors import InputError, UnknownNameError
-from millisight.files import FIGURE_SUFFIXES, check_writable
+from millisight.files import FIGURE_SUFFIXES, check_writable, printable, same_file
 
 _UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "": 1.0}
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
@@ -35,13 +37,22 @@ def size(text: str, *, option: str) -> tuple[float, float]:
     return float(match[1]) * _UNITS[match[3]], float(match[2]) * _UNITS[match[3]]
 
 
-def check_outputs(*paths: Path | None, figures: tuple[Path | None, ...] = ()) -> None:
-    """Refuse before the work what could not be written after it: missing folders, unknown figure formats.
+def check_outputs(*paths: Path | None, figures: tuple[Path | None, ...] = (), source: Path | None = None) -> None:
+    """Refuse before the work what could not, or must not, be written after it.
+
+    That is: the `source` itself, one file twice, a missing folder, an unknown figure format.
 
     Raises
     ------
-    FileError, UnknownNameError
+    FileError, InputError, UnknownNameError
     """
+    outputs = [path for path in (*paths, *figures) if path is not None]
+    for path in outputs:
+        if source is not None and os.path.exists(source) and same_file(path, source):
+            raise InputError(f"{path} is the input, and would be overwritten; choose another name for the output")
+    for one, other in combinations(outputs, 2):
+        if same_file(one, other):
+            raise InputError(f"{one} would be written twice, and the first result lost; choose two names")
     for path in (*paths, *figures):
         if path is not None:
             check_writable(path)
@@ -52,7 +63,12 @@ def check_outputs(*paths: Path | None, figures: tuple[Path | None, ...] = ()) ->
 
 def say(line: str) -> None:
     """One line of output, never wrapped."""
-    typer.echo(line)
+    typer.echo(printable(line))
+
+
+def in_options(message: str) -> str:
+    """A message of the library with its arguments named as the command line names them."""
+    return re.sub(r"\b(unit)=(?:'(\w+)'|\.\.\.)", lambda m: f"--{m[1]} {m[2] or m[1].upper()}", message)
 
 
 @contextmanager
@@ -67,7 +83,12 @@ def progress(label: str) -> Iterator[Progress]:
         columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
         with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
             task = bar.add_task(label_now, total=None)
-            yield lambda done, total: bar.update(task, completed=done, total=total, description=label)
+
+            def show(done: int, total: int) -> None:
+                interrupts.check()
+                bar.update(task, completed=done, total=total, description=label)
+
+            yield show
     else:
         if label_now != label:
             typer.echo(label_now, err=True)
@@ -75,6 +96,7 @@ def progress(label: str) -> Iterator[Progress]:
 
         def report(done: int, total: int) -> None:
             nonlocal spoken
+            interrupts.check()
             now = time.monotonic()
             if done < total and now - spoken > 10:
                 spoken = now
@@ -82,15 +104,13 @@ def progress(label: str) -> Iterator[Progress]:
                 typer.echo(f"{label}: {100 * done // total} %, about {left:.0f} s left", err=True)
 
         yield report
+    interrupts.check()
     typer.echo(f"{label}: {time.monotonic() - started:.1f} s", err=True)
 
 
 def kernels_cached() -> bool:
-    """Whether Numba's machine code of an earlier run lies where it is kept beside the package."""
-    package = Path(__file__).resolve().parents[1]
-    return any(package.glob("*/__pycache__/_kernels.*.nbi"))
+    """Whether an earlier run left Numba's machine code where this one will look for it."""
+    from millisight.capture import _kernels
+    from millisight.compiled import is_kept
 
-
-def end_on_sigterm() -> None:
-    """Let SIGTERM end the program as an exception does, so that temporary files are removed."""
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
+    return is_kept(_kernels.node_signals)

@@ -3,13 +3,14 @@
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 import typer
 
 from millisight.capture.capture import Capture
-from millisight.cli.console import say
-from millisight.errors import FileError, MillisightError
+from millisight.cli.console import in_options, say
+from millisight.errors import MillisightError
+from millisight.files import check_readable
 from millisight.imaging.image import SarImage
+from millisight.records import box
 
 
 def info(
@@ -25,7 +26,7 @@ def info(
             lines = _describe(path)
         except MillisightError as error:
             failed = True
-            typer.echo(f"millisight: {error}", err=True)
+            typer.echo(f"millisight: {in_options(str(error))}", err=True)
             continue
         say(f"file: {path}")
         for line in lines:
@@ -35,8 +36,7 @@ def info(
 
 
 def _describe(path: Path) -> list[str]:
-    if not path.is_file():
-        raise FileError(f"{path}: no such file")
+    path = check_readable(path)
     from millisight.scene.load import FORMATS, load_mesh
 
     if path.suffix.lower().removeprefix(".") in FORMATS:
@@ -65,7 +65,7 @@ def _capture_lines(capture: Capture) -> list[str]:
         f"x {len(array.tx_positions)} TX x {len(array.rx_positions)} RX, {waveform.samples_per_chirp} samples",
         f"radar: {capture.radar.name}, {first / 1e9:.4f} to {last / 1e9:.4f} GHz, "
         f"range resolution {waveform.range_resolution * 100:.3g} cm, path offset {capture.radar.path_offset:g} m",
-        f"aperture: {_box(lower, upper)}",
+        f"aperture: {box(lower, upper)}",
         *_history(capture.metadata),
     ]
 
@@ -74,19 +74,15 @@ def _image_lines(image: SarImage) -> list[str]:
     grid = image.grid
     return [
         f"record: SarImage, {' x '.join(map(str, grid.shape))} voxels",
-        f"grid: {_box(*grid.bounds)}",
+        f"grid: {box(*grid.bounds)}",
         f"peak: {image.magnitude.max():.4g} at {', '.join(f'{p:.4f}' for p in image.peak)} m",
         *_history(image.metadata),
     ]
-
-
-def _box(lower: np.ndarray, upper: np.ndarray) -> str:
-    return ", ".join(f"{name} {a:.3f} to {b:.3f} m" for name, a, b in zip("xyz", lower, upper, strict=True))
 
 
 def _history(metadata: Any) -> list[str]:
     steps = []
     for entry in metadata.get("history", ()):
         settings = ", ".join(f"{k}={v}" for k, v in entry.items() if k not in ("step", "edge"))
-        steps.append(f"step: {entry['step']}({settings})")
+        steps.append(f"step: {entry.get('step', 'unknown')}({settings})")
     return steps

@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from millisight.capture.capture import Capture
+from millisight.capture.noise import add_noise, check_noise
 from millisight.capture.radar import Radar
 from millisight.capture.simulate import simulate as simulate_capture
 from millisight.capture.trajectory import Trajectory
@@ -30,10 +32,18 @@ def simulate(
     ] = "combined",
     alpha: Annotated[
         tuple[float, float] | None,
-        typer.Option(help="Weights of specular and edge, for --model combined. [default: as the material's]"),
+        typer.Option(
+            metavar="A1 A2",
+            help="Weights of specular and edge, such as --alpha 0.7 0.3, for --model combined. "
+            "[default: as the material's]",
+        ),
     ] = None,
     rotate: Annotated[
-        tuple[float, float, float], typer.Option(help="Turn the mesh about x, then y, then z [degrees].")
+        tuple[float, float, float],
+        typer.Option(
+            metavar="X Y Z",
+            help="Turn the mesh about x, then y, then z, such as --rotate 0 0 45 [degrees].",
+        ),
     ] = (0.0, 0.0, 0.0),
     unit: Annotated[str | None, typer.Option(help="Unit of the mesh file: m, cm, mm or in.")] = None,
     vertices: Annotated[
@@ -58,7 +68,7 @@ def simulate(
     two_sided: Annotated[bool, typer.Option("--two-sided", help="Specular: opposite normals count too.")] = False,
     spreading: Annotated[str, typer.Option(help="Amplitude over path length: none, as in the paper, or 1/d.")] = "none",
     snr_db: Annotated[float | None, typer.Option(help="Add white noise at this signal-to-noise ratio [dB].")] = None,
-    seed: Annotated[int, typer.Option(help="Seed of the noise.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the noise.")] = 0,
     plot: Annotated[
         Path | None, typer.Option(help="Write a picture of aperture and range profiles (PNG, SVG, PDF).")
     ] = None,
@@ -71,7 +81,10 @@ def simulate(
 
     if alpha is not None and model != "combined":
         raise InputError(f"--alpha weighs specular against edge and has no meaning for --model {model}; leave one out")
-    check_outputs(output, figures=(plot,))
+    output = output or Path(f"{Path(mesh).stem}.capture.h5")
+    check_outputs(output, figures=(plot,), source=Path(mesh))
+    if snr_db is not None:
+        check_noise(snr_db, seed)
     chosen = Radar.preset(radar)
     with progress("mesh"):
         scene = Scene.from_mesh(mesh, unit=unit, vertices=vertices or None, rotate_deg=rotate, material=material)
@@ -82,22 +95,27 @@ def simulate(
     say(f"aperture: {len(trajectory)} positions over "
         f"{' x '.join(f'{e * 100:.1f}' for e in trajectory.extent[:2])} cm, {chosen.name}")  # fmt: skip
 
-    noise = {"snr_db": snr_db, "rng": seed} if snr_db is not None else {}
     captures = []
     for name in ("specular", "edge") if model == "combined" else (model,):
         with progress(f"simulate {name}") as report:
             captures.append(
                 simulate_capture(
                     scene, chosen, trajectory, model=name, tau_deg=tau_deg, edge_deg=edge_deg, two_sided=two_sided,
-                    spreading=spreading, progress=report, **noise,
+                    spreading=spreading, progress=report,
                 )
             )  # fmt: skip
     capture = captures[0] if len(captures) == 1 else combine(captures[0], captures[1], alpha or scene.alpha)
+    # How the mesh was placed, for who wants to draw it over the image.
+    placed = {"unit": unit, "rotate_deg": rotate}
+    capture = Capture(radar=chosen, trajectory=trajectory, frames=capture.frames,
+                      metadata={**capture.metadata, "placed": placed})  # fmt: skip
+    if snr_db is not None:
+        # After the two were combined: noise of each would be the same noise, and the stated ratio none of the sum's.
+        capture = add_noise(capture, snr_db=snr_db, rng=seed)
     if not capture.metadata["lit_fraction"]:
         say("warning: no vertex is lit from anywhere: the capture is empty; turn the object, or try another model")
     else:
         say(f"lit: {100 * capture.metadata['lit_fraction']:.0f} % of the vertices, from somewhere")
-    output = output or Path(f"{scene.objects[0].name}.capture.h5")
     save(output, capture)
     say(f"wrote {output}: {capture.channels} channels of {chosen.waveform.samples_per_chirp} samples")
     if plot is not None:
@@ -116,8 +134,8 @@ def _trajectory(aperture: str | None, step: str | None, height: str, radar: Rada
         published = Trajectory.published(radar.waveform.start_frequency)
         trajectory = Trajectory(times=published.times, positions=published.positions - [0, 0, 0.2] + center)
     else:
-        spacing = length(step, option="--step") if step else radar.waveform.wavelength / 2
-        area = size(aperture, option="--aperture") if aperture else tuple(extent[:2] + 2 * _MARGIN)
+        spacing = length(step, option="--step") if step is not None else radar.waveform.wavelength / 2
+        area = size(aperture, option="--aperture") if aperture is not None else tuple(extent[:2] + 2 * _MARGIN)
         trajectory = Trajectory.raster(size=area, step=spacing, center=center)
     check_coverage(trajectory, extent, center[2])
     return trajectory

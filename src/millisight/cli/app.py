@@ -1,0 +1,33 @@
+"""The Typer application: every subcommand is a thin module; here they meet."""
+
+from importlib.metadata import version
+
+import typer
+
+from millisight.cli import demo, image, info, simulate
+
+app = typer.Typer(
+    invoke_without_command=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,  # with it, whatever stands in square brackets is lost: defaults, units
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="See through boxes with millimetre waves: simulate what a radar measures of a mesh, and image it.\n\n"
+    "Start with: millisight demo",
+)
+app.command("demo")(demo.demo)
+app.command("simulate")(simulate.simulate)
+app.command("image")(image.image)
+app.command("info")(info.info)
+
+
+@app.callback()
+def _main(
+    context: typer.Context,
+    show_version: bool = typer.Option(False, "--version", help="Print the version and exit.", is_eager=True),
+) -> None:
+    if show_version:
+        typer.echo(version("millisight"))
+        raise typer.Exit
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())

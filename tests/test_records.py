@@ -1,0 +1,144 @@
+"""What every record shares: checks, read-only arrays and metadata, copies; and one way to compile."""
+
+import copy
+import pickle
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import millisight as ms
+from millisight.errors import InputError
+from millisight.records import checked_array, checked_integer, checked_metadata, checked_numbers
+
+PACKAGE = Path(ms.__file__).parent
+
+
+def test_a_read_only_view_of_a_writable_array_is_copied():
+    base = np.zeros((4, 3))
+    view = base[:2]
+    view.flags.writeable = False
+    array = checked_array(view, name="x", shape=("n", 3))
+    base[0, 0] = 5
+    assert array[0, 0] == 0
+    base.flags.writeable = False
+    assert checked_array(base, name="x", shape=("n", 3)) is base  # nobody can write to it: no copy
+
+
+def test_an_array_behind_another_object_is_copied():
+    class Wrapped:
+        def __init__(self):
+            self.inner = np.zeros(3)
+
+        def __array__(self, dtype=None, copy=None):
+            return self.inner
+
+    wrapped = Wrapped()
+    array = checked_array(wrapped, name="x", shape=(3,))
+    wrapped.inner[0] = 5
+    assert array[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("value", "dtype", "message"),
+    [
+        ([0.5, 1], np.int64, "x cannot be read as an array of int64: it holds values that are not whole"),
+        ([1j], np.float64, "x cannot be read .* complex"),
+        ([10**400], np.float64, "x cannot be read"),
+        ([[1], [1, 2]], np.float64, "x cannot be read"),
+        (["a"], np.float64, "x cannot be read"),
+        ([1e300], np.complex64, "x has 1 values that are NaN or infinite"),
+    ],
+)
+def test_what_is_no_array_is_refused(value, dtype, message):
+    with pytest.raises(InputError, match=message):
+        checked_array(value, name="x", shape=("n",), dtype=dtype)
+
+
+def test_whole_numbers():
+    assert [checked_integer(v, name="n") for v in (4, 4.0, np.int8(4), np.float32(4))] == [4] * 4
+    for value in (0, 2.5, "4", True, None, np.nan, [4]):
+        with pytest.raises(InputError, match="n is .*; expected a whole number of at least 1"):
+            checked_integer(value, name="n")
+
+
+def test_several_numbers():
+    assert checked_numbers(2, name="n", count=2, repeat=True) == (2.0, 2.0)
+    assert checked_numbers(np.array([1, 2]), name="n", count=2) == (1.0, 2.0)
+    for value in (2, "12", None, {1: 2, 3: 4}, (1, 2, 3), (1, "a"), np.zeros(()), object()):
+        with pytest.raises(InputError, match="n (is|has)"):
+            checked_numbers(value, name="n", count=2)
+
+
+def test_metadata_cannot_be_changed_at_any_depth():
+    given = {"history": [{"step": "made", "seed": 3, "numbers": [1, 2]}]}
+    metadata = checked_metadata(given)
+    given["history"][0]["seed"] = 4
+    assert metadata["history"][-1]["seed"] == 3
+    assert metadata == {"history": [{"step": "made", "seed": 3, "numbers": [1, 2]}]}
+    for change in (
+        lambda: metadata.update(a=1),
+        lambda: metadata["history"].append({}),
+        lambda: metadata["history"][0].__setitem__("seed", 4),
+        lambda: metadata["history"][0]["numbers"].sort(),
+    ):
+        with pytest.raises(TypeError, match="metadata is read-only"):
+            change()
+
+
+@pytest.mark.parametrize("metadata", [3, {"history": 3}, {"history": ["made"]}, {"a": np.nan}, {"a": np.zeros(2)}])
+def test_impossible_metadata_is_refused(metadata):
+    with pytest.raises(InputError, match="metadata"):
+        checked_metadata(metadata)
+
+
+@pytest.mark.parametrize("copied", [copy.copy, copy.deepcopy, lambda r: pickle.loads(pickle.dumps(r))])  # noqa: S301
+def test_copies_are_whole_and_read_only(copied):
+    grid = ms.VoxelGrid.regular((0, 0, 0), (0.01, 0.01, 0), 0.01)
+    metadata = {"history": [{"step": "made", "seed": 3}]}
+    image = ms.SarImage(grid=grid, values=np.arange(4).reshape(2, 2, 1), metadata=metadata)
+    twin = copied(image)
+    assert twin.metadata == metadata
+    assert np.array_equal(twin.values, image.values)
+    assert twin.grid.shape == grid.shape
+    for array in (twin.values, twin.grid.x):
+        assert not array.flags.writeable
+    with pytest.raises(TypeError, match="read-only"):
+        twin.metadata["history"][0]["seed"] = 4
+    scene = copied(ms.Scene.from_mesh("cracker_box", vertices=None))
+    assert scene.objects[0].name == "cracker_box"
+
+
+def test_only_one_module_calls_numbas_compiler():
+    """Elsewhere a cache that cannot be written to would end the import."""
+    calls = re.compile(r"\bnjit\b|numba\.jit")
+    found = [str(p.relative_to(PACKAGE)) for p in sorted(PACKAGE.rglob("*.py")) if calls.search(p.read_text("utf-8"))]
+    assert found == ["compiled.py"]
+
+
+WITHOUT_CACHE = """
+from numba.core import caching
+caching.CacheImpl._locator_classes = []  # as where neither the package nor the home can be written to
+import millisight as ms
+from millisight.cli.console import kernels_cached
+scene = ms.Scene.from_mesh("rubiks_cube", vertices=200)
+capture = ms.simulate(scene, ms.Radar.preset("mito-sim-24ghz"), ms.Trajectory.raster(size=0.1, step=0.1), model="edge")
+print(capture.frames.any(), kernels_cached())
+"""
+
+
+def test_simulate_runs_where_no_machine_code_can_be_kept(tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-c", WITHOUT_CACHE], cwd=tmp_path, capture_output=True, text=True, timeout=300
+    )
+    assert done.stdout.split() == ["True", "False"], done.stderr
+
+
+def test_machine_code_is_looked_for_where_numba_keeps_it(tmp_path):
+    code = "from millisight.cli.console import kernels_cached; print(kernels_cached())"
+    settings = {"NUMBA_CACHE_DIR": str(tmp_path), "PATH": ""}
+    done = subprocess.run([sys.executable, "-c", code], env=settings, capture_output=True, text=True, timeout=120)
+    assert done.stdout.split() == ["False"], done.stderr
