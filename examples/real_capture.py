@@ -46,6 +46,9 @@ def image_letter(path: Path) -> ms.SarImage:
 
 
 def main() -> None:
+    if len(sys.argv) != 3:
+        print(f"usage: {__doc__.splitlines()[2].strip()}", file=sys.stderr)
+        sys.exit(2)
     from millisight.viz.plots import plot_projections, save_figure
 
     source, picture = Path(sys.argv[1]), Path(sys.argv[2])
