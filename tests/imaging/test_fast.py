@@ -1,13 +1,15 @@
 """Factorised backprojection against the exact imager, over geometries that it was not tuned on."""
 
+from itertools import pairwise
+
 import numba
 import numpy as np
 import pytest
-from oracles import point_frames, relative
 
 import millisight as ms
 from millisight.imaging import fast as module
 from millisight.imaging.fast import make_plan
+from oracles import point_frames, relative
 
 
 def scan_of(radar, positions, reflectors=300, box=((-0.1, -0.1, -0.34), (0.1, 0.1, -0.2)), seed=0):
@@ -122,7 +124,7 @@ def test_a_capture_that_does_not_fit_at_once_is_imaged_in_parts(case, tmp_path, 
     assert relative(parts.values, whole.values) < 0.01
     assert len(calls) > 3
     assert calls[-1][0] == calls[-1][1] == len(capture.trajectory)
-    assert all(a[0] <= b[0] for a, b in zip(calls, calls[1:], strict=False))
+    assert all(a[0] <= b[0] for a, b in pairwise(calls))
 
 
 def plan_of(capture, grid, **settings):

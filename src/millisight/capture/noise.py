@@ -30,9 +30,9 @@ def add_noise(capture: Capture, *, snr_db: float, rng: int | np.random.Generator
     generator = np.random.default_rng(seed)
     scale = np.float32(np.sqrt(power / 10 ** (snr_db / 10) / 2))
     frames = np.empty(capture.frames.shape, dtype=np.complex64)
-    for pose, clean in zip(frames, capture.frames, strict=True):
-        noise = generator.standard_normal((*clean.shape, 2), dtype=np.float32)
-        pose[...] = clean + scale * noise.view(np.complex64)[..., 0]
+    for p in range(len(frames)):
+        noise = generator.standard_normal((*frames.shape[1:], 2), dtype=np.float32)
+        frames[p] = capture.frames[p] + scale * noise.view(np.complex64)[..., 0]
     frames.flags.writeable = False
     metadata = with_step(capture.metadata, "add_noise", snr_db=snr_db, seed=seed)
     return Capture(radar=capture.radar, trajectory=capture.trajectory, frames=frames, metadata=metadata)

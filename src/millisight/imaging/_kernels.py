@@ -10,7 +10,7 @@ import numpy as np
 from numba import prange
 
 from millisight import wave
-from millisight.compiled import inline, subroutine, kernel
+from millisight.compiled import inline, kernel, subroutine
 
 _distance = inline(wave.distance)
 _distance32 = inline(wave.distance, fastmath=True)

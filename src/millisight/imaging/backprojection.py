@@ -59,7 +59,7 @@ def backproject(
 def weighted_blocks(
     capture: Capture, step: int, window: Window, some: slice | None = None
 ) -> Iterator[tuple[slice, np.ndarray]]:
-    """Blocks of `step` poses, of all or of `some`, and their frames (p, T, R, N) complex64 times the aperture's window."""
+    """Blocks of `step` poses, of all or of `some`; their frames (p, T, R, N) complex64 times the aperture's window."""
     weights = aperture_weights(window_pair(window)[1], capture.trajectory.positions).astype(np.float32)
     some = some or slice(0, len(capture.trajectory))
     for start in range(some.start, some.stop, step):

@@ -46,7 +46,7 @@ class Plan(NamedTuple):
     is), and the estimated cost against that of direct backprojection."""
 
     levels: tuple[Level, ...]
-    order: tuple[int, int, int]
+    order: tuple[int, ...]
     gain: float
 
 
