@@ -3,6 +3,7 @@
 import numpy as np
 
 import millisight as ms
+from millisight.capture import _kernels
 from millisight.capture.simulate import _add_signals
 
 
@@ -26,7 +27,7 @@ def real_size(scale: float = 1.0, seed: int = 0) -> tuple[ms.Capture, ms.VoxelGr
     for start in range(0, len(positions), 500):
         some = np.arange(start, min(start + 500, len(positions)))
         lit = np.ones((len(some), 1, 4, len(points)), dtype=bool)
-        _add_signals(lit, tx[some], rx[some], points, strengths, radar, "none", some, frames)
+        _add_signals(_kernels, lit, tx[some], rx[some], points, strengths, radar, "none", some, frames)
     frames.flags.writeable = False
     grid = ms.VoxelGrid(
         x=np.linspace(-0.10, 0.4475, round(220 * root)),

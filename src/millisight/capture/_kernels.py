@@ -5,6 +5,7 @@ from numba import prange
 
 from millisight import wave
 from millisight.compiled import inline, kernel
+from millisight.matrix import product as product  # here for whoever asks the kernels of a device
 
 _distance = inline(wave.distance)
 _wrapped = inline(wave.wrapped)

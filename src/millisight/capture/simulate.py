@@ -1,6 +1,7 @@
 """The paper's simulator: frames of a radar that looks at a mesh (primer 13)."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from millisight.capture.radar import Radar
 from millisight.capture.scattering import Scatterers, ScatteringModel
 from millisight.capture.trajectory import Trajectory
 from millisight.constants import SPEED_OF_LIGHT
+from millisight.device import check_device
 from millisight.errors import CoverageError, UnknownNameError
 from millisight.records import with_step
 from millisight.scene.scene import Scene
@@ -46,7 +48,7 @@ def simulate(
     spreading : "none" as in the paper, or "1/d", the amplitude falling with the round-trip path
     snr_db : add complex white noise: mean |S|² of the capture over the noise's variance [dB] (primer 15)
     rng : seed or generator of the noise; its seed goes into the metadata
-    device : "cpu"
+    device : "cpu", or "cuda" for the sum of signals where there is a GPU; rays are cast on the CPU
     progress : called with (poses done, poses in all)
 
     Returns
@@ -72,8 +74,7 @@ def simulate(
     """
     if spreading not in SPREADINGS:
         raise UnknownNameError("spreading law", spreading, SPREADINGS)
-    if device != "cpu":
-        raise UnknownNameError("device for simulate", device, ("cpu",))
+    kernels = _kernels_on(device)
     if snr_db is not None:
         check_noise(snr_db, rng)
     scattering = ScatteringModel(name=model, tau_deg=tau_deg, edge_deg=edge_deg, two_sided=two_sided)
@@ -92,7 +93,9 @@ def simulate(
         block = order[start : start + step]
         lit = scatterers.lit(tx[block], rx[block])
         ever_lit |= lit.any(axis=(0, 1, 2))
-        _add_signals(lit, tx[block], rx[block], scatterers.points, reflections, radar, spreading, block, frames)
+        _add_signals(
+            kernels, lit, tx[block], rx[block], scatterers.points, reflections, radar, spreading, block, frames
+        )
         if progress is not None:
             progress(start + len(block), poses)
 
@@ -117,15 +120,22 @@ def simulate(
     return capture if snr_db is None else add_noise(capture, snr_db=snr_db, rng=rng)
 
 
-def _add_signals(lit, tx, rx, points, reflections, radar, spreading, block, frames) -> None:
+def _kernels_on(device: str) -> Any:
+    """The sums for a device: `_kernels` or `_cuda`, with the same names."""
+    check_device(device)
+    if device == "cuda":
+        from millisight.capture import _cuda as kernels
+    else:
+        from millisight.capture import _kernels as kernels
+    return kernels
+
+
+def _add_signals(kernels, lit, tx, rx, points, reflections, radar, spreading, block, frames) -> None:
     """Write the frames of the poses `block`: the sum over lit vertices (primer 13).
 
     Less the common delay of the scene's centre, the signal varies slowly with frequency: it is summed at a few
     Chebyshev nodes of the band, from which a matrix product gives every sample: see `_band_nodes`.
     """
-    from millisight.capture import _kernels
-    from millisight.matrix import product
-
     waveform = radar.waveform
     if not len(points):
         return
@@ -140,13 +150,13 @@ def _add_signals(lit, tx, rx, points, reflections, radar, spreading, block, fram
     tx = np.broadcast_to(tx[:, :, None], shape).reshape(-1, 3)
     rx = np.broadcast_to(rx[:, None], shape).reshape(-1, 3)
     signals = np.empty((len(tx), len(nodes)), dtype=np.complex64)
-    _kernels.node_signals(
+    kernels.node_signals(
         lit.reshape(len(tx), -1), tx, rx, points, reflections, spreading == "1/d", center, radar.path_offset,
         waveform.center_frequency / SPEED_OF_LIGHT, half_band, nodes, signals,
     )  # fmt: skip
     rows = np.arange(frames.size // frames.shape[-1]).reshape(frames.shape[:3])[block].ravel()
-    _kernels.restore_delay(
-        product(signals, interpolation), tx, rx, center, radar.path_offset, frequencies[0],
+    kernels.restore_delay(
+        kernels.product(signals, interpolation), tx, rx, center, radar.path_offset, frequencies[0],
         waveform.frequency_step / SPEED_OF_LIGHT, rows, frames.reshape(-1, frames.shape[-1]),
     )  # fmt: skip
 

@@ -5,18 +5,25 @@ image does not depend on the number of threads.
 """
 
 import math
+from functools import partial
 
 import numpy as np
 from numba import prange
 
 from millisight import wave
 from millisight.compiled import inline, kernel, subroutine
+from millisight.matrix import product as product
 
 _distance = inline(wave.distance)
 _distance32 = inline(wave.distance, fastmath=True)
 _wrapped = inline(wave.wrapped, fastmath=True)
 _cosine = inline(wave.cosine, fastmath=True)
 _sine = inline(wave.sine, fastmath=True)
+
+# What the drivers do with arrays, under the names that `_cuda` has for it: here all lie in NumPy.
+empty = partial(np.empty, dtype=np.float32)
+zeros = partial(np.zeros, dtype=np.float32)
+to_device = to_host = np.asarray
 
 # Voxels that one thread carries through all channels of a block: the scratch rows (nine of 4 bytes) and the range
 # profile stay in the first-level cache, and the loops are long enough for vector code.

@@ -1,12 +1,14 @@
 """Direct backprojection: range profiles, then one interpolation and one phase a voxel-channel pair (primer 8)."""
 
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 from jaxtyping import Complex, Float
 
 from millisight.capture.capture import Capture
 from millisight.constants import SPEED_OF_LIGHT
+from millisight.device import check_device
 from millisight.imaging.grid import VoxelGrid
 from millisight.imaging.windows import Window, aperture_weights, range_weights, window_pair
 
@@ -25,35 +27,51 @@ def backproject(
     *,
     window: Window = None,
     oversampling: int = OVERSAMPLING,
+    device: str = "cpu",
     progress: Callable[[int, int], None] | None = None,
 ) -> Complex[np.ndarray, "X Y Z"]:
     """The image of a capture on a grid, as complex64 values; `ms.form_image` is the door to it.
 
     The capture may lie on disk: it is read in blocks of poses.
     """
+    kernels = kernels_on(device)
     # Distances are float32: count coordinates from the grid's middle, wherever the world's origin may lie.
     origin = grid.bounds.mean(axis=0)
-    x, y, z = np.ascontiguousarray((grid.points - origin).T.astype(np.float32))
+    voxels = [kernels.to_device(v) for v in np.ascontiguousarray((grid.points - origin).T, dtype=np.float32)]
     tx, rx = capture.tx_positions - origin, capture.rx_positions - origin
     nearest, furthest = path_bounds(tx, rx, grid.bounds - origin)
     steering, per_metre = range_steering(capture, nearest, furthest, oversampling, window)
 
-    from millisight.imaging import _kernels
-    from millisight.matrix import product
-
-    sums = np.zeros((2, grid.size), dtype=np.float32)
+    sums = kernels.zeros((2, grid.size))
     channels = int(np.prod(capture.frames.shape[1:3]))
     per_pose = 8 * channels * sum(steering.shape)
+    steering = kernels.to_device(steering)
     step = int(max(1, min(_BLOCK_BYTES // per_pose, _BLOCK_PAIRS // (channels * grid.size))))
     carrier = np.float32(capture.radar.waveform.center_frequency / SPEED_OF_LIGHT)
     for block, frames in weighted_blocks(capture, step, window):
-        _kernels.backproject(
-            product(frames, steering), np.float32(nearest), np.float32(per_metre), carrier,
-            tx[block].astype(np.float32), rx[block].astype(np.float32), x, y, z, sums[0], sums[1],
+        kernels.backproject(
+            kernels.product(frames, steering), np.float32(nearest), np.float32(per_metre), carrier,
+            tx[block].astype(np.float32), rx[block].astype(np.float32), *voxels, sums[0], sums[1],
         )  # fmt: skip
         if progress is not None:
             progress(block.stop, len(capture.trajectory))
-    return ((sums[0] + 1j * sums[1]) / np.float32(capture.channels)).reshape(grid.shape)
+    real, imag = kernels.to_host(sums)
+    return ((real + 1j * imag) / np.float32(capture.channels)).reshape(grid.shape)
+
+
+def kernels_on(device: str) -> Any:
+    """The inner loops for a device, and what moves arrays there and back: `_kernels` or `_cuda`, with the same names.
+
+    Raises
+    ------
+    UnknownNameError, DeviceError
+    """
+    check_device(device)
+    if device == "cuda":
+        from millisight.imaging import _cuda as kernels
+    else:
+        from millisight.imaging import _kernels as kernels
+    return kernels
 
 
 def weighted_blocks(

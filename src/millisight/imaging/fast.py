@@ -10,14 +10,21 @@ what keeps the interpolation's error under a tolerance; sizes and number of leve
 factorising does not pay, there is no plan, and direct backprojection does the work.
 """
 
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from millisight.capture.capture import Capture
 from millisight.constants import SPEED_OF_LIGHT
-from millisight.imaging.backprojection import OVERSAMPLING, backproject, path_bounds, range_steering, weighted_blocks
+from millisight.imaging.backprojection import (
+    OVERSAMPLING,
+    backproject,
+    kernels_on,
+    path_bounds,
+    range_steering,
+    weighted_blocks,
+)
 from millisight.imaging.grid import VoxelGrid
 from millisight.imaging.windows import Window
 
@@ -56,18 +63,23 @@ def fast(
     *,
     window: Window = None,
     oversampling: int = OVERSAMPLING,
+    device: str = "cpu",
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[np.ndarray, Plan | None]:
     """The image (X, Y, Z) complex64 and the plan that made it; `ms.form_image` is the door to it.
 
     Memory: range profiles of at most a gigabyte, and the fields of one largest sub-aperture's parts.
     """
+    kernels = kernels_on(device)
     origin = grid.bounds.mean(axis=0)
     tx, rx = capture.tx_positions - origin, capture.rx_positions - origin
     axes = tuple(axis - o for axis, o in zip((grid.x, grid.y, grid.z), origin, strict=True))
     plan = make_plan(tx, rx, axes, capture)
     if plan is None:
-        return backproject(capture, grid, window=window, oversampling=oversampling, progress=progress), None
+        values = backproject(
+            capture, grid, window=window, oversampling=oversampling, device=device, progress=progress
+        )  # fmt: skip
+        return values, None
 
     first, second = plan.levels[0].axes
     inner = axes[plan.order[2]]
@@ -79,25 +91,26 @@ def fast(
     carrier = np.float32(capture.radar.waveform.center_frequency / SPEED_OF_LIGHT)
 
     shape = tuple(len(axes[a]) for a in plan.order)
-    image = np.zeros((2, 1, *shape), dtype=np.float32)
+    image = kernels.zeros((2, 1, *shape))
     poses = len(capture.trajectory)
     channels = int(np.prod(capture.frames.shape[1:3]))
     many = max(1, min(poses, _PROFILE_BYTES // (8 * channels * steering.shape[1])))
     for start in range(0, poses, many):
         some = slice(start, min(start + many, poses))
-        profiles = _range_profiles(capture, some, steering, window)
+        profiles = _range_profiles(kernels, capture, some, steering, window)
         scan = _Scan(profiles, tx[some], rx[some], nearest, per_metre, carrier)
-        for done, total in _add_sub_apertures(scan, plan.levels, tuple(axes[a] for a in plan.order), image):
+        for done, total in _add_sub_apertures(kernels, scan, plan.levels, tuple(axes[a] for a in plan.order), image):
             if progress is not None:
                 progress(start + (some.stop - start) * done // total, poses)
-    values = (image[0, 0] + 1j * image[1, 0]) / np.float32(capture.channels)
+    real, imag = kernels.to_host(image)[:, 0]
+    values = (real + 1j * imag) / np.float32(capture.channels)
     return np.ascontiguousarray(values.transpose(np.argsort(turn))), plan
 
 
 class _Scan(NamedTuple):
     """What the kernels need to know of some poses, in the plan's order of axes."""
 
-    profiles: np.ndarray
+    profiles: Any
     tx: np.ndarray
     rx: np.ndarray
     nearest: float
@@ -105,22 +118,23 @@ class _Scan(NamedTuple):
     carrier: np.float32
 
 
-def _range_profiles(capture: Capture, some: slice, steering: np.ndarray, window: Window) -> np.ndarray:
-    """(P, T, R, M) complex64 range profiles of the poses `some`, whose frames are read in blocks."""
-    from millisight.matrix import product
-
+def _range_profiles(kernels: Any, capture: Capture, some: slice, steering: np.ndarray, window: Window) -> Any:
+    """(P, T, R, M) complex64 range profiles of the poses `some`, on the device; their frames are read in blocks."""
     shape = (some.stop - some.start, *capture.frames.shape[1:3], steering.shape[1])
     profiles = np.empty(shape, dtype=np.complex64)
+    steering = kernels.to_device(steering)
     for block, frames in weighted_blocks(capture, 1000, window, some):
-        profiles[block.start - some.start : block.stop - some.start] = product(frames, steering)
-    return profiles
+        profiles[block.start - some.start : block.stop - some.start] = kernels.to_host(
+            kernels.product(frames, steering)
+        )
+    return kernels.to_device(profiles)
 
 
-def _add_sub_apertures(scan: _Scan, levels: tuple[Level, ...], axes: tuple[np.ndarray, ...], image: np.ndarray):
+def _add_sub_apertures(
+    kernels: Any, scan: _Scan, levels: tuple[Level, ...], axes: tuple[np.ndarray, ...], image: Any
+) -> Iterator[tuple[int, int]]:
     """Add the image of a scan to `image` (2, 1, X, Y, Z), one largest sub-aperture after the other."""
-    from millisight.imaging import _kernels
-
-    tx, rx, inner = _f32(scan.tx), _f32(scan.rx), _f32(axes[2])
+    tx, rx, inner = (kernels.to_device(_f32(a)) for a in (scan.tx, scan.rx, axes[2]))
     middle = _middles(scan.tx, scan.rx)
     corner = middle.min(axis=0)
     tops = _cells(middle, corner, levels[-1].size)
@@ -129,16 +143,17 @@ def _add_sub_apertures(scan: _Scan, levels: tuple[Level, ...], axes: tuple[np.nd
         (*_axis_weights(level.axes[0], target[0]), *_axis_weights(level.axes[1], target[1]))
         for level, target in zip(levels, targets, strict=True)
     ]
-    points = [_f32(p.ravel()) for p in np.meshgrid(*levels[0].axes, inner, indexing="ij")]
+    points = [kernels.to_device(_f32(p.ravel())) for p in np.meshgrid(*levels[0].axes, axes[2], indexing="ij")]
     for top in range(tops.max() + 1):
         members = np.flatnonzero(tops == top)
         cells = [_cells(middle[members], corner, level.size) for level in levels]
         centers = [_f32(_means(middle[members], cell)) for cell in cells]
         order = np.argsort(cells[0], kind="stable")
-        fields = np.empty((2, len(centers[0]), *map(len, levels[0].axes), len(inner)), dtype=np.float32)
-        _kernels.leaf_fields(
+        fields = kernels.empty((2, len(centers[0]), *map(len, levels[0].axes), len(axes[2])))
+        flat = fields.reshape(2, len(centers[0]), len(points[0]))
+        kernels.leaf_fields(
             scan.profiles, np.float32(scan.nearest), np.float32(scan.per_metre), scan.carrier, tx, rx, members[order],
-            _starts(cells[0]), centers[0], *points, *fields.reshape(2, len(fields[0]), -1),
+            _starts(cells[0]), centers[0], *points, flat[0], flat[1],
         )  # fmt: skip
         for n, (target, (base_1, weights_1, base_2, weights_2)) in enumerate(zip(targets, weights, strict=True)):
             last = n == len(levels) - 1
@@ -146,11 +161,11 @@ def _add_sub_apertures(scan: _Scan, levels: tuple[Level, ...], axes: tuple[np.nd
             parent = np.zeros(len(centers[n]), dtype=np.int64)
             if not last:
                 parent[cells[n]] = cells[n + 1]
-            out = image if last else np.zeros((2, len(centers[n + 1]), *map(len, target), len(inner)), np.float32)
-            wide = np.empty((2, *fields.shape[1:3], len(target[1]), len(inner)), dtype=np.float32)
+            out = image if last else kernels.zeros((2, len(centers[n + 1]), *map(len, target), len(axes[2])))
+            wide = kernels.empty((2, *fields.shape[1:3], len(target[1]), len(axes[2])))
             for part in (0, 1):
-                _kernels.interpolate_middle(fields[part], base_2, weights_2, wide[part])
-            _kernels.merge(
+                kernels.interpolate_middle(fields[part], base_2, weights_2, wide[part])
+            kernels.merge(
                 wide[0], wide[1], np.argsort(parent, kind="stable"), _starts(parent), centers[n],
                 centers[n] if last else centers[n + 1], not last, scan.carrier, base_1, weights_1,
                 *map(_f32, target), inner, out[0], out[1],

@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from millisight.capture.capture import Capture
+from millisight.device import check_device
 from millisight.errors import InputError, UnknownNameError
 from millisight.imaging.backprojection import OVERSAMPLING, backproject, weighted_blocks
 from millisight.imaging.exact import image_at
@@ -15,7 +16,6 @@ from millisight.imaging.windows import Window, range_weights, window_pair
 from millisight.records import with_step
 
 METHODS = ("fast", "backprojection", "exact")
-DEVICES = ("cpu",)
 
 
 def form_image(
@@ -38,7 +38,7 @@ def form_image(
         says which); "backprojection": direct, 0.2 %; "exact": float64, the yardstick, some thousand times slower
     window : None, "hann" or "taylor" over range and aperture, or a pair of them (range, aperture) (primer 9)
     oversampling : entries of a range profile per range bin; not for "exact"
-    device : "cpu"
+    device : "cpu", or "cuda" for "fast" and "backprojection" where there is a GPU
     progress : called with (poses done, poses in all)
 
     Returns
@@ -50,6 +50,8 @@ def form_image(
     ------
     UnknownNameError, InputError
         An argument cannot be right, or the frames hold NaN.
+    DeviceError
+        "cuda" was asked for, and there is no GPU that can be used.
 
     Examples
     --------
@@ -65,18 +67,23 @@ def form_image(
     >>> form_image(capture, VoxelGrid.regular((-0.05, -0.05, 0), (0.05, 0.05, 0), 0.01)).values.shape
     (11, 11, 1)
     """
-    if device not in DEVICES:
-        raise UnknownNameError("device", device, DEVICES)
+    if method == "exact" and device == "cuda":
+        raise InputError('method="exact" is float64 on the CPU alone; leave device="cuda" out')
+    check_device(device)
     if int(oversampling) != oversampling or oversampling < 1:
         raise InputError(f"oversampling is {oversampling}; expected a whole number of at least 1")
     settings: dict[str, object] = {"method": method, "window": list(window_pair(window))}
     if method == "exact":
         values = _exact(capture, grid, window, progress)
     elif method == "backprojection":
-        values = backproject(capture, grid, window=window, oversampling=int(oversampling), progress=progress)
+        values = backproject(
+            capture, grid, window=window, oversampling=int(oversampling), device=device, progress=progress
+        )
         settings["oversampling"] = int(oversampling)
     elif method == "fast":
-        values, plan = fast(capture, grid, window=window, oversampling=int(oversampling), progress=progress)
+        values, plan = fast(
+            capture, grid, window=window, oversampling=int(oversampling), device=device, progress=progress
+        )
         settings["oversampling"] = int(oversampling)
         # What was done, with the sides of the sub-apertures [m].
         settings["done_by"] = "backprojection" if plan is None else "factorised backprojection"

@@ -1,0 +1,189 @@
+"""A GPU's correctness and speed: `python benchmarks/gpu.py`. Without a GPU it says so and exits 1.
+
+First small random problems: images against `ms.image_at` (float64) and the CPU's, signals against a sum in float64
+and the CPU's. Then problem R (issue 4: 220 x 240 x 22 voxels, 10 900 poses, 4 RX, 512 samples; noise for frames, the
+work is the same), and the signals of problem S (10 000 vertices, 3 % of them lit). Kernels are timed with everything
+on the GPU, whole calls from NumPy to NumPy; medians of 5, after one that compiles.
+
+`--tiny` shrinks all of it to try this script itself, with NUMBA_ENABLE_CUDASIM=1 without a GPU (figures mean nothing).
+"""
+
+import statistics
+import sys
+import time
+
+import numpy as np
+
+import millisight as ms
+from millisight.capture.simulate import _add_signals
+from millisight.constants import SPEED_OF_LIGHT
+from millisight.device import check_device
+from millisight.errors import DeviceError
+from millisight.imaging.backprojection import path_bounds, range_steering
+
+TINY = "--tiny" in sys.argv[1:]
+
+
+def relative(got, expected):
+    return np.linalg.norm(got - expected) / np.linalg.norm(expected)
+
+
+def jittered(counts, size, rng):
+    """An IWR1443 in a raster with 0.5 mm of jitter, and frames of noise."""
+    radar = ms.Radar.preset("iwr1443")
+    x, y = np.meshgrid(*(np.linspace(0, s, n) for s, n in zip(size, counts, strict=True)), indexing="ij")
+    positions = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1) + rng.normal(0, 0.0005, (x.size, 3))
+    trajectory = ms.Trajectory(times=np.arange(float(x.size)), positions=positions)
+    shape = (x.size, 1, 4, radar.waveform.samples_per_chirp)
+    frames = rng.standard_normal((*shape, 2), dtype=np.float32).view(np.complex64)[..., 0]
+    return ms.Capture(radar=radar, trajectory=trajectory, frames=frames)
+
+
+def real_size_grid(counts):
+    nx, ny, nz = counts
+    return ms.VoxelGrid(
+        x=np.linspace(-0.10, 0.4475, nx), y=np.linspace(-0.05, 0.5475, ny), z=np.linspace(-0.37, -0.16, nz)
+    )
+
+
+def signals(count, lit_share, poses, rng):
+    """Arguments of `_add_signals` for one block: lit vertices of a hand-sized object below a mito-sim radar."""
+    radar = ms.Radar.preset("mito-sim-77ghz")
+    points = rng.uniform([-0.1, -0.1, -0.05], [0.1, 0.1, 0.05], (count, 3))
+    strengths = rng.normal(size=count) + 1j * rng.normal(size=count)
+    antennas = rng.uniform([-0.2, -0.2, 0.3], [0.2, 0.2, 0.31], (poses, 1, 3))
+    lit = rng.uniform(size=(poses, 1, 1, count)) < lit_share
+    frames = np.zeros((poses, 1, 1, radar.waveform.samples_per_chirp), np.complex64)
+    return (lit, antennas, antennas, points, strengths, radar, "none", np.arange(poses), frames)
+
+
+def correctness(rng):
+    print("Relative L2 differences on small problems")
+    capture = jittered((3, 2) if TINY else (40, 30), (0.1, 0.08), rng)
+    # Reflectors instead of noise, which no image could show.
+    points = rng.uniform([0.0, 0.0, -0.36], [0.4, 0.5, -0.2], (100, 3))
+    lit = np.ones((len(capture.trajectory), 1, 4, 100), bool)
+    frames = np.zeros(capture.frames.shape, np.complex64)
+    everyone = np.arange(len(frames))
+    _add_signals(
+        lit, capture.tx_positions, capture.rx_positions, points, rng.normal(size=100) + 0j, capture.radar, "none",
+        everyone, frames,
+    )  # fmt: skip
+    capture = ms.Capture(radar=capture.radar, trajectory=capture.trajectory, frames=frames)
+    grid = real_size_grid((2, 3, 2) if TINY else (80, 90, 5))
+    some = rng.choice(grid.size, min(grid.size, 500), replace=False)
+    exact = ms.image_at(
+        frames, capture.tx_positions, capture.rx_positions, capture.radar.waveform.frequencies, grid.points[some],
+        capture.radar.path_offset,
+    )  # fmt: skip
+    for method, most_exact, most_cpu in (("backprojection", 0.01, 1e-3), ("fast", 0.02, 3e-3)):
+        images = [ms.form_image(capture, grid, method=method, device=d) for d in ("cuda", "cpu")]
+        gpu, cpu = (image.values.ravel() for image in images)
+        to_exact, to_cpu = relative(gpu[some], exact), relative(gpu, cpu)
+        done_by = images[0].metadata["history"][-1].get("done_by", method)
+        assert TINY or method != "fast" or done_by == "factorised backprojection"
+        print(f"  {done_by:25} {to_exact:.1e} from image_at on {len(some)} voxels, {to_cpu:.1e} from the CPU")
+        assert to_exact < most_exact
+        assert to_cpu < most_cpu
+
+    args = signals(30 if TINY else 1000, 0.3, 3 if TINY else 50, rng)
+    lit, antennas, _, points, strengths, radar, *_, frames = args
+    d = 2 * np.linalg.norm(antennas - points, axis=-1) + radar.path_offset
+    waves = radar.waveform.frequencies / SPEED_OF_LIGHT
+    direct = np.einsum("pv,pvn->pn", lit[:, 0, 0] * strengths, np.exp(-2j * np.pi * np.multiply.outer(d, waves)))
+    results = []
+    for device in ("cuda", "cpu"):
+        frames[:] = 0
+        _add_signals(*args, device=device)
+        results.append(frames[:, 0, 0].copy())
+    to_exact, to_cpu = relative(results[0], direct), relative(*results)
+    print(f"  {'signals':25} {to_exact:.1e} from a sum in float64, {to_cpu:.1e} from the CPU")
+    assert to_exact < 1e-4
+    assert to_cpu < 1e-4
+
+
+def median_time(work, finish, rounds=1 if TINY else 5):
+    """(first, median of the others) of the seconds that `work` takes until `finish` returns."""
+    seconds = []
+    for _ in range(1 + rounds):
+        start = time.perf_counter()
+        work()
+        finish()
+        seconds.append(time.perf_counter() - start)
+    return seconds[0], statistics.median(seconds[1:])
+
+
+def speed(rng):
+    from millisight.gpu import cuda
+    from millisight.imaging import _cuda
+
+    device = cuda.get_current_device()
+    try:
+        units, clock = device.MULTIPROCESSOR_COUNT, device.CLOCK_RATE * 1e3
+    except AttributeError:
+        units, clock = 132, 1.755e9  # an H100's, for the simulator
+    lanes = 64 if tuple(device.compute_capability) in {(6, 0), (7, 0), (7, 2), (7, 5), (8, 0)} else 128
+    floor = units * lanes * clock / _cuda.PAIR_INSTRUCTIONS
+    print(
+        f"{getattr(device, 'name', 'simulator')}: {units} multiprocessors x {lanes} lanes x {clock / 1e9:.2f} GHz / "
+        f"{_cuda.PAIR_INSTRUCTIONS} instructions a pair = {floor:.2e} pairs/s at most"
+    )
+
+    capture = jittered((4, 2) if TINY else (109, 100), (0.55, 0.45), rng)
+    grid = real_size_grid((3, 2, 2) if TINY else (220, 240, 22))
+    pairs = grid.size * capture.channels
+    origin = grid.bounds.mean(axis=0)
+    tx, rx = capture.tx_positions - origin, capture.rx_positions - origin
+    nearest, furthest = path_bounds(tx, rx, grid.bounds - origin)
+    steering, per_metre = range_steering(capture, nearest, furthest, 8, None)
+    carrier = np.float32(capture.radar.waveform.center_frequency / SPEED_OF_LIGHT)
+    frames, steering = _cuda.to_device(capture.frames), _cuda.to_device(steering)
+    profiles = _cuda.product(frames, steering)
+    tx, rx = (_cuda.to_device(a.astype(np.float32)) for a in (tx, rx))
+    sums = _cuda.zeros((2, grid.size))
+    print(
+        f"Problem R: {grid.size} voxels x {capture.channels} channels = {pairs:.2e} pairs, {profiles.shape[3]} entries"
+    )
+
+    first, seconds = median_time(lambda: _cuda.product(frames, steering, profiles), cuda.synchronize)
+    print(f"  range compression, kernel        {seconds:8.4f} s (first {first:.2f})")
+    for name, order in (("z innermost, as in the grid", (0, 1, 2)), ("y innermost", (0, 2, 1))):
+        points = grid.points.reshape(*grid.shape, 3).transpose(*order, 3).reshape(-1, 3) - origin
+        x, y, z = (_cuda.to_device(a) for a in np.ascontiguousarray(points.T.astype(np.float32)))
+        first, seconds = median_time(
+            lambda x=x, y=y, z=z: _cuda.backproject(
+                profiles, np.float32(nearest), np.float32(per_metre), carrier, tx, rx, x, y, z, sums[0], sums[1]
+            ),
+            cuda.synchronize,
+        )
+        print(
+            f"  direct backprojection, kernel    {seconds:8.4f} s (first {first:.2f}): {pairs / seconds:.2e} pairs/s, "
+            f"{100 * pairs / seconds / floor:.0f} % of the most; {name}"
+        )
+    for method in ("backprojection", "fast"):
+        work = lambda method=method: ms.form_image(capture, grid, method=method, device="cuda")  # noqa: E731
+        first, seconds = median_time(work, cuda.synchronize)
+        print(f"  form_image, {method:20} {seconds:8.4f} s (first {first:.2f}): {pairs / seconds:.2e} pairs/s")
+
+    args = signals(50 if TINY else 10_000, 0.03, 4 if TINY else 300, rng)
+    for device in ("cuda", "cpu"):
+        first, seconds = median_time(lambda device=device: _add_signals(*args, device=device), cuda.synchronize)
+        print(
+            f"Problem S, signals on {device:4} {1e6 * seconds / len(args[0]):8.1f} us a position (first {first:.2f} s)"
+        )
+
+
+def main():
+    try:
+        check_device("cuda")
+    except DeviceError as error:
+        print(error)
+        return 1
+    rng = np.random.default_rng(0)
+    correctness(rng)
+    speed(rng)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,188 @@
+"""The imagers' inner loops on a GPU: the functions of `_kernels` under the same names, for NumPy or device arrays.
+
+One thread has one voxel and loops over the channels, so that a voxel's sum has one order. All threads of a warp are
+at the same channel: the antennas' coordinates are one read for all 32, and voxels side by side read entries of the
+range profile side by side; both come out of the first-level cache, and nothing is gained by staging them.
+
+Floor of direct backprojection, per voxel-channel pair with 4 RX a TX, in instructions of a thread:
+
+    to TX        a quarter of 3 reads, 6 arithmetic, 1 square root
+    to RX        3 reads, 6 arithmetic, 1 square root, 1 sum
+    profile      1 place, 1 entry and 1 back to float, 1 part, 1 address, 4 reads, 4 interpolation
+    phase        1 product, 1 floor, 1 difference, 12 sine and cosine
+    sum          4 products and sums fused
+
+that is 46: PAIR_INSTRUCTIONS. A Hopper multiprocessor issues 128 a clock, so that 132 of them at 1.755 GHz come to
+6.4e11 pairs a second. Next are the conversions and roots (4 1/4 of 16 a clock: 8.7e11), then the reads (8 of 32 a
+clock: 9e11). Sine and cosine by the special-function units would spare 9 instructions and cost 2 more of these 16.
+"""
+
+import numpy as np
+
+from millisight.gpu import (
+    cosine,
+    cuda,
+    distance32,
+    empty,
+    inline,
+    kernel,
+    launch,
+    product,
+    sine,
+    to_device,
+    to_host,
+    wrapped,
+    zeros,
+)
+
+__all__ = [
+    "backproject", "empty", "interpolate_middle", "leaf_fields", "merge", "product", "to_device", "to_host", "zeros",
+]  # fmt: skip
+
+PAIR_INSTRUCTIONS = 46
+"""Instructions a thread must issue for one voxel-channel pair of direct backprojection: see the module's text."""
+
+# Poses that are summed by themselves before they are added to the whole sum, against float32's rounding.
+_CHUNK = 64
+
+
+def _pose(profiles, p, nearest, per_metre, carrier, tx, rx, x, y, z, reference):
+    """Sum over the antennas of pose p of P(d) exp(+i 2 pi carrier (d - reference)) at one voxel; float32."""
+    total_re, total_im = np.float32(0.0), np.float32(0.0)
+    for t in range(tx.shape[1]):
+        to = distance32(x - tx[p, t, 0], y - tx[p, t, 1], z - tx[p, t, 2])
+        for r in range(rx.shape[1]):
+            d = to + distance32(x - rx[p, r, 0], y - rx[p, r, 1], z - rx[p, r, 2])
+            place = (d - nearest) * per_metre
+            # Unsigned: a signed index would be checked for counting from the end, at every read.
+            entry = np.uint32(place)
+            part = place - np.float32(entry)
+            low, high = profiles[p, t, r, entry], profiles[p, t, r, entry + np.uint32(1)]
+            real = low.real + part * (high.real - low.real)
+            imag = low.imag + part * (high.imag - low.imag)
+            turn = wrapped((d - reference) * carrier)
+            cos, sin = cosine(turn), sine(turn)
+            total_re = total_re + real * cos - imag * sin
+            total_im = total_im + real * sin + imag * cos
+    return total_re, total_im
+
+
+_pose = inline(_pose, fastmath=True)
+
+
+@kernel(fastmath=True)
+def _backproject(profiles, nearest, per_metre, carrier, tx, rx, x, y, z, sum_re, sum_im):
+    v = cuda.grid(1)
+    if v >= x.shape[0]:
+        return
+    vx, vy, vz = x[v], y[v], z[v]
+    total_re, total_im = np.float32(0.0), np.float32(0.0)
+    for first in range(0, profiles.shape[0], _CHUNK):
+        part_re, part_im = np.float32(0.0), np.float32(0.0)
+        for p in range(first, min(first + _CHUNK, profiles.shape[0])):
+            re, im = _pose(profiles, p, nearest, per_metre, carrier, tx, rx, vx, vy, vz, np.float32(0.0))
+            part_re += re
+            part_im += im
+        total_re += part_re
+        total_im += part_im
+    sum_re[v] += total_re
+    sum_im[v] += total_im
+
+
+@kernel(fastmath=True)
+def _leaf_fields(profiles, nearest, per_metre, carrier, tx, rx, members, starts, centers, x, y, z, out_re, out_im):
+    v = cuda.grid(1)
+    if v >= x.shape[0]:
+        return
+    vx, vy, vz = x[v], y[v], z[v]
+    for s in range(cuda.blockIdx.y, starts.shape[0] - 1, cuda.gridDim.y):
+        away = distance32(vx - centers[s, 0], vy - centers[s, 1], vz - centers[s, 2])
+        reference = np.float32(2.0) * np.float32(away)
+        total_re, total_im = np.float32(0.0), np.float32(0.0)
+        for n in range(starts[s], starts[s + 1]):
+            re, im = _pose(profiles, members[n], nearest, per_metre, carrier, tx, rx, vx, vy, vz, reference)
+            total_re += re
+            total_im += im
+        out_re[s, v] = total_re
+        out_im[s, v] = total_im
+
+
+@kernel(fastmath=True)
+def _interpolate_middle(field, base, weights, out):
+    q = cuda.grid(1)
+    rows, columns, depth = out.shape[1], out.shape[2], out.shape[3]
+    if q >= columns * depth:
+        return
+    j, k = q // depth, q % depth
+    first = base[j]
+    for job in range(cuda.blockIdx.y, out.shape[0] * rows, cuda.gridDim.y):
+        f, i = job // rows, job % rows
+        total = np.float32(0.0)
+        for tap in range(8):
+            total += weights[j, tap] * field[f, i, first + tap, k]
+        out[f, i, j, k] = total
+
+
+@kernel(fastmath=True)
+def _merge(
+    field_re, field_im, children, starts, centers, parents, has_parents, carrier, base, weights, x, y, z, out_re, out_im
+):
+    q = cuda.grid(1)
+    rows, depth = x.shape[0], z.shape[0]
+    if q >= y.shape[0] * depth:
+        return
+    j, k = q // depth, q % depth
+    vy, vz = y[j], z[k]
+    twice = np.float32(2.0) * carrier
+    for job in range(cuda.blockIdx.y, (starts.shape[0] - 1) * rows, cuda.gridDim.y):
+        s, i = job // rows, job % rows
+        vx, first = x[i], base[i]
+        removed = np.float32(0.0)
+        if has_parents:
+            removed = np.float32(distance32(vx - parents[s, 0], vy - parents[s, 1], vz - parents[s, 2]))
+        total_re, total_im = np.float32(0.0), np.float32(0.0)
+        for n in range(starts[s], starts[s + 1]):
+            child = children[n]
+            re, im = np.float32(0.0), np.float32(0.0)
+            for tap in range(8):
+                re += weights[i, tap] * field_re[child, first + tap, j, k]
+                im += weights[i, tap] * field_im[child, first + tap, j, k]
+            away = distance32(vx - centers[child, 0], vy - centers[child, 1], vz - centers[child, 2])
+            turn = wrapped((np.float32(away) - removed) * twice)
+            cos, sin = cosine(turn), sine(turn)
+            total_re += re * cos - im * sin
+            total_im += re * sin + im * cos
+        out_re[s, i, j, k] += total_re
+        out_im[s, i, j, k] += total_im
+
+
+def backproject(profiles, nearest, per_metre, carrier, tx, rx, x, y, z, sum_re, sum_im):
+    """See `_kernels.backproject`."""
+    launch(
+        _backproject, (x.shape[0], 1), profiles, nearest, per_metre, carrier, tx, rx, x, y, z, out=(sum_re, sum_im)
+    )  # fmt: skip
+
+
+def leaf_fields(profiles, nearest, per_metre, carrier, tx, rx, members, starts, centers, x, y, z, out_re, out_im):
+    """See `_kernels.leaf_fields`."""
+    launch(
+        _leaf_fields, (x.shape[0], starts.shape[0] - 1), profiles, nearest, per_metre, carrier, tx, rx,
+        members, starts, centers, x, y, z, out=(out_re, out_im),
+    )  # fmt: skip
+
+
+def interpolate_middle(field, base, weights, out):
+    """See `_kernels.interpolate_middle`."""
+    fields, rows, columns, depth = out.shape
+    launch(_interpolate_middle, (columns * depth, fields * rows), field, base, weights, out=(out,))
+
+
+def merge(
+    field_re, field_im, children, starts, centers, parents, has_parents, carrier, base, weights, x, y, z, out_re, out_im
+):
+    """See `_kernels.merge`."""
+    launch(
+        _merge, (y.shape[0] * z.shape[0], (starts.shape[0] - 1) * x.shape[0]),
+        field_re, field_im, children, starts, centers, parents, has_parents, carrier, base, weights, x, y, z,
+        out=(out_re, out_im),
+    )  # fmt: skip

@@ -1,0 +1,149 @@
+"""Every GPU kernel, and the doors to them, beside the CPU's on tiny problems, as JSON: {what: relative L2 difference}.
+
+A program of its own, since NUMBA_ENABLE_CUDASIM must be set before Numba is imported: with it the kernels run in
+numba-cuda's simulator, without it on a GPU.
+"""
+
+import json
+import sys
+
+import numpy as np
+
+import millisight as ms
+from millisight import gpu, matrix
+from millisight.capture import _cuda as capture_cuda
+from millisight.capture import _kernels as capture_cpu
+from millisight.imaging import _cuda, _kernels, fast
+
+# Few waves a metre, so that what float32 rounds off the phases stays far below the tolerance.
+CARRIER = np.float32(10e9 / 299792458)
+NEAREST, PER_METRE = np.float32(0.1), np.float32(60.0)
+
+
+def random_complex(rng, *shape):
+    return (rng.normal(size=shape) + 1j * rng.normal(size=shape)).astype(np.complex64)
+
+
+def difference(got, expected):
+    got, expected = np.asarray(got), np.asarray(expected)
+    if got.shape != expected.shape or not np.linalg.norm(expected) > 0:
+        return float("inf")
+    return float(np.linalg.norm(got - expected) / np.linalg.norm(expected))
+
+
+def imaging(rng):
+    """A radar of 2 TX and 3 RX over a small block, in an order of axes and sizes that are all different."""
+    poses = 5
+    tx = rng.uniform(-0.05, 0.05, (poses, 2, 3)).astype(np.float32)
+    rx = rng.uniform(-0.05, 0.05, (poses, 3, 3)).astype(np.float32)
+    profiles = random_complex(rng, poses, 2, 3, 40)
+    x, y, z = (np.float32(start) + np.float32(0.01) * np.arange(n, dtype=np.float32) for start, n in
+               ((-0.05, 9), (-0.04, 11), (-0.13, 2)))  # fmt: skip
+    points = [np.ascontiguousarray(a.ravel()) for a in np.meshgrid(x[:5], y[:4], z, indexing="ij")]
+    radar = (profiles, NEAREST, PER_METRE, CARRIER, tx, rx)
+
+    expected, got = rng.normal(size=(2, 2, 40)).astype(np.float32)
+    got[:] = expected  # what was there is added to
+    _kernels.backproject(*radar, *points, *expected)
+    _cuda.backproject(*radar, *points, *got)
+    yield "backproject", got, expected
+
+    # The same in two blocks, everything kept on the device.
+    sums = _cuda.zeros((2, 40))
+    vx, vy, vz = (_cuda.to_device(a) for a in points)
+    for block in (slice(0, 2), slice(2, 5)):
+        there = [_cuda.to_device(a) for a in (profiles[block], tx[block], rx[block])]
+        _cuda.backproject(
+            there[0], NEAREST, PER_METRE, CARRIER, there[1], there[2], vx, vy, vz, sums[0], sums[1]
+        )  # fmt: skip
+    expected = np.zeros((2, 40), np.float32)
+    _kernels.backproject(*radar, *points, *expected)
+    yield "backproject in blocks on the device", _cuda.to_host(sums), expected
+
+    members, starts = np.array([3, 0, 4, 2, 1]), np.array([0, 2, 5])
+    centers = rng.uniform(-0.03, 0.03, (2, 3)).astype(np.float32)
+    points = [np.ascontiguousarray(a.ravel()) for a in np.meshgrid(x, y, z, indexing="ij")]
+    fields = np.empty((2, 2, 2, 9 * 11 * 2), np.float32)  # got or expected, part, sub-aperture, point
+    _kernels.leaf_fields(*radar, members, starts, centers, *points, *fields[1])
+    _cuda.leaf_fields(*radar, members, starts, centers, *points, *fields[0])
+    yield "leaf_fields", *fields
+    fields = fields.reshape(2, 2, 2, 9, 11, 2)
+
+    base, weights = rng.integers(0, 4, 13), rng.normal(size=(13, 8)).astype(np.float32)
+    wide = np.empty((2, 2, 9, 13, 2), np.float32)
+    _kernels.interpolate_middle(fields[1][0], base, weights, wide[1])
+    _cuda.interpolate_middle(fields[1][0], base, weights, wide[0])
+    yield "interpolate_middle", *wide
+
+    fine = np.linspace(-0.04, 0.04, 5, dtype=np.float32)
+    base, weights = rng.integers(0, 2, 5), rng.normal(size=(5, 8)).astype(np.float32)
+    parents = rng.uniform(-0.03, 0.03, (2, 3)).astype(np.float32)
+    for has_parents, starts, rows in ((True, np.array([0, 1, 2]), 2), (False, np.array([0, 2]), 1)):
+        out = np.empty((2, 2, rows, 5, 11, 2), np.float32)
+        out[:] = rng.normal(size=out.shape[1:])  # what was there is added to
+        for kernels, result in ((_cuda, out[0]), (_kernels, out[1])):
+            kernels.merge(
+                *fields[1], np.array([1, 0]), starts, centers, parents, has_parents, CARRIER, base, weights,
+                fine, y, z, *result,
+            )  # fmt: skip
+        yield f"merge {'to parents' if has_parents else 'to the image'}", *out
+
+
+def arrays(rng):
+    left, right = random_complex(rng, 3, 2, 7), random_complex(rng, 7, 5)
+    yield "product", gpu.to_host(gpu.product(left, right)), matrix.product(left, right)
+    out = gpu.empty((4, 2, 5), np.complex64)
+    gpu.product(gpu.to_device(left[:2]), gpu.to_device(right), out[:2])
+    gpu.product(gpu.to_device(left[1:]), gpu.to_device(right), out[2:])
+    yield "product into a place", gpu.to_host(out), matrix.product(left[[0, 1, 1, 2]], right)
+    yield "zeros", gpu.to_host(gpu.zeros((3, 100))) + 1, np.ones((3, 100))
+
+
+def capture(rng):
+    vertices = rng.uniform(-0.03, 0.03, (50, 3))
+    tx, rx = rng.uniform([-0.1, -0.1, 0.2], [0.1, 0.1, 0.25], (2, 4, 3))
+    lit = rng.uniform(size=(4, 50)) < 0.4
+    reflections, nodes = random_complex(rng, 50).astype(complex), np.cos(np.pi * (np.arange(6) + 0.5) / 6)
+    center = np.array([0.001, 0.002, 0.003])
+    signals = np.empty((2, 4, 6), np.complex64)
+    for spread in (False, True):
+        for kernels, result in ((capture_cuda, signals[0]), (capture_cpu, signals[1])):
+            kernels.node_signals(
+                lit, tx, rx, vertices, reflections, spread, center, 0.15, 80.0, 0.7, nodes, result
+            )  # fmt: skip
+        yield f"node_signals, {'1/d' if spread else 'no'} spreading", *signals
+    frames = np.zeros((2, 6, 6), np.complex64)
+    for kernels, result in ((capture_cuda, frames[0]), (capture_cpu, frames[1])):
+        kernels.restore_delay(signals[1], tx, rx, center, 0.15, -0.7, 0.3, np.array([5, 0, 3, 2]), result)
+    yield "restore_delay", *frames
+
+
+def doors(rng):
+    """simulate and form_image, with a plan of two levels, so that fields are carried to parents."""
+    radar = ms.Radar.preset("mito-sim-24ghz")
+    trajectory = ms.Trajectory.raster(size=(0.006, 0.006), step=0.003)
+    scene = ms.Scene.from_mesh("rubiks_cube", vertices=100)
+    frames = [ms.simulate(scene, radar, trajectory, model="diffuse", device=d).frames for d in ("cuda", "cpu")]
+    yield "simulate", *frames
+
+    capture = ms.Capture(radar=radar, trajectory=trajectory, frames=frames[1])
+    grid = ms.VoxelGrid.regular((-0.02, -0.02, 0), (0.02, 0.02, 0), 0.01)
+    coarse = np.linspace(-0.03, 0.03, 8)
+    levels = tuple(fast.Level(size, (coarse, coarse)) for size in (0.002, 0.004))
+    fast.make_plan = lambda *_: fast.Plan(levels, (0, 1, 2), 1.0)
+    for method in ("backprojection", "fast"):
+        images = [ms.form_image(capture, grid, method=method, window="hann", device=d) for d in ("cuda", "cpu")]
+        yield method, *(image.values for image in images)
+
+
+def main():
+    rng = np.random.default_rng(4)
+    results = {}
+    for checks in (imaging, arrays, capture, doors):
+        for name, got, expected in checks(rng):
+            results[name] = difference(got, expected)
+    json.dump(results, sys.stdout)
+
+
+if __name__ == "__main__":
+    main()
