@@ -130,7 +130,9 @@ def test_r_beside_fastsar():
     points = grid.points.reshape(*grid.shape, 3) - origin
 
     def theirs():
-        return fastsar.backproject(history, tx, frequencies[0], frequencies[1] - frequencies[0], points, rcv=rx)
+        return fastsar.backproject(
+            history, tx, frequencies[0], frequencies[1] - frequencies[0], points, rcv=rx, window=False
+        )
 
     theirs()
     ms.form_image(capture, grid, method="backprojection")
