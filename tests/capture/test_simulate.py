@@ -290,6 +290,17 @@ def test_bad_arguments_are_named(settings, error, message):
         ms.simulate(BOX, ms.Radar.preset("mito-sim-77ghz"), ms.Trajectory.raster(size=(0, 0), step=1), **settings)
 
 
+def test_arguments_in_the_wrong_order_are_named():
+    radar, trajectory = ms.Radar.preset("mito-sim-77ghz"), ms.Trajectory.raster(size=(0, 0), step=1)
+    with pytest.raises(InputError, match="scene is of type Radar; expected Scene"):
+        ms.simulate(radar, BOX, trajectory)
+    with pytest.raises(InputError, match="radar is of type str"):
+        ms.simulate(BOX, "iwr1443", trajectory)
+    capture = ms.simulate(BOX, radar, trajectory)
+    with pytest.raises(InputError, match="capture is of type VoxelGrid"):
+        ms.form_image(ms.VoxelGrid(x=[0.0], y=[0.0], z=[0.0]), capture)
+
+
 def test_antennas_inside_the_object_are_refused():
     inside = ms.Trajectory(times=[0.0], positions=[[0, 0, 0.01]])
     with pytest.raises(CoverageError, match="inside the object's bounding box"):

@@ -13,7 +13,7 @@ from millisight.capture.trajectory import Trajectory
 from millisight.constants import SPEED_OF_LIGHT
 from millisight.device import check_device
 from millisight.errors import CoverageError, UnknownNameError
-from millisight.records import with_step
+from millisight.records import checked_record, with_step
 from millisight.scene.scene import Scene
 
 SPREADINGS = ("none", "1/d")
@@ -72,6 +72,9 @@ def simulate(
     >>> capture.frames.shape
     (25, 1, 1, 256)
     """
+    checked_record(scene, Scene, name="scene")
+    checked_record(radar, Radar, name="radar")
+    checked_record(trajectory, Trajectory, name="trajectory")
     if spreading not in SPREADINGS:
         raise UnknownNameError("spreading law", spreading, SPREADINGS)
     kernels = _kernels_on(device)

@@ -13,7 +13,7 @@ from millisight.imaging.fast import fast
 from millisight.imaging.grid import VoxelGrid
 from millisight.imaging.image import SarImage
 from millisight.imaging.windows import Window, range_weights, window_pair
-from millisight.records import with_step
+from millisight.records import checked_record, with_step
 
 METHODS = ("fast", "backprojection", "exact")
 
@@ -67,6 +67,8 @@ def form_image(
     >>> form_image(capture, VoxelGrid.regular((-0.05, -0.05, 0), (0.05, 0.05, 0), 0.01)).values.shape
     (11, 11, 1)
     """
+    checked_record(capture, Capture, name="capture")
+    checked_record(grid, VoxelGrid, name="grid")
     if method == "exact" and device == "cuda":
         raise InputError('method="exact" is float64 on the CPU alone; leave device="cuda" out')
     check_device(device)
