@@ -15,7 +15,7 @@ import time
 import numpy as np
 
 import millisight as ms
-from millisight.capture.simulate import _add_signals
+from millisight.capture.simulate import _add_signals, _kernels_on
 from millisight.constants import SPEED_OF_LIGHT
 from millisight.device import check_device
 from millisight.errors import DeviceError
@@ -47,7 +47,7 @@ def real_size_grid(counts):
 
 
 def signals(count, lit_share, poses, rng):
-    """Arguments of `_add_signals` for one block: lit vertices of a hand-sized object below a mito-sim radar."""
+    """What `_add_signals` takes after the kernels: one block of positions, a hand-sized object, a mito-sim radar."""
     radar = ms.Radar.preset("mito-sim-77ghz")
     points = rng.uniform([-0.1, -0.1, -0.05], [0.1, 0.1, 0.05], (count, 3))
     strengths = rng.normal(size=count) + 1j * rng.normal(size=count)
@@ -66,8 +66,8 @@ def correctness(rng):
     frames = np.zeros(capture.frames.shape, np.complex64)
     everyone = np.arange(len(frames))
     _add_signals(
-        lit, capture.tx_positions, capture.rx_positions, points, rng.normal(size=100) + 0j, capture.radar, "none",
-        everyone, frames,
+        _kernels_on("cpu"), lit, capture.tx_positions, capture.rx_positions, points, rng.normal(size=100) + 0j,
+        capture.radar, "none", everyone, frames,
     )  # fmt: skip
     capture = ms.Capture(radar=capture.radar, trajectory=capture.trajectory, frames=frames)
     grid = real_size_grid((2, 3, 2) if TINY else (80, 90, 5))
@@ -94,7 +94,7 @@ def correctness(rng):
     results = []
     for device in ("cuda", "cpu"):
         frames[:] = 0
-        _add_signals(*args, device=device)
+        _add_signals(_kernels_on(device), *args)
         results.append(frames[:, 0, 0].copy())
     to_exact, to_cpu = relative(results[0], direct), relative(*results)
     print(f"  {'signals':25} {to_exact:.1e} from a sum in float64, {to_cpu:.1e} from the CPU")
@@ -167,7 +167,7 @@ def speed(rng):
 
     args = signals(50 if TINY else 10_000, 0.03, 4 if TINY else 300, rng)
     for device in ("cuda", "cpu"):
-        first, seconds = median_time(lambda device=device: _add_signals(*args, device=device), cuda.synchronize)
+        first, seconds = median_time(lambda device=device: _add_signals(_kernels_on(device), *args), cuda.synchronize)
         print(
             f"Problem S, signals on {device:4} {1e6 * seconds / len(args[0]):8.1f} us a position (first {first:.2f} s)"
         )
