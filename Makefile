@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check
-EXTRAS := xarray,cuda
+EXTRAS := xarray
 TESTS ?=
 
 .PHONY: help setup setup-train demo test lint bench clean
