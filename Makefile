@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check
-EXTRAS := xarray
+EXTRAS := xarray,hub,cluster
 TESTS ?=
 
 .PHONY: help setup setup-train demo test lint bench clean
