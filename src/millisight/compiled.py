@@ -1,6 +1,7 @@
 """How kernels are compiled: by Numba, in parallel, and cached on disk wherever a disk lets us."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +18,24 @@ def serial(**options: Any) -> Callable[[Callable], Any]:
 
     def compile_lazily(function: Callable) -> Any:
         try:
-            return njit(cache=True, **options)(function)
+            return _forgiving(njit(cache=True, **options)(function))
         except RuntimeError:
             # Neither the package's folder nor the user's cache can be written to: compile in every process.
             return njit(**options)(function)
 
     return compile_lazily
+
+
+def _forgiving(function: Any) -> Any:
+    """The same function, which works as well where its machine code cannot be kept: on a full disk, say."""
+    keep = function._cache.save_overload
+
+    def try_to_keep(signature: Any, code: Any) -> None:
+        with suppress(OSError):
+            keep(signature, code)
+
+    function._cache.save_overload = try_to_keep
+    return function
 
 
 def is_kept(function: Any) -> bool:
