@@ -1,0 +1,106 @@
+"""What a surface returns: Fresnel's reflection of a solid or of a thin wall, split by its roughness."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from millisight.constants import SPEED_OF_LIGHT
+from millisight.records import checked_number, put, record
+from millisight.rig.virtual.fresnel import checked_cosine, checked_frequency, checked_permittivity
+from millisight.rig.virtual.slabs import Layers, checked_layers, slab_coefficients
+
+DEGREE = 8
+"""Of the polynomials in the cosine of incidence that stand for a surface in the kernels."""
+
+
+@record
+class Surface:
+    """A boundary as the wave meets it: layers, what lies behind them, and roughness.
+
+    Attributes
+    ----------
+    backing : relative permittivity ε' - i ε'' of what lies behind the layers: a solid's own, or 1 for a wall in air
+    layers : (relative permittivity, thickness [m]) of each, from the outside in; () for a solid
+    roughness : standard deviation of the height over the smooth shape [m]
+
+    The reflection is the mean of TE and TM: what antennas receive that are polarised at 45 degrees to the plane of
+    incidence, and the mean over all orientations of that plane. Near normal incidence, where mirrors flash, there is
+    no difference. The wave turned into the other polarisation is not followed.
+    """
+
+    backing: complex
+    layers: Layers = ()
+    roughness: float = 0.0
+
+    def __post_init__(self) -> None:
+        put(
+            self,
+            backing=checked_permittivity(self.backing, "backing"),
+            layers=checked_layers(self.layers),
+            roughness=checked_number(self.roughness, name="roughness", unit="m", minimum=0),
+        )
+
+    def reflection(self, frequency: Any, cosine: Any) -> np.ndarray:
+        """(...) complex, of the surface without its roughness: -1 for a perfect conductor."""
+        return slab_coefficients(self.layers, frequency, cosine, backing=self.backing)[0].mean(axis=0)
+
+    def coherent(self, frequency: Any, cosine: Any) -> np.ndarray:
+        """(...) complex reflection of the mean wave: `reflection` times exp(-2 (k σ cos θ)²).
+
+        Ament, "Toward a theory of reflection by a rough surface", Proc. IRE 41, 142 (1953).
+        """
+        return self.reflection(frequency, cosine) * np.exp(-self._rayleigh(frequency, cosine) / 2)
+
+    def diffuse(self, frequency: Any, cosine: Any) -> np.ndarray:
+        """(...) root of the share of power that leaves in all directions: what `coherent` lost, no more."""
+        lost = -np.expm1(-self._rayleigh(frequency, cosine))
+        return abs(self.reflection(frequency, cosine)) * np.sqrt(lost)
+
+    def _rayleigh(self, frequency: Any, cosine: Any) -> np.ndarray:
+        """(2 k σ cos θ)², the variance of the phase that heights give the reflected wave."""
+        wave_number = 2 * np.pi * checked_frequency(frequency) / SPEED_OF_LIGHT
+        return (2 * wave_number * self.roughness * checked_cosine(cosine)) ** 2
+
+    @property
+    def disperses(self) -> bool:
+        """Whether the reflection changes within a radar's band: waves run to and fro in layers."""
+        return bool(self.layers)
+
+
+def polynomials(values: np.ndarray, cosines: np.ndarray) -> np.ndarray:
+    """(DEGREE + 1, ...) coefficients in powers of 2 cos θ - 1, the lowest first, that fit `values` (n, ...).
+
+    Errors count as much as what is seen at an angle does in an echo, in proportion to the cosine.
+    """
+    powers = np.vander(2 * cosines - 1, DEGREE + 1, increasing=True)
+    weights = cosines[:, None]
+    flat = values.reshape(len(cosines), -1)
+    coefficients = np.linalg.lstsq(powers * weights, flat * weights, rcond=None)[0]
+    return coefficients.reshape(DEGREE + 1, *values.shape[1:])
+
+
+def fitted(surfaces: Sequence[Surface], center: float, half_band: float) -> tuple[np.ndarray, np.ndarray]:
+    """The surfaces as the kernels take them: what they return at every angle and frequency of a band.
+
+    Parameters
+    ----------
+    surfaces : S of them
+    center, half_band : the band's middle and half its width [Hz]
+
+    Returns
+    -------
+    coherent : (S, J, DEGREE + 1) complex64: `coherent` is the sum over j of polynomial j in 2 cos θ - 1 times ν^j, with
+        ν the frequency from -1 to 1 across the band. J is 1 where no surface disperses
+    diffuse : (S, DEGREE + 1) float32: polynomial of `diffuse` at the band's centre
+    """
+    cosines = (1 + np.cos(np.pi * (np.arange(64) + 0.5) / 64)) / 2
+    terms = 3 if half_band and any(s.disperses for s in surfaces) else 1
+    nodes = np.array([0.0]) if terms == 1 else np.array([-1.0, 0.0, 1.0])
+    in_powers = np.linalg.inv(np.vander(nodes, terms, increasing=True))
+    coherent, diffuse = [], []
+    for surface in surfaces:
+        band = surface.coherent(center + half_band * nodes, cosines[:, None])
+        coherent.append(polynomials(band @ in_powers.T, cosines).T)
+        diffuse.append(polynomials(surface.diffuse(center, cosines), cosines))
+    return np.array(coherent, dtype=np.complex64), np.array(diffuse, dtype=np.float32)
