@@ -24,7 +24,7 @@ from millisight.files import check_readable, printable
 _PLAIN_DTYPE = re.compile(r"[<>|=]?(?:\?|b1|[iu][1248]|f[248]|c(?:8|16)|[SU][1-9]\d{0,5})")
 _MOST_DIMENSIONS = 32
 _LARGEST_HEADER = 4096  # of a .npy file, in characters; 32 dimensions fit into a quarter of it
-_RATIO, _LEAST_LIMIT = 100, 1 << 28
+_RATIO, _LEAST_LIMIT = 100, 1 << 26
 _DAMAGE = (ValueError, LookupError, TypeError, ArithmeticError, EOFError, zlib.error, zipfile.BadZipFile)
 _NPY, _HDF5, _ZIP = b"\x93NUMPY", b"\x89HDF\r\n\x1a\n", (b"PK\x03\x04", b"PK\x05\x06")
 
@@ -55,7 +55,7 @@ def read_arrays(
     ----------
     path : the file
     names : read these alone; by default every array of numbers or text, leaving out what is no array (cells, objects)
-    max_bytes : what a compressed file may unpack to; by default a hundred times its size, at least 256 MiB
+    max_bytes : what a compressed file may unpack to; by default a hundred times its size, at least 64 MiB
     finite : refuse arrays without entries, and NaN and infinite values
 
     Returns

@@ -1,0 +1,294 @@
+"""Arrays come back from every format as they were saved; what is damaged, foreign or a bomb is an error with a name."""
+
+import os
+import re
+import resource
+import struct
+import zipfile
+import zlib
+
+import h5py
+import numpy as np
+import pytest
+
+from millisight.errors import DamagedFileError, FileError, FormatError, UnknownNameError
+from millisight.io.arrays import array_shapes, read_arrays
+
+FUZZ = int(os.environ.get("MILLISIGHT_FUZZ", 500))
+
+
+def some_arrays():
+    rng = np.random.default_rng(0)
+    values = rng.normal(size=(3, 4, 5))
+    return {
+        "frames": (values + 1j * values[::-1]).astype(np.complex64), "double": values,
+        "complex": values[0] - 2j * values[1], "bytes": np.arange(6, dtype=np.uint8).reshape(2, 3),
+        "shorts": np.array([[-5, 300]], dtype=np.int16),
+        "longs": np.array([[2**62]]), "single": values[:1, 0].astype(np.float32),
+    }  # fmt: skip
+
+
+def same(found, expected):
+    """Whether the arrays are equal in names, types, shapes and values."""
+    assert list(found) == list(expected)
+    return all(
+        found[name].dtype == expected[name].dtype
+        and found[name].shape == expected[name].shape
+        and np.array_equal(found[name], expected[name])
+        for name in expected
+    )
+
+
+def save_in_a_row(path, arrays):
+    with open(path, "wb") as file:
+        for array in arrays:
+            np.save(file, array)
+
+
+def save_matlab73(path, arrays, **options):
+    """A file as MATLAB 7.3 writes it: HDF5 behind a header, axes in reverse, complex numbers as {real, imag}."""
+    with h5py.File(path, "w", userblock_size=512) as file:
+        for name, array in arrays.items():
+            stored = array.T
+            if array.dtype.kind == "c":
+                part = array.real.dtype
+                stored = np.zeros(array.T.shape, dtype=[("real", part), ("imag", part)])
+                stored["real"], stored["imag"] = array.real.T, array.imag.T
+            kind = {"f8": "double", "c16": "double", "f4": "single", "c8": "single"}.get(
+                array.dtype.str[1:], array.dtype.name
+            )
+            file.create_dataset(name.replace(".", "/"), data=stored, **options).attrs["MATLAB_class"] = np.bytes_(kind)
+    with open(path, "r+b") as file:
+        file.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(116) + b"\0" * 8 + b"\0\2IM")
+
+
+def test_npy_holds_one_array_or_several(tmp_path):
+    arrays = [
+        *some_arrays().values(),
+        np.float64(2.5),
+        np.int32(7),
+        np.asfortranarray(np.eye(2, 3)),
+        np.array(["ü", "ab"]),
+    ]
+    save_in_a_row(tmp_path / "a.npy", arrays)
+    expected = {str(i): np.asarray(array) for i, array in enumerate(arrays)}
+    found = read_arrays(tmp_path / "a.npy")
+    assert same(found, expected)
+    assert not any(array.flags.writeable for array in found.values())
+    assert array_shapes(tmp_path / "a.npy") == {name: array.shape for name, array in expected.items()}
+    assert list(read_arrays(tmp_path / "a.npy", names=["8", "1"])) == ["8", "1"]
+
+
+@pytest.mark.parametrize("save", [np.savez, np.savez_compressed])
+def test_npz(tmp_path, save):
+    arrays = {**some_arrays(), "big-endian": np.arange(3, dtype=">i4"), "mask": np.array([True, False])}
+    save(tmp_path / "a.npz", **arrays)
+    assert same(read_arrays(tmp_path / "a.npz"), arrays)
+    assert array_shapes(tmp_path / "a.npz")["frames"] == (3, 4, 5)
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_matlab_5(tmp_path, compressed):
+    import scipy.io
+
+    arrays = {**some_arrays(), "flags": np.array([[True, False]])}
+    record = {"x": np.eye(2), "label": "text", "inner": {"y": np.arange(3.0).reshape(1, 3)}}
+    others = {
+        "cells": np.array([1, "a"], dtype=object),
+        "words": "text",
+        "record": record,
+        "many": np.zeros(2, "f8,i4"),
+    }
+    scipy.io.savemat(tmp_path / "a.mat", {**arrays, **others}, do_compression=compressed)
+    found = read_arrays(tmp_path / "a.mat")
+    assert same(found, {**arrays, "record.x": record["x"], "record.inner.y": record["inner"]["y"]})
+    theirs = scipy.io.loadmat(tmp_path / "a.mat")
+    assert all(np.array_equal(found[name], theirs[name]) for name in arrays)
+    for name, reason in {"cells": "a cell array", "words": "text", "many": "array of structures"}.items():
+        with pytest.raises(FormatError, match=rf"a\.mat: array '{name}' is .*{reason}"):
+            read_arrays(tmp_path / "a.mat", names=[name])
+
+
+def test_matlab_5_of_a_big_endian_machine(tmp_path):
+    def element(kind, data):
+        return struct.pack(">2I", kind, len(data)) + data + b"\0" * (-len(data) % 8)
+
+    values = np.arange(6, dtype=">u2").reshape(2, 3)
+    matrix = element(6, struct.pack(">2I", 6, 0)) + element(5, struct.pack(">2i", 2, 3)) + element(1, b"narrow")
+    matrix += element(4, values.tobytes(order="F"))  # doubles, stored as what is enough for them
+    header = b"MATLAB 5.0 MAT-file".ljust(116) + b"\0" * 8 + b"\1\0MI"
+    (tmp_path / "a.mat").write_bytes(header + element(14, matrix))
+    assert same(read_arrays(tmp_path / "a.mat"), {"narrow": values.astype(float)})
+
+
+@pytest.mark.parametrize("options", [{}, {"compression": "gzip", "shuffle": True}])
+def test_matlab_73(tmp_path, options):
+    arrays = dict(sorted(some_arrays().items()))
+    save_matlab73(tmp_path / "a.mat", {**arrays, "record.x": np.eye(2, 3)}, **options)
+    found = read_arrays(tmp_path / "a.mat")
+    assert same(found, {**arrays, "record.x": np.eye(2, 3)})
+    assert array_shapes(tmp_path / "a.mat")["frames"] == (3, 4, 5)
+
+
+def test_hdf5_of_any_origin(tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["scan/frames"] = np.arange(6).reshape(2, 3) * 1j
+        file["scan/itself"] = file["scan"]
+        file["text"] = "hello"
+        file["elsewhere"] = h5py.ExternalLink("b.h5", "/x")
+        file.create_dataset("outside", (4,), "f8", external=[("/etc/passwd", 0, 32)])
+        file.create_dataset("odd", data=np.zeros(9), chunks=(3,), compression="lzf")
+    assert same(read_arrays(tmp_path / "a.h5"), {"scan/frames": np.arange(6).reshape(2, 3) * 1j})
+    for name, reason in {"text": "no array of numbers", "outside": "lie in another file", "odd": "packed by"}.items():
+        with pytest.raises(FormatError, match=rf"a\.h5: array '{name}' is .*{reason}"):
+            read_arrays(tmp_path / "a.h5", names=[name])
+    with pytest.raises(UnknownNameError, match=r"a\.h5: 'scan/frame'. Did you mean 'scan/frames'"):
+        read_arrays(tmp_path / "a.h5", names=["scan/frame"])
+
+
+def test_pickled_objects_are_never_read(tmp_path):
+    objects = np.array([None, {}], dtype=object)
+    np.savez(tmp_path / "a.npz", good=np.ones(2), bad=objects)
+    np.save(tmp_path / "a.npy", objects)
+    np.savez(tmp_path / "only.npz", bad=objects)
+    assert list(read_arrays(tmp_path / "a.npz")) == ["good"]
+    for path, names in ((tmp_path / "a.npz", ["bad"]), (tmp_path / "a.npy", None), (tmp_path / "only.npz", None)):
+        with pytest.raises(FormatError, match=rf"{path.name}: .*Python objects, which are never read"):
+            read_arrays(path, names=names)
+
+
+def test_damage_is_told_with_the_files_and_the_arrays_name(tmp_path):
+    good, path = np.arange(600.0), tmp_path / "some.npy"
+    save_in_a_row(path, [good, good])
+    whole = path.read_bytes()
+    name = r"some\.npy is damaged: array '1' from byte 4928 on: "
+    for data, message in [
+        (whole[:-1], name + r"its float64 \(600,\) take 4800 bytes, and 4799 are left: truncated"),
+        (whole[:4940], name + "its header"), (whole + b"more", "array '2' from byte 9856 on: it starts with b'more'"),
+        (whole[:4928] + whole[4928:].replace(b"'<f8'", b"'|O8'"), "never read"), (b"", r"some\.npy: the file is empty"),
+        (whole.replace(b"(600,)", b"(-60,)"), "not negative"), (whole.replace(b"(600,)", b"(60.,)"), "whole numbers"),
+        (whole.replace(b"'<f8'", b"'<x8'"), "expected numbers, booleans or text"),
+        (whole.replace(b"False", b"exit("), "its header .* cannot be read"),
+        (whole.replace(b"\1\0v", b"\1\0\xff"), "its header .* cannot be read"),
+        (whole.replace(b"\1\0v\0", b"\2\0v\0"), "its header claims"), (b"\0" * 500, "expected a .npy, .npz"),
+    ]:  # fmt: skip
+        path.write_bytes(data)
+        with pytest.raises(FileError, match=message):
+            read_arrays(path, names=["0", "1"])
+    for bad, message in [(np.nan, r"has 2 values that are NaN or infinite, the first at \(1, 0\)"), (None, "is empty")]:
+        array = np.zeros((0, 3)) if bad is None else np.array([[1, 2], [np.inf, bad]])
+        np.savez(tmp_path / "a.npz", fine=good, bad=array)
+        with pytest.raises(DamagedFileError, match=rf"a\.npz: array 'bad' {message}"):
+            read_arrays(tmp_path / "a.npz")
+        assert same(read_arrays(tmp_path / "a.npz", names=["fine"]), {"fine": good})
+        assert read_arrays(tmp_path / "a.npz", finite=False)["bad"].shape == array.shape
+    with pytest.raises(UnknownNameError, match=r"a\.npz: 'fin'. Did you mean 'fine'"):
+        read_arrays(tmp_path / "a.npz", names=["fin"])
+    with pytest.raises(FileError, match="no such file"):
+        read_arrays(tmp_path / "missing.npz")
+    with zipfile.ZipFile(tmp_path / "a.npz", "w") as archive:
+        archive.writestr("readme.txt", "hello")
+    with pytest.raises(FormatError, match="no arrays of numbers; 'readme.txt' is no array"):
+        read_arrays(tmp_path / "a.npz")
+
+
+def npy_header(shape):
+    text = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}\n".encode()
+    return b"\x93NUMPY\1\0" + struct.pack("<H", len(text)) + text
+
+
+def test_what_unpacks_to_too_much_is_refused(tmp_path):
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    zeros = np.zeros(1 << 20, dtype=np.uint8)
+    with (
+        zipfile.ZipFile(tmp_path / "a.npz", "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive,
+        archive.open("zeros.npy", "w") as file,
+    ):
+        file.write(npy_header((100 << 17,)))
+        for _ in range(100):
+            file.write(zeros.data)
+    (tmp_path / "lies.npy").write_bytes(npy_header((1 << 60,)) + b"\0" * 800)
+    stream = zlib.compressobj(1)
+    body = b"".join([stream.compress(zeros) for _ in range(100)]) + stream.flush()
+    header = b"MATLAB 5.0 MAT-file".ljust(116) + b"\0" * 8 + b"\0\1IM"
+    (tmp_path / "a.mat").write_bytes(header + struct.pack("<2I", 15, len(body)) + body)
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.create_dataset("zeros", (1 << 40,), "f8", chunks=(1 << 20,), compression="gzip")
+        file.create_dataset("unwritten", (1 << 20,), "f8", chunks=(1 << 10,))
+    for name, names, message in [
+        ("a.npz", None, "would unpack to 1048576.. bytes or more"),
+        ("a.mat", None, "would unpack to 67108865 bytes or more"),
+        ("lies.npy", None, "take 9223372036854775808 bytes, and 800 are left"),
+        ("a.h5", ["zeros"], "takes 8796093022208 bytes, over the limit"), ("a.h5", ["unwritten"], "0 bytes are stored"),
+    ]:  # fmt: skip
+        with pytest.raises(FileError, match=rf"{re.escape(name)}.*{message}"):
+            read_arrays(tmp_path / name, names=names)
+    grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
+    assert grown < 250_000  # kB
+    assert read_arrays(tmp_path / "a.npz", max_bytes=200 << 20)["zeros"].nbytes == 100 << 20
+
+
+def test_a_crash_of_the_hdf5_library_is_an_error(tmp_path, monkeypatch):
+    """Damaged files make it fail in ways that no Python code can catch."""
+    import millisight.io.hdf5_arrays as hdf5_arrays
+
+    save_matlab73(tmp_path / "a.mat", {"x": np.eye(3)})
+    crashing = tmp_path / "python"
+    for script, message in [
+        ("kill -SEGV $$", "the HDF5 library fails"),
+        ("exec sleep 60", "the HDF5 library fails"),
+        ("echo [", "JSON|Expecting"),
+    ]:
+        crashing.write_text(f"#!/bin/sh\n{script}\n")
+        crashing.chmod(0o755)
+        monkeypatch.setattr(hdf5_arrays.sys, "executable", str(crashing))
+        monkeypatch.setattr(hdf5_arrays, "_SECONDS", 0.5)
+        with pytest.raises(DamagedFileError, match=rf"a\.mat is damaged: .*({message})"):
+            read_arrays(tmp_path / "a.mat")
+
+
+def mutated(rng, whole):
+    data = bytearray(whole)
+    for _ in range(rng.integers(1, 4)):
+        place = int(rng.integers(len(data)))
+        match rng.integers(5):
+            case 0:
+                data[place] = rng.integers(256)
+            case 1:
+                data[place : place + 4] = [b"\xff" * 4, b"\0" * 4, b"\0\0\0\x40", b"\1\0\0\0"][rng.integers(4)]
+            case 2:
+                del data[place : place + rng.integers(1, 9)]
+            case 3:
+                other = int(rng.integers(len(data)))
+                data[place:place] = data[other : other + rng.integers(1, 30)]
+            case 4 if rng.random() < 0.2:
+                del data[max(1, place) :]
+    return bytes(data)
+
+
+def test_mutated_files_end_in_arrays_or_in_an_error_of_ours(tmp_path):
+    import scipy.io
+
+    rng = np.random.default_rng(0)
+    arrays, path = some_arrays(), tmp_path / "some.file"
+    save_in_a_row(tmp_path / "0", arrays.values())
+    np.savez(tmp_path / "1.npz", **arrays)
+    np.savez_compressed(tmp_path / "2.npz", **arrays)
+    scipy.io.savemat(tmp_path / "3.mat", {**arrays, "record": {"x": np.eye(2)}})
+    scipy.io.savemat(tmp_path / "4.mat", arrays, do_compression=True)
+    save_matlab73(tmp_path / "5.mat", arrays, compression="gzip")
+    wholes = [entry.read_bytes() for entry in sorted(tmp_path.iterdir())]
+    assert len(wholes) == 6
+    beyond, tried = 0, 0
+    for number in range(FUZZ):
+        # Each file of the last kind starts a process, so there are few of them.
+        path.write_bytes(mutated(rng, wholes[number % 5 if number % 100 else 5]))
+        tried += 1
+        try:
+            read_arrays(path)
+            beyond += 1
+        except FileError as error:
+            assert "some.file" in str(error)  # noqa: PT017
+            beyond += "array '" in str(error)
+    assert tried == FUZZ
+    assert beyond > FUZZ / 2
