@@ -89,7 +89,7 @@ def test_values_are_read_only_and_of_the_grids_shape():
 
 def test_reprs_are_short():
     assert repr(GRID) == "VoxelGrid(4 x 3 x 3 voxels, x 0 to 0.03 m, y 0 to 0.02 m, z -0.1 to 0 m)"
-    assert repr(image(0)) == f"SarImage(complex64 on {GRID!r})"
+    assert repr(image(0)) == f"SarImage(complex128 on {GRID!r})"
 
 
 def test_the_grid_must_be_a_grid():
@@ -111,3 +111,10 @@ def test_xarray_carries_coordinates():
     assert array.dims == ("x", "y", "z")
     assert array.x.attrs["units"] == "m"
     assert array.sel(x=0.01, y=0.0, z=0.0, method="nearest").item() == image(4).values[1, 0, 2]
+
+
+def test_values_are_complex64_unless_they_come_as_a_complex128_array():
+    values = np.full(GRID.shape, 1 + 1e-12j)
+    assert ms.SarImage(grid=GRID, values=values).values.tobytes() == values.tobytes()
+    assert ms.SarImage(grid=GRID, values=values.tolist()).values.dtype == np.complex64
+    assert ms.SarImage(grid=GRID, values=values.real).values.dtype == np.complex64

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 import millisight as ms
+from millisight.capture.camera import CameraFrame, CameraMask, Intrinsics
 from millisight.errors import DamagedFileError, FileError, FormatError, InputError
-from millisight.io.hdf5 import RECORDS, provenance
+from millisight.io.hdf5 import RECORDS, load_extras, provenance
 
 
 def small_capture(receivers="iwr1443"):
@@ -32,12 +33,16 @@ def one_of_each():
     capture = small_capture()
     grid = ms.VoxelGrid.regular((0, 0, 0), (0.02, 0.01, 0), 0.01)
     scene = ms.Scene.from_mesh("cracker_box", vertices=None, material=ms.Material(name="odd", reflection=0.2 - 0.1j))
+    intrinsics = Intrinsics(fx=9.0, fy=9.0, cx=1.0, cy=0.5, width=3, height=2)
+    depth, points = np.array([[1, 2, 3], [4, 5, np.nan]], np.float32), np.full((2, 3, 3), np.nan)
     return [
         capture.radar.waveform, capture.radar.array, capture.radar, capture.trajectory, capture, grid, grid.xy,
         ms.SarImage(grid=grid, values=np.arange(6).reshape(3, 2, 1) * (1 + 2j), metadata={"ö": "µ"}),
         ms.Mask(grid_xy=grid.xy, inside=[[True, False]] * 3),
         ms.Prediction(probabilities=[0.25, 0.75], class_names=("can", "box")),
-        scene.mesh, scene.objects[0].material, scene.objects[0], scene + scene.moved((1, 0, 0)),
+        scene.mesh, scene.objects[0].material, scene.objects[0], scene + scene.moved((1, 0, 0)), intrinsics,
+        CameraFrame(rgb=np.ones((2, 3, 3), np.uint8), depth=depth, pose=np.eye(4), intrinsics=intrinsics),
+        CameraMask(pixels=depth > 2, depth=depth, points=points, pose=np.eye(4), metadata={"a": 1}),
     ]  # fmt: skip
 
 
@@ -47,7 +52,7 @@ def same(a, b):
     if isinstance(a, tuple) and a and type(a[0]).__name__ in RECORDS:
         return len(a) == len(b) and all(map(same, a, b))
     if isinstance(a, np.ndarray):
-        return a.dtype == b.dtype and np.array_equal(a, b)
+        return a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes()
     return a == b
 
 
@@ -60,6 +65,59 @@ def test_round_trip_is_bit_for_bit(record, tmp_path):
     ms.save(tmp_path / "r.h5", record)
     assert same(record, ms.load(tmp_path / "r.h5"))
     assert [p.name for p in tmp_path.iterdir()] == ["r.h5"]
+
+
+def test_complex128_values_are_kept_to_the_last_bit(tmp_path):
+    values = np.array([1 + 1e-12j, -0.0, np.pi]).reshape(3, 1, 1)
+    grid = ms.VoxelGrid.regular((0, 0, 0), (0.02, 0, 0), 0.01)
+    ms.save(tmp_path / "i.h5", ms.SarImage(grid=grid, values=values))
+    kept = ms.load(tmp_path / "i.h5").values
+    assert kept.dtype == np.complex128
+    assert kept.tobytes() == values.tobytes()
+
+
+def test_extras_come_back_bit_for_bit_beside_the_record(tmp_path):
+    extras = {
+        "points": np.arange(6, dtype=">f4").reshape(2, 3), "none": np.zeros((0, 7)), "scalar": np.array(2.5, "f4"),
+        "flags": np.array([True, False]), "phases": np.array([1j, np.nan]),
+        "names": ["a", None, {"b": 1.5}], "µ": "text",
+    }  # fmt: skip
+    image = one_of_each()[7]
+    ms.save(tmp_path / "i.h5", image, extras=extras)
+    assert same(image, ms.load(tmp_path / "i.h5"))
+    found = load_extras(tmp_path / "i.h5")
+    assert set(found) == set(extras)
+    for name, value in extras.items():
+        assert (
+            same(np.asarray(value), np.asarray(found[name])) if isinstance(value, np.ndarray) else found[name] == value
+        )
+    ms.save(tmp_path / "i.h5", image)
+    assert load_extras(tmp_path / "i.h5") == {}
+
+
+@pytest.mark.parametrize("extras", [{"a/b": 1}, {"": 1}, {"a": object()}, {"a": float("nan")}])
+def test_extras_that_no_file_can_hold_are_refused(extras, tmp_path):
+    with pytest.raises(InputError, match="extras"):
+        ms.save(tmp_path / "i.h5", small_capture(), extras=extras)
+    assert not list(tmp_path.iterdir())
+
+
+def test_damaged_extras_are_refused(tmp_path):
+    ms.save(tmp_path / "i.h5", small_capture(), extras={"words": ["a"]})
+    content = (tmp_path / "i.h5").read_bytes()
+    assert content.count(b'["a"]') == 1
+    (tmp_path / "i.h5").write_bytes(content.replace(b'["a"]', b'["b"]'))
+    with pytest.raises(DamagedFileError, match=r"i.h5 is damaged at extras"):
+        load_extras(tmp_path / "i.h5")
+
+
+def test_reproducible_files_are_equal_byte_for_byte(tmp_path):
+    for name in "ab":
+        ms.save(tmp_path / name, small_capture(), extras={"x": np.arange(3)}, reproducible=True)
+    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
+    told = provenance(tmp_path / "a")
+    assert (told["created"], told["command"], told["record"]) == ("unknown", "unknown", "Capture")
+    ms.load(tmp_path / "a")
 
 
 def test_the_file_explains_itself(tmp_path):

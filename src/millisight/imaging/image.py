@@ -27,7 +27,7 @@ class SarImage:
     Attributes
     ----------
     grid : VoxelGrid
-    values : (X, Y, Z) complex64
+    values : (X, Y, Z) complex64; complex128 where they were given as such an array, as some published images are
     metadata : provenance; what JSON can hold
     """
 
@@ -37,9 +37,10 @@ class SarImage:
 
     def __post_init__(self) -> None:
         checked_record(self.grid, VoxelGrid, name="grid")
+        dtype = np.complex128 if getattr(self.values, "dtype", None) in ("<c16", ">c16") else np.complex64
         put(
             self,
-            values=checked_array(self.values, name="values", shape=self.grid.shape, dtype=np.complex64),
+            values=checked_array(self.values, name="values", shape=self.grid.shape, dtype=dtype),
             metadata=checked_metadata(self.metadata),
         )
 
@@ -48,11 +49,11 @@ class SarImage:
 
     @property
     def magnitude(self) -> np.ndarray:
-        """(X, Y, Z) float32 |I|."""
+        """(X, Y, Z) float32 |I|; float64 of complex128 values."""
         return np.abs(self.values)
 
     def project(self, axis: str = "z", *, reduce: str = "mean") -> np.ndarray:
-        """|I| seen along an axis: its "mean" (as published) or "max" over that axis, a 2-D float32 array.
+        """|I| seen along an axis: its "mean" (as published) or "max" over that axis, a 2-D array of floats.
 
         Raises
         ------

@@ -11,7 +11,7 @@ import json
 import os
 import shlex
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import fields
 from datetime import UTC, datetime
@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from millisight.capture.camera import CameraFrame, CameraMask, Intrinsics
 from millisight.capture.capture import PHASE_SIGN, Capture
 from millisight.capture.radar import AntennaArray, Radar, Waveform
 from millisight.capture.trajectory import Trajectory
@@ -39,7 +40,7 @@ RECORDS = {
     cls.__name__: cls
     for cls in (
         Waveform, AntennaArray, Radar, Trajectory, Capture, VoxelGrid, PixelGrid, SarImage, Mask, Prediction,
-        TriangleMesh, Material, SceneObject, Scene,
+        TriangleMesh, Material, SceneObject, Scene, Intrinsics, CameraFrame, CameraMask,
     )
 }  # fmt: skip
 
@@ -58,20 +59,40 @@ _ABOUT = {
     "z": {"unit": "m", "frame": "world"},
     "vertices": {"unit": "m", "axes": "vertex, (x y z)", "frame": "world"},
     "faces": {"axes": "face, corner"},
+    "rgb": {"axes": "row, column, (r g b)"},
+    "depth": {"unit": "depth_unit", "axes": "row, column", "frame": "camera"},
+    "pixels": {"axes": "row, column"},
+    "points": {"unit": "m", "axes": "row, column, (x y z)", "frame": "camera"},
+    "pose": {"unit": "m", "axes": "row, column", "frame": "camera to robot base"},
+    "intrinsics": {"fx_unit": "pixels", "fy_unit": "pixels", "cx_unit": "pixels", "cy_unit": "pixels"},
     "waveform": {"start_frequency_unit": "Hz", "slope_unit": "Hz/s", "sample_rate_unit": "Hz"},
     "radar": {"path_offset_unit": "m"},
 }
 _CHUNK_BYTES = 1 << 20
+_EXTRAS = "extras"
 _JSON = "json:"
 
 
-def save(path: str | os.PathLike[str], record: Any) -> None:
+def save(
+    path: str | os.PathLike[str],
+    record: Any,
+    *,
+    extras: Mapping[str, Any] | None = None,
+    reproducible: bool = False,
+) -> None:
     """Write a record to an HDF5 file; an old file at `path` is replaced only when the new one is whole.
+
+    Parameters
+    ----------
+    path : the file
+    record : one of millisight's
+    extras : what comes along with the record, by name: arrays of numbers, and what JSON can hold; see `load_extras`
+    reproducible : leave out when and by which command the file was made, so that equal records give equal bytes
 
     Raises
     ------
     InputError
-        It is no record of millisight.
+        It is no record of millisight, or an extra can be stored in no way.
     FileError
         The folder is missing, read-only, or full.
     """
@@ -90,9 +111,12 @@ def save(path: str | os.PathLike[str], record: Any) -> None:
         file.attrs["format"] = "millisight"
         file.attrs["schema_version"] = SCHEMA_VERSION
         file.attrs["code_version"] = importlib.metadata.version("millisight")
-        file.attrs["command"] = printable(shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]]))
-        file.attrs["created"] = datetime.now(UTC).isoformat(timespec="seconds")
+        if not reproducible:
+            file.attrs["command"] = printable(shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]]))
+            file.attrs["created"] = datetime.now(UTC).isoformat(timespec="seconds")
         _write(file, record, sink)
+        for name, value in (extras or {}).items():
+            _write_extra(file, name, value, sink)
         file.attrs["digest"] = _digest(file)
 
 
@@ -125,6 +149,26 @@ def open_capture(path: str | os.PathLike[str]) -> Iterator[Capture]:
         if _kind(file, path) != "Capture":
             raise FormatError(f"{path} holds a {_kind(file, path)}; expected a Capture")
         yield _read(file, path, lazy=("frames",))
+
+
+def load_extras(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """What `save` was given as `extras`, by name; empty where there were none.
+
+    Raises
+    ------
+    FileError, FormatError, DamagedFileError
+        As `load`.
+    """
+    with _opened(path) as file:
+        extras: dict[str, Any] = {}
+        try:
+            for name, item in file.get(_EXTRAS, {}).items():
+                array = _read_item(item, path, lazily=False)
+                extras[name] = json.loads(array.tobytes()) if "json" in item.attrs else array
+        except (OSError, RuntimeError, LookupError, TypeError, ValueError, AttributeError) as error:
+            reason = _reason(error)
+            raise DamagedFileError(f"{path} is damaged at {_EXTRAS}: {reason}; make or copy it again") from error
+        return extras
 
 
 def provenance(path: str | os.PathLike[str]) -> dict[str, Any]:
@@ -256,6 +300,25 @@ def _write_array(group: Any, name: str, array: Any, sink: _Sink) -> Any:
         dataset[start : start + many] = array[start : start + many]
         sink.check()
     return dataset
+
+
+def _write_extra(file: Any, name: str, value: Any, sink: _Sink) -> None:
+    """An array as it is, anything else as JSON in a checksummed array of bytes."""
+    if not name or "/" in name or name == "." or "\0" in name or printable(name) != name:
+        raise InputError(f"extras has the name {name!r}; expected a text without / and NUL")
+    group = file.require_group(_EXTRAS)
+    if isinstance(value, np.ndarray) and value.dtype.kind in "biufc":
+        if value.size and value.ndim:
+            _write_array(group, name, value, sink)
+        else:
+            group[name] = value
+        return
+    try:
+        text = json.dumps(value, allow_nan=False).encode()
+    except (TypeError, ValueError, RecursionError) as error:
+        raise InputError(f"extras' {name} is neither an array of numbers nor what JSON can hold: {error}") from error
+    dataset = _write_array(group, name, np.frombuffer(text, dtype=np.uint8), sink)
+    dataset.attrs["json"] = 1
 
 
 def _read(group: Any, path: str | os.PathLike[str], lazy: tuple[str, ...] = ()) -> Any:
