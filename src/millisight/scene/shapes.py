@@ -9,7 +9,7 @@ paper's Eq. 7), so that tessellation makes no edges that the real object does no
 are coarser: to the radar they are edges.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -26,6 +26,7 @@ Triple = tuple[float, float, float]
 
 CHORD = 2.0  # longest side of a facet across a curve [mm]: about half a wavelength at 77 GHz
 FEWEST = 40  # sides of the smallest circle: 9° a side
+FLAT = (0.0, 0.0, 1.0)  # the normal of the table: a rod bent within the page
 MOST_STRETCH = 0.10  # a drawing further from its declared size than this is a mistake, not a rounding
 
 
@@ -182,10 +183,13 @@ def loft(rings: np.ndarray, *, closed: bool = False) -> "Manifold":
     return Manifold(Mesh64(vertices, np.ascontiguousarray(triangles, dtype=np.uint64)))
 
 
-def tube(path: np.ndarray, radii: ArrayLike, *, normal: Triple, closed: bool = False) -> "Manifold":
+def tube(
+    path: np.ndarray, radii: ArrayLike, *, normal: Triple, closed: bool = False, around: int | None = None
+) -> "Manifold":
     """A rod along an (N, 3) path that lies in the plane with this normal.
 
-    `radii`: one number, one a point (N,), or two (1, 2) or (N, 2): in the path's plane, and across it.
+    `radii`: one number, one a point (N,), or two (1, 2) or (N, 2): in the path's plane, and across it. `around`:
+    how many sides the rod has, where it is so thin that the usual number would be wasted.
     """
     radii = np.asarray(radii, dtype=float)
     radii = np.broadcast_to(radii[:, None] if radii.ndim == 1 else radii, (len(path), 2))
@@ -194,7 +198,7 @@ def tube(path: np.ndarray, radii: ArrayLike, *, normal: Triple, closed: bool = F
         ahead[0], ahead[-1] = path[1] - path[0], path[-1] - path[-2]
     up = np.asarray(normal, dtype=float) / np.linalg.norm(normal)
     aside = np.cross(up, ahead / np.linalg.norm(ahead, axis=1, keepdims=True))
-    angle = np.linspace(0, 2 * np.pi, sides(radii.max()), endpoint=False)[:, None]
+    angle = np.linspace(0, 2 * np.pi, around or sides(radii.max()), endpoint=False)[:, None]
     offsets = np.cos(angle) * (radii[:, :1] * aside)[:, None] + np.sin(angle) * radii[:, 1:, None] * up
     return loft(path[:, None] + offsets, closed=closed)
 
@@ -252,6 +256,23 @@ def stretched(solid: "Manifold", size: Triple) -> "Manifold":
     InputError
         The drawing is more than 10 % off; scaling would distort it.
     """
+    return solid.scale(_stretch(solid, size))
+
+
+def stretched_parts(parts: "Mapping[str, Manifold]", size: Triple) -> "dict[str, Manifold]":
+    """The parts of one thing, scaled together so that their union fills a box of this size [mm].
+
+    Raises
+    ------
+    InputError
+        As `stretched`.
+    """
+    scale = _stretch(union(*parts.values()), size)
+    return {name: solid.scale(scale) for name, solid in parts.items()}
+
+
+def _stretch(solid: "Manifold", size: Triple) -> np.ndarray:
+    """(3,) scale along x, y and z that makes the solid fill a box of this size."""
     lower, upper = np.reshape(solid.bounding_box(), (2, 3))
     scale = np.asarray(size, dtype=float) / (upper - lower)
     if (np.abs(scale - 1) > MOST_STRETCH).any():
@@ -259,33 +280,52 @@ def stretched(solid: "Manifold", size: Triple) -> "Manifold":
         raise InputError(
             f"the solid is drawn {drawn} mm large; expected {wanted} mm within 10 %: redraw it, or mend the size"
         )
-    return solid.scale(scale)
+    return scale
 
 
-def mesh_of(solid: "Manifold") -> TriangleMesh:
-    """The solid in metres, its bounding box centred at the origin.
+def apart(parts: "Mapping[str, Manifold]") -> "dict[str, Manifold]":
+    """The parts without what they share: where two overlap, the one named first keeps the place."""
+    cut: dict[str, Manifold] = {}
+    for name, solid in parts.items():
+        cut[name] = solid - union(*cut.values()) if cut else solid
+    return cut
+
+
+def mesh_of(solid: "Manifold", *, centre: ArrayLike | None = None, pieces: bool = False) -> TriangleMesh:
+    """The solid in metres, its bounding box, or the given `centre` [mm], at the origin.
+
+    Parameters
+    ----------
+    solid : what was drawn [mm]
+    centre : (3,) the point that goes to the origin [mm]
+    pieces : allow several pieces that do not touch; otherwise they are taken for a mistake
 
     Raises
     ------
     MeshError
-        The solid is empty, broken, or in several pieces.
+        The solid is empty, broken, or in several pieces where one is expected.
     """
     from manifold3d import Error
 
     # Booleans leave slivers where surfaces nearly coincide; a micrometre is far below every wavelength here.
     solid = solid.simplify(1e-3)
-    pieces = len(solid.decompose())
-    if solid.status() != Error.NoError or pieces != 1:
+    count = len(solid.decompose())
+    if solid.status() != Error.NoError or count < 1 or (count > 1 and not pieces):
         raise MeshError(
-            f"the solid has {pieces} pieces and status {solid.status().name}; expected one piece without "
+            f"the solid has {count} pieces and status {solid.status().name}; expected one piece without "
             "error: let its parts overlap, and check that no part crosses itself"
         )
     mesh = solid.to_mesh64()
     # Booleans can leave a vertex that no face uses.
     used, faces = np.unique(np.asarray(mesh.tri_verts), return_inverse=True)
-    vertices = np.asarray(mesh.vert_properties)[used, :3] / 1000
-    vertices = vertices - (vertices.min(0) + vertices.max(0)) / 2
-    return TriangleMesh(vertices=vertices, faces=faces.reshape(-1, 3))
+    vertices = np.asarray(mesh.vert_properties)[used, :3]
+    middle = middle_of(solid) if centre is None else np.asarray(centre, dtype=float)
+    return TriangleMesh(vertices=(vertices - middle) / 1000, faces=faces.reshape(-1, 3))
+
+
+def middle_of(solid: "Manifold") -> np.ndarray:
+    """(3,) the middle of the solid's bounding box [mm]."""
+    return np.reshape(solid.bounding_box(), (2, 3)).mean(axis=0)
 
 
 def _along(solid: "Manifold", axis: str) -> "Manifold":
