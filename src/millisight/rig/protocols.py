@@ -14,9 +14,6 @@ from millisight.capture.trajectory import Trajectory
 from millisight.errors import InputError
 from millisight.records import checked_array, checked_number, put, record
 
-RADAR_ORIGIN = (0.42, -0.23, 0.23)
-"""The radar frame's origin in the robot's base frame [m], axes parallel: as published with the MITO dataset."""
-
 NOT_TURNED = (0.0, 0.0, 0.0, 1.0)
 
 
@@ -54,8 +51,8 @@ class Recording:
 
     Attributes
     ----------
-    samples : (F, C, R, N) complex64, frame x chirp x receiver x sample, in counts of the ADC, of the sign that the
-        device has (the published radars: exp(+i 2 pi f d / c), the conjugate of that inside millisight)
+    samples : (F, C, R, N) complex64, frame x chirp x receiver x sample, in counts of the converter (int16), of the
+        phase sign inside millisight: a driver conjugates at its door where its device has the other
     first_time : when the first frame was taken, on the radar's clock [s]
     period : from frame to frame, on the radar's clock [s]
     lost : (F,) bool, frames that arrived damaged or not at all; their samples may be zeros

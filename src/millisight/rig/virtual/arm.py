@@ -114,7 +114,7 @@ class VirtualArm:
         self._time = time
         path, encoder = rng.spawn(2)
         self._stray = _Stray(settings.path_error, settings.correlation_length, path)
-        self._encoder = encoder.bit_generator.seed_seq  # type: ignore[attr-defined]
+        self._encoder_seed = int(encoder.integers(2**63))
         self._moves: list[tuple[float, np.ndarray, np.ndarray, _Profile, float]] = []
         self._stands_at = 0.0  # from this time on [s]
 
@@ -138,7 +138,7 @@ class VirtualArm:
         readings = first + np.arange(int((now - first) * settings.log_rate) + 1) / settings.log_rate
         positions = self.true_positions(np.clip(settings.clock.true_times(readings), 0.0, self._time.now))
         # A fresh generator each time: what was logged once is logged for ever.
-        noise = np.random.default_rng(self._encoder).standard_normal(positions.shape)
+        noise = np.random.default_rng(self._encoder_seed).standard_normal(positions.shape)
         return Trajectory(times=readings, positions=positions + settings.encoder_noise / np.sqrt(3) * noise)
 
     def planned_positions(self, times: np.ndarray) -> np.ndarray:

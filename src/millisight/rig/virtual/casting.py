@@ -31,7 +31,7 @@ class Caster:
         self._corners = np.concatenate([mesh.vertices[mesh.faces] for mesh in meshes])
         self._owner = np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes])
         self._face_normals = np.concatenate([mesh.face_normals for mesh in meshes])
-        self._meshes = meshes
+        self._corner_normals = np.concatenate([mesh.vertex_normals[mesh.faces] for mesh in meshes])
         self._scene = EmbreeScene()
         EmbreeMesh(self._scene, np.ascontiguousarray(self._corners, dtype=np.float32))
 
@@ -57,21 +57,20 @@ class Caster:
         hits = self.first(starts, ways / np.maximum(lengths, 1e-12)[:, None])
         return hits.distance < lengths
 
+    def leaves(self, hits: Hits, directions: np.ndarray) -> np.ndarray:
+        """(n,) bool, whether rays along `directions` (n, 3) met a face from its inner side."""
+        along = np.einsum("ni,ni->n", self._face_normals[hits.face], directions)
+        return (hits.mesh >= 0) & (along > 0)
+
     def normals(self, hits: Hits, points: np.ndarray) -> np.ndarray:
         """(n, 3) unit normals at `points` (n, 3) that were hit, shaded round over edges that are not sharp."""
-        corners = self._corners[hits.face]
-        flat = self._face_normals[hits.face]
+        corners, flat = self._corners[hits.face], self._face_normals[hits.face]
         at_corners = self._corner_normals[hits.face]
-        sharp = np.einsum("fci,fi->fc", at_corners, flat) < _SHARP
-        at_corners = np.where(sharp[..., None], flat[:, None], at_corners)
-        # Barycentric coordinates, from the areas that the point makes with each side.
-        sides = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
-        areas = np.einsum("fi,fci->fc", flat, np.cross(sides, points[:, None] - np.roll(corners, -1, axis=1)))
-        areas = np.clip(areas, 0.0, None) + 1e-15
-        normals = np.einsum("fc,fci->fi", areas, at_corners)
+        normals = np.zeros_like(flat)
+        for i in range(3):
+            # The area that the point makes with the side across from the corner weighs it: barycentric coordinates.
+            a, b = corners[:, i - 2], corners[:, i - 1]
+            area = np.einsum("fi,fi->f", flat, np.cross(b - a, points - a))
+            sharp = np.einsum("fi,fi->f", at_corners[:, i], flat) < _SHARP
+            normals += np.clip(area, 1e-15, None)[:, None] * np.where(sharp[:, None], flat, at_corners[:, i])
         return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
-
-    @property
-    def _corner_normals(self) -> np.ndarray:
-        """(F, 3, 3) normals of every face's corners."""
-        return np.concatenate([mesh.vertex_normals[mesh.faces] for mesh in self._meshes])

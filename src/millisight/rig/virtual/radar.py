@@ -6,7 +6,7 @@ metal sphere of 11 cm) at 0.3 m, whose amplitude in the units of `optics.echoes`
 """
 
 from collections.abc import Callable
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from millisight.constants import SPEED_OF_LIGHT
 from millisight.errors import InputError, UnknownNameError
 from millisight.records import checked_integer, checked_number, checked_numbers, put, record
 from millisight.rig.protocols import Recording
+from millisight.rig.virtual.antenna import Antenna
 from millisight.rig.virtual.clocks import DeviceClock, WorldTime
 
 REFERENCE = 0.1 / np.sqrt(4 * np.pi) / 0.3**2
@@ -29,13 +30,26 @@ _BYTES = 4  # of a sample of one receiver: int16 I and Q
 _PHASE_PATH = 0.6  # path at which phase_noise_deg holds [m]
 _FULL = 32767
 
-# Of the published set-up: folder, time between frames [s], chirps in a frame, where the transmitter is in the radar
-# frame [m] (its image grid lies 10 cm along y), and whether it sends packets.
+
+class _Published(NamedTuple):
+    """Of the published set-up; see RadarSettings for the fields.
+
+    The 24 GHz transmitter is 10 cm along y, as its image grid lies. Beamwidths are the boards' own as far as we recall
+    their guides.
+    """
+
+    folder: str
+    frame_period: float
+    chirps: int
+    mount: tuple[float, float, float]
+    beamwidth_deg: tuple[float, float]
+
+
 _PUBLISHED = {
-    "iwr1443": ("77_ghz", 0.003, 1, (0.0, 0.0, 0.0)),
-    "position2go": ("24_ghz", 0.1, 16, (0.0, 0.10, 0.0)),
+    "iwr1443": _Published("77_ghz", 0.003, 1, (0.0, 0.0, 0.0), (56.0, 28.0)),
+    "position2go": _Published("24_ghz", 0.1, 16, (0.0, 0.10, 0.0), (76.0, 19.0)),
 }
-Frames = Callable[[Radar, Trajectory], np.ndarray]
+Frames = Callable[["RadarSettings", Trajectory], np.ndarray]
 """Echoes of the world: radar, poses of its transmitter in the radar frame -> (P, T, R, N) complex64."""
 
 
@@ -51,6 +65,8 @@ class RadarSettings:
     chirps : in a frame; None: as published, 1 and 16
     mount : its transmitter in the radar frame [m]; None: (0, 0, 0) at 77 GHz, (0, 0.10, 0) at 24 GHz
     path_offset : its true one [m]; None: as the preset
+    beamwidth_deg : full widths of the antennas' beams at half power, in the plane of the receivers' row and across it
+        [degrees]; None: as the board, 56 and 28 at 77 GHz, 76 and 19 at 24 GHz
     snr_db : of one sample, of the reference echo over thermal noise [dB]; 40 is what 12 dBm, antennas of 10 dBi, 10
         MHz and a noise figure of 15 dB give at 77 GHz
     phase_noise_deg : rms, of an echo of 0.6 m of path; it grows with the path, since transmitter and receiver share
@@ -67,6 +83,7 @@ class RadarSettings:
     chirps: int | None = None
     mount: tuple[float, float, float] | None = None
     path_offset: float | None = None
+    beamwidth_deg: tuple[float, float] | None = None
     snr_db: float = 40.0
     phase_noise_deg: float = 0.5
     leakage_db: float | None = 0.0
@@ -78,23 +95,25 @@ class RadarSettings:
     def __post_init__(self) -> None:
         if self.preset not in _PUBLISHED:
             raise UnknownNameError("radar of the rig", self.preset, _PUBLISHED)
-        _, period, chirps, mount = _PUBLISHED[self.preset]
-        radar = Radar.preset(self.preset, rx_axis=self.rx_axis)
-        offset = radar.path_offset if self.path_offset is None else self.path_offset
+        published = _PUBLISHED[self.preset]
+        for name, default in (*published._asdict().items(), ("path_offset", self._nominal.path_offset)):
+            if name != "folder" and getattr(self, name) is None:
+                put(self, **{name: default})
+        for name in ("snr_db", "leakage_db", "full_scale_db"):
+            value = getattr(self, name)
+            if value is not None and not abs(checked_number(value, name=name, unit="dB")) <= 200:
+                raise InputError(f"{name} is {value:g} dB; expected between -200 and 200 dB")
         lost = checked_number(self.lost_packets, name="lost_packets", minimum=0)
         if lost > 1:
             raise InputError(f"lost_packets is {lost:g}; expected a share from 0 to 1")
         clock = DeviceClock(offset=self.clock_offset, drift=self.clock_drift)
-        decibels = {n: getattr(self, n) for n in ("snr_db", "leakage_db", "full_scale_db")}
-        for name, value in decibels.items():
-            if value is not None and not abs(checked_number(value, name=name, unit="dB")) <= 200:
-                raise InputError(f"{name} is {value:g} dB; expected between -200 and 200 dB")
         put(
             self,
-            frame_period=checked_number(self.frame_period or period, name="frame_period", unit="s", above=0),
-            chirps=checked_integer(self.chirps or chirps, name="chirps"),
-            mount=checked_numbers(mount if self.mount is None else self.mount, name="mount", count=3, unit="m"),
-            path_offset=checked_number(offset, name="path_offset", unit="m"),
+            frame_period=checked_number(self.frame_period or 0, name="frame_period", unit="s", above=0),
+            chirps=checked_integer(self.chirps, name="chirps"),
+            mount=checked_numbers(self.mount, name="mount", count=3, unit="m"),
+            path_offset=checked_number(self.path_offset or 0, name="path_offset", unit="m"),
+            beamwidth_deg=checked_numbers(self.beamwidth_deg, name="beamwidth_deg", count=2, unit="deg", above=0),
             phase_noise_deg=checked_number(self.phase_noise_deg, name="phase_noise_deg", unit="deg", minimum=0),
             lost_packets=lost,
             clock_offset=clock.offset,
@@ -104,15 +123,26 @@ class RadarSettings:
     @property
     def folder(self) -> str:
         """Of its files in the published layout."""
-        return _PUBLISHED[self.preset][0]
+        return _PUBLISHED[self.preset].folder
 
     @property
     def radar(self) -> Radar:
         """What it is, with its true path offset."""
-        nominal = Radar.preset(self.preset, rx_axis=self.rx_axis)
-        return Radar(
-            name=nominal.name, waveform=nominal.waveform, array=nominal.array, path_offset=float(self.path_offset or 0)
-        )
+        nominal = self._nominal
+        offset = float(self.path_offset or 0)
+        return Radar(name=nominal.name, waveform=nominal.waveform, array=nominal.array, path_offset=offset)
+
+    @property
+    def _nominal(self) -> Radar:
+        return Radar.preset(self.preset, rx_axis=self.rx_axis)
+
+    @property
+    def antenna(self) -> Antenna:
+        """Its antennas' pattern."""
+        along, across = self.beamwidth_deg or (90.0, 90.0)
+        row = np.ptp(self.radar.array.rx_positions, axis=0)
+        widths = (along, across) if row[0] > row[1] else (across, along)
+        return Antenna(beamwidth_x_deg=widths[0], beamwidth_y_deg=widths[1])
 
     @property
     def clock(self) -> DeviceClock:
@@ -146,6 +176,7 @@ class VirtualRadar:
         self.mount = np.array(settings.mount)
         self._time, self._where, self._frames, self._rng = time, where, frames, rng
         self._running: tuple[float, int] | None = None
+        self._taken: list[np.ndarray] = []
 
     def start(self, frames: int) -> None:
         if self._running is not None:
@@ -157,19 +188,28 @@ class VirtualRadar:
         if self._running is None:
             raise InputError(f"the {self.folder} radar is not recording; start it first")
         (first, count), self._running = self._running, None
-        times = self.settings.clock.true_times(first + self.frame_period * np.arange(count))
-        self._time.wait_until(times[-1] + self.frame_period)
+        times = self.settings.clock.true_times(first + self.frame_period * np.arange(count + 1))
+        self._time.wait_until(times[-1])
+        times = times[:-1]
+        self._taken.append(times)
         (rng,) = self._rng.spawn(1)
-        samples, lost = digitised(self.perfect(times), self.settings, rng)
+        samples, lost = digitised(self._perfect(times), self.settings, rng)
         return Recording(samples=samples, first_time=first, period=self.frame_period, lost=lost)
 
-    def true_trajectory(self, times: np.ndarray) -> Trajectory:
-        """Where its transmitter truly was at true times (n,) [s], in the radar frame [m]."""
-        return Trajectory(times=times, positions=self._where(times) + self.mount)
+    @property
+    def truth(self) -> Trajectory:
+        """Where its transmitter truly was when it took each frame: radar frame [m], times of its own clock [s]."""
+        if not self._taken:
+            raise InputError(f"the {self.folder} radar has recorded nothing; start and stop it first")
+        times = np.concatenate(self._taken)
+        return Trajectory(times=self.settings.clock.reading(times), positions=self._positions(times))
 
-    def perfect(self, times: np.ndarray) -> np.ndarray:
-        """(F, T, R, N) complex64 echoes at true times (n,) [s], of the sign inside millisight."""
-        return self._frames(self.radar, self.true_trajectory(times))
+    def _perfect(self, times: np.ndarray) -> np.ndarray:
+        """(F, 1, R, N) complex64 echoes at true times (F,) [s], of the sign inside millisight."""
+        return self._frames(self.settings, Trajectory(times=times, positions=self._positions(times)))
+
+    def _positions(self, times: np.ndarray) -> np.ndarray:
+        return self._where(times) + self.mount
 
 
 def digitised(echoes: np.ndarray, settings: RadarSettings, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -183,7 +223,7 @@ def digitised(echoes: np.ndarray, settings: RadarSettings, rng: np.random.Genera
 
     Returns
     -------
-    samples : (F, C, R, N) complex64 whole numbers, of the sign that the published radars have
+    samples : (F, C, R, N) complex64, whole numbers
     lost : (F,) bool
     """
     phases, thermal, losses = rng.spawn(3)
@@ -193,13 +233,12 @@ def digitised(echoes: np.ndarray, settings: RadarSettings, rng: np.random.Genera
     noise = thermal.standard_normal((*shape, 2), dtype=np.float32).view(np.complex64)[..., 0]
     scale = _FULL / (REFERENCE * 10 ** (settings.full_scale_db / 20))
     counts = scale * (frames[:, None] + np.float32(sigma / np.sqrt(2)) * noise)
-    counts = np.conj(counts) if PHASE_SIGN < 0 else counts
-    whole = np.clip(np.rint(counts.view(np.float32)), -_FULL - 1, _FULL).view(np.complex64)
+    whole = np.clip(np.rint(counts.astype(np.complex64).view(np.float32)), -_FULL, _FULL).view(np.complex64)
     return whole, _lose(whole, settings, losses)
 
 
 def leakage(settings: RadarSettings) -> np.ndarray:
-    """(R, N) what goes from the transmitter straight into each receiver: an echo from no farther than they are apart."""
+    """(R, N) what goes from the transmitter straight into each receiver, a path no longer than they are apart."""
     radar = settings.radar
     if settings.leakage_db is None:
         return np.zeros((len(radar.array.rx_positions), radar.waveform.samples_per_chirp), dtype=np.complex64)
@@ -245,9 +284,4 @@ def _lose(samples: np.ndarray, settings: RadarSettings, rng: np.random.Generator
     gone = np.repeat(rng.random(-(-total // step)) < settings.lost_packets, step)[:total]
     gone = gone.reshape(frames, chirps, per_chirp)
     samples[np.broadcast_to(gone[:, :, None], samples.shape)] = 0
-    return gone.any(axis=(1, 2))
-
-
-def frames_from(echoes: Callable[..., np.ndarray], **world: Any) -> Frames:
-    """`optics.echoes` of one world, as a VirtualRadar asks for it."""
-    return lambda radar, trajectory: echoes(radar=radar, trajectory=trajectory, **world)
+    return np.asarray(gone.any(axis=(1, 2)))

@@ -1,7 +1,7 @@
 """A virtual world as a record: what stands where, and how well the devices work. `stage` builds and checks it.
 
 All places are in the radar frame: the arm moves at about z = 0, what it looks at lies below. The published files
-speak the robot's base frame, of which `rig.protocols.RADAR_ORIGIN` is the origin of the radar frame.
+speak the robot's base frame, of which `io.mito_setup.BASE_ORIGIN` is the origin of the radar frame.
 """
 
 import os
@@ -13,19 +13,14 @@ import numpy as np
 
 from millisight.errors import InputError, UnknownNameError
 from millisight.imaging.grid import VoxelGrid
+from millisight.io.mito_setup import published_grid
 from millisight.records import checked_integer, checked_number, checked_numbers, checked_record, put, record
 from millisight.rig.virtual.arm import ArmSettings
 from millisight.rig.virtual.camera import CameraSettings
 from millisight.rig.virtual.radar import RadarSettings
-from millisight.scene.material import Material, material_named
+from millisight.scene.material import LAYERED, material_named
 from millisight.scene.objects import CATALOGUE
-from millisight.scene.stacks import STACKS
 
-# The published image grids: x, y, and z by what the object stands on [m]; the 24 GHz radar's lies 10 cm along y.
-_GRID_XY = ((-0.10, -0.05), (0.45, 0.55))
-_GRID_SHIFT = {"77_ghz": (0.0, 0.0), "24_ghz": (0.0, 0.10)}
-_GRID_Z = {"tripod": (-0.37, -0.15), "styrofoam": (-0.55, -0.30)}
-_GRID_STEP = (0.0025, 0.0025, 0.01)
 _TOPS = {"tripod": -0.30, "styrofoam": -0.48}
 PATTERNS = ("serpentine", "one-way")
 
@@ -104,19 +99,23 @@ class Carton:
 
     Attributes
     ----------
-    stack : layers of its walls, a name of `STACKS`
+    stack : layers of its walls, a name of `LAYERED`
     clearance : between the objects and its walls, and its lid [m]
+    size : along x, y and z, around the objects' middle [m]; None: so that it fits
     lid : whether it is closed above
     """
 
     stack: str = "carton"
     clearance: float = 0.02
+    size: tuple[float, float, float] | None = None
     lid: bool = True
 
     def __post_init__(self) -> None:
         _check_stack(self.stack)
         checked_record(self.lid, bool, name="lid")
         put(self, clearance=checked_number(self.clearance, name="clearance", unit="m", minimum=0))
+        if self.size is not None:
+            put(self, size=checked_numbers(self.size, name="size", count=3, unit="m", above=0))
 
 
 @record
@@ -125,13 +124,13 @@ class Cloth:
 
     Attributes
     ----------
-    stack : one layer of it, a name of `STACKS`
+    stack : one layer of it, a name of `LAYERED`
     layers : how many, one above the other
     gap : from what lies below to the first layer, and from layer to layer [m]
     overhang : how far it reaches over the sides of what it covers [m]
     """
 
-    stack: str = "cotton"
+    stack: str = "cloth"
     layers: int = 1
     gap: float = 0.002
     overhang: float = 0.02
@@ -304,23 +303,13 @@ class World:
 
     def image_grid(self, folder: str = "77_ghz") -> VoxelGrid:
         """The published image grid over this support, of the radar whose files go to `folder`."""
-        return image_grid(self.support.kind, folder)
+        return published_grid(folder, self.support.kind)
 
     def rng(self, *key: int) -> np.random.Generator:
         """The generator of one device, by a key of its own."""
         return np.random.default_rng([self.seed, *key])
 
 
-def image_grid(kind: str, folder: str) -> VoxelGrid:
-    """The published image grid over a support of `kind`, of the radar whose files go to `folder`."""
-    low, high = _GRID_Z[kind]
-    shift = np.array(_GRID_SHIFT[folder])
-    lower, upper = (np.add(corner, shift) for corner in _GRID_XY)
-    # The last step is not part of the published grids: 220 x 240 voxels.
-    step = np.array(_GRID_STEP)
-    return VoxelGrid.regular((*lower, low), np.array([*upper, high]) - step, step)
-
-
 def _check_stack(name: Any) -> None:
-    if name not in STACKS:
-        raise UnknownNameError("stack of layers", name, STACKS)
+    if name not in LAYERED:
+        raise UnknownNameError("stack of layers", name, LAYERED)

@@ -1,0 +1,366 @@
+"""A world built: every surface in its place, checked to be possible before anything is computed."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from millisight.errors import CoverageError, InputError, MillisightError
+from millisight.geometry import rotation_from_euler_deg
+from millisight.imaging.grid import VoxelGrid
+from millisight.records import box
+from millisight.rig.virtual.casting import Caster
+from millisight.rig.virtual.world import World, WorldObject
+from millisight.scene.load import load_mesh
+from millisight.scene.material import material_named
+from millisight.scene.mesh import TriangleMesh
+from millisight.scene.objects import ObjectPart, build_parts
+
+FLOOR = -0.95
+"""Height of the floor [m], of which the camera has a view and the radars none: absorber lies on it."""
+
+_CLEARANCE = 0.03  # between the aperture and what is looked at [m]
+_TOUCH = 1e-3  # things may overlap by this much and count as touching [m]
+_PLATE = 0.012  # thickness of the tripod's plate [m]
+_LEG = 0.008  # width of its legs [m]
+_BLOCK = 0.20  # height of the styrofoam block [m]
+
+
+class StagedObject(NamedTuple):
+    """An object in its place: its number in the world, its name, and its parts."""
+
+    number: int
+    name: str
+    parts: tuple[ObjectPart, ...]
+
+    @property
+    def bounds(self) -> np.ndarray:
+        """(2, 3) [m]"""
+        return _bounds(self.parts)
+
+
+class Panel(NamedTuple):
+    """A flat piece of layers: a corner (3,) and its two sides (3,) [m], and the name of the stack."""
+
+    corner: np.ndarray
+    u: np.ndarray
+    v: np.ndarray
+    stack: str
+
+    @property
+    def mesh(self) -> TriangleMesh:
+        corners = [self.corner, self.corner + self.u, self.corner + self.u + self.v, self.corner + self.v]
+        return TriangleMesh(vertices=np.array(corners), faces=np.array([[0, 1, 2], [0, 2, 3]]))
+
+
+class Surface(NamedTuple):
+    """A mesh as the camera sees it: of which object (-1: none), of which material, and a name."""
+
+    mesh: TriangleMesh
+    material: str
+    name: str
+    object: int
+
+
+class Stage:
+    """What a world looks like.
+
+    Attributes
+    ----------
+    world : World
+    objects : StagedObject, in the world's order
+    background : parts that are not looked at: support and walls
+    panels : what hides the objects
+    """
+
+    def __init__(
+        self,
+        world: World,
+        objects: tuple[StagedObject, ...],
+        background: tuple[ObjectPart, ...],
+        panels: tuple[Panel, ...],
+    ):
+        self.world, self.objects, self.background, self.panels = world, objects, background, panels
+        self._caster: Caster | None = None
+
+    @property
+    def parts(self) -> tuple[ObjectPart, ...]:
+        """All that the radars see, but for the panels: objects, then background."""
+        return (*(part for thing in self.objects for part in thing.parts), *self.background)
+
+    @property
+    def surfaces(self) -> tuple[Surface, ...]:
+        """All that the camera sees, the floor too."""
+        own = [Surface(p.mesh, p.material.name, o.name, o.number) for o in self.objects for p in o.parts]
+        behind = [Surface(part.mesh, part.material.name, "", -1) for part in self.background]
+        hiding = [Surface(panel.mesh, panel.stack, "", -1) for panel in self.panels]
+        floor = Panel(np.array([-3.0, -3.0, FLOOR]), np.array([6.0, 0, 0]), np.array([0, 6.0, 0]), "floor")
+        return (*own, *behind, *hiding, Surface(floor.mesh, "floor", "", -1))
+
+    @property
+    def caster(self) -> Caster:
+        """Rays against `surfaces`."""
+        if self._caster is None:
+            self._caster = Caster([surface.mesh for surface in self.surfaces])
+        return self._caster
+
+    def uncovered(self) -> "Stage":
+        """The same without what hides the objects: the line of sight to them."""
+        return self if not self.panels else Stage(self.world, self.objects, self.background, ())
+
+
+def build(world: World) -> Stage:
+    """The world's stage.
+
+    Raises
+    ------
+    InputError
+        Things do not fit each other: an object through its support, through another, out of the image grid, through
+        the carton or the radars' plane; the message names it.
+    CoverageError
+        The aperture does not cover an object.
+    MeshError, FileError
+        A mesh file cannot be used.
+    """
+    objects = tuple(_staged(world, i) for i in range(len(world.objects)))
+    background = (*_support_parts(world), *_walls(world))
+    _check_places(world, objects)
+    _check_crossings(objects, world)
+    panels = _carton_panels(world, objects)
+    _check_panels(objects, panels)
+    panels += _cloth_panels(world, objects, panels)
+    _check_clearance(background, panels)
+    return Stage(world, objects, background, panels)
+
+
+def place_name(world: World, number: int) -> str:
+    """How messages call an object: by its place in the file and its name."""
+    return f"objects[{number}] ({world.objects[number].name})"
+
+
+def _bounds(parts: tuple[ObjectPart, ...]) -> np.ndarray:
+    bounds = np.array([part.mesh.bounds for part in parts])
+    return np.stack([bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)])
+
+
+def _staged(world: World, number: int) -> StagedObject:
+    thing = world.objects[number]
+    try:
+        parts = _parts(thing, world.folder)
+    except MillisightError as error:
+        raise type(error)(f"{place_name(world, number)}: {error}") from error
+    if any(thing.rotate_deg):
+        parts = _moved(parts, rotation=rotation_from_euler_deg(thing.rotate_deg))
+    lower, upper = _bounds(parts)
+    middle = (lower + upper) / 2
+    at = world.scan.middle if thing.at is None else thing.at
+    top = float(world.support.top or 0.0)
+    height = at[2] if len(at) == 3 else top + (upper[2] - lower[2]) / 2
+    shift = np.array([at[0], at[1], height]) - middle
+    return StagedObject(number, thing.name, _moved(parts, translation=shift))
+
+
+def _parts(thing: WorldObject, folder: str) -> tuple[ObjectPart, ...]:
+    """An object's parts as the catalogue or its file gives them."""
+    if thing.object is not None:
+        parts = build_parts(thing.object)
+    else:
+        mesh = load_mesh(Path(folder) / str(thing.mesh), unit=thing.unit)
+        parts = (_part(thing.name, mesh, "metal"),)
+    if thing.material is None:
+        return parts
+    return tuple(_part(part.name, part.mesh, thing.material) for part in parts)
+
+
+def _part(name: str, mesh: TriangleMesh, material: str) -> ObjectPart:
+    return ObjectPart(name=name, mesh=mesh, material=material_named(material))
+
+
+def _moved(parts: tuple[ObjectPart, ...], **motion: np.ndarray) -> tuple[ObjectPart, ...]:
+    return tuple(ObjectPart(name=p.name, mesh=p.mesh.moved(**motion), material=p.material) for p in parts)
+
+
+def block(lower: np.ndarray, upper: np.ndarray) -> TriangleMesh:
+    """A cuboid from `lower` (3,) to `upper` (3,) [m]."""
+    corners = np.array([[(lower, upper)[b][i] for i, b in enumerate(bits)] for bits in np.ndindex(2, 2, 2)])
+    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    faces = [face for a, b, c, d in quads for face in ((a, b, c), (a, c, d))]
+    return TriangleMesh(vertices=corners, faces=np.array(faces))
+
+
+def _support_parts(world: World) -> tuple[ObjectPart, ...]:
+    """The plate and its legs, or the block."""
+    support = world.support
+    first = world.objects[0].at if world.objects else None
+    x, y = support.at if support.at is not None else first[:2] if first is not None else world.scan.middle
+    sx, sy = np.divide(support.size or (0.0, 0.0), 2)
+    top = float(support.top or 0.0)
+    if support.kind == "styrofoam":
+        mesh = block(np.array([x - sx, y - sy, top - _BLOCK]), np.array([x + sx, y + sy, top]))
+        return (_part("styrofoam", mesh, "styrofoam"),)
+    plate = block(np.array([x - sx, y - sy, top - _PLATE]), np.array([x + sx, y + sy, top]))
+    legs = [_leg(np.array([x, y, top - _PLATE]), angle, min(sx, sy)) for angle in np.radians((90, 210, 330))]
+    return tuple(_part("tripod", mesh, "plastic") for mesh in (plate, *legs))
+
+
+def _leg(head: np.ndarray, angle: float, reach: float) -> TriangleMesh:
+    """A bar from under the plate down to the floor, outward."""
+    out = np.array([np.cos(angle), np.sin(angle), 0.0])
+    across = _LEG / 2 * np.array([-out[1], out[0], 0.0])
+    ends = head + 0.6 * reach * out, np.array([*(head + 0.35 * out)[:2], FLOOR])
+    ring = [across + _LEG / 2 * out, -across + _LEG / 2 * out, -across - _LEG / 2 * out, across - _LEG / 2 * out]
+    corners = np.array([end + side for end in ends for side in ring])
+    quads = [(3, 2, 1, 0), (4, 5, 6, 7), *((i, (i + 1) % 4, (i + 1) % 4 + 4, i + 4) for i in range(4))]
+    faces = [face for a, b, c, d in quads for face in ((a, b, c), (a, c, d))]
+    return TriangleMesh(vertices=corners, faces=np.array(faces))
+
+
+def _walls(world: World) -> tuple[ObjectPart, ...]:
+    return tuple(_part("wall", block(np.array(w.lower), np.array(w.upper)), w.material) for w in world.walls)
+
+
+def _carton_panels(world: World, objects: tuple[StagedObject, ...]) -> tuple[Panel, ...]:
+    """Four walls around all objects, down to the support's face, and a lid."""
+    carton = world.carton
+    if carton is None:
+        return ()
+    if not objects:
+        raise InputError("carton: there is no object to put it around; add one, or leave the carton out")
+    bounds = np.array([thing.bounds for thing in objects])
+    lower = bounds[:, 0].min(axis=0) - carton.clearance
+    upper = bounds[:, 1].max(axis=0) + carton.clearance
+    lower[2] = world.support.top
+    if carton.size is not None:
+        middle, size = (lower + upper) / 2, np.array(carton.size)
+        lower[:2], upper[:2] = middle[:2] - size[:2] / 2, middle[:2] + size[:2] / 2
+        upper[2] = lower[2] + size[2]
+    return _box_panels(lower, upper, carton.stack, lid=carton.lid)
+
+
+def _box_panels(lower: np.ndarray, upper: np.ndarray, stack: str, *, lid: bool) -> tuple[Panel, ...]:
+    x, y, z = np.diag(upper - lower)
+    # Fronts outward.
+    sides = [(lower, z, y), (lower + x, y, z), (lower, x, z), (lower + y, z, x), (lower + z, x, y)]
+    return tuple(Panel(corner, u, v, stack) for corner, u, v in (sides if lid else sides[:-1]))
+
+
+def _cloth_panels(world: World, objects: tuple[StagedObject, ...], below: tuple[Panel, ...]) -> tuple[Panel, ...]:
+    """Level sheets over the carton, or over the objects."""
+    cloth = world.cloth
+    if cloth is None:
+        return ()
+    if not objects:
+        raise InputError("cloth: there is no object to put it over; add one, or leave the cloth out")
+    covered = [*(thing.bounds for thing in objects), *(panel.mesh.bounds for panel in below)]
+    lower = np.min([bounds[0] for bounds in covered], axis=0) - cloth.overhang
+    upper = np.max([bounds[1] for bounds in covered], axis=0) + cloth.overhang
+    top = upper[2] - cloth.overhang
+    x, y = np.diag(upper - lower)[:2]
+    heights = top + cloth.gap * (1 + np.arange(cloth.layers))
+    return tuple(Panel(np.array([lower[0], lower[1], height]), x, y, cloth.stack) for height in heights)
+
+
+def _check_places(world: World, objects: tuple[StagedObject, ...]) -> None:
+    """Every object on its support, below the radars, under the aperture, and within the image grids."""
+    scan = world.scan
+    for thing in objects:
+        name, (lower, upper) = place_name(world, thing.number), thing.bounds
+        top = float(world.support.top or 0.0)
+        if lower[2] < top - _TOUCH:
+            raise InputError(
+                f"{name} reaches {1000 * (top - lower[2]):.0f} mm through the {world.support.kind}'s upper face at "
+                f"z = {top:g} m; give `at` two numbers to stand it there, or raise it to z = "
+                f"{top + (upper[2] - lower[2]) / 2:.3f} m"
+            )
+        if upper[2] > -_CLEARANCE:
+            raise InputError(
+                f"{name} reaches up to z = {upper[2]:.3f} m; the radars move at z = 0 and need {_CLEARANCE:g} m above "
+                "everything: lower it, lay it down with rotate_deg, or lower support.top"
+            )
+        extent = upper[:2] - lower[:2]
+        for axis, wide, size in zip("xy", extent, scan.size, strict=True):
+            if wide > size:
+                raise CoverageError(
+                    f"{name} is {wide * 100:.1f} cm wide along {axis}, the aperture only {size * 100:.1f} cm; enlarge "
+                    "scan.size, or turn it with rotate_deg"
+                )
+        first, last = np.array(scan.corner), np.add(scan.corner, scan.size)
+        if (lower[:2] < first - _TOUCH).any() or (upper[:2] > last + _TOUCH).any():
+            raise CoverageError(
+                f"{name} lies at x {lower[0]:.3f} to {upper[0]:.3f}, y {lower[1]:.3f} to {upper[1]:.3f} m, the "
+                f"aperture at x {first[0]:.3f} to {last[0]:.3f}, y {first[1]:.3f} to {last[1]:.3f} m; move one of them"
+            )
+        for radar in world.radars:
+            _check_grid(name, thing.bounds, world.image_grid(radar.folder), radar.folder)
+
+
+def _check_grid(name: str, bounds: np.ndarray, grid: VoxelGrid, folder: str) -> None:
+    lower, upper = grid.bounds
+    if (bounds[0] < lower - 0.01 - _TOUCH).any() or (bounds[1] > upper + 0.01 + _TOUCH).any():
+        raise InputError(
+            f"{name} fills {box(*bounds)}; the published image grid of {folder} over this support is "
+            f"{box(lower, upper)}: move it, or choose another support"
+        )
+
+
+def _check_crossings(objects: tuple[StagedObject, ...], world: World) -> None:
+    """No object through another, nor through a wall."""
+    walls = [(f"walls[{i}]", (wall,)) for i, wall in enumerate(_walls(world))]
+    others = [*((place_name(world, thing.number), thing.parts) for thing in objects), *walls]
+    for i, thing in enumerate(objects):
+        for other, parts in others[i + 1 :]:
+            if _overlap(thing.parts, parts):
+                raise InputError(f"{place_name(world, thing.number)} and {other} run through each other; move one")
+
+
+def _overlap(one: tuple[ObjectPart, ...], other: tuple[ObjectPart, ...]) -> bool:
+    """Whether two bodies share more than `_TOUCH`: one's edges through the other's faces, or one inside the other."""
+    (a, b), (c, d) = _bounds(one), _bounds(other)
+    if (np.minimum(b, d) - np.maximum(a, c) < _TOUCH).any():
+        return False
+    return any(_pierces(x, y, closed=True) for x, y in ((one, other), (other, one)))
+
+
+def _pierces(one: tuple[ObjectPart, ...], other: tuple[ObjectPart, ...], *, closed: bool) -> bool:
+    """Whether edges of `one`, less `_TOUCH` all around, meet faces of `other`, or lie inside it where it is closed."""
+    lower, upper = _bounds(one)
+    middle = (lower + upper) / 2
+    shrink = 1 - 2 * _TOUCH / np.maximum(upper - lower, 4 * _TOUCH)
+    caster = Caster([part.mesh for part in other])
+    for part in one:
+        vertices = middle + shrink * (part.mesh.vertices - middle)
+        starts, stops = vertices[part.mesh.edges].transpose(1, 0, 2)
+        if caster.crosses(starts, stops).any() or (closed and _inside(caster, vertices[:1])):
+            return True
+    return False
+
+
+def _inside(caster: Caster, point: np.ndarray) -> bool:
+    """Whether a point (1, 3) lies inside closed meshes: a ray from there first meets a face from behind."""
+    skew = np.array([[0.0123, 0.0456, 0.9989]])  # along no edge of a mesh that was drawn
+    skew /= np.linalg.norm(skew)
+    return bool(caster.leaves(caster.first(point, skew), skew)[0])
+
+
+def _check_panels(objects: tuple[StagedObject, ...], panels: tuple[Panel, ...]) -> None:
+    """No panel through an object."""
+    for thing in objects:
+        for panel in panels:
+            sheet = (_part("panel", panel.mesh, "cardboard"),)
+            if any(_pierces(x, y, closed=False) for x, y in ((thing.parts, sheet), (sheet, thing.parts))):
+                raise InputError(
+                    f"the carton cuts through objects[{thing.number}] ({thing.name}); enlarge carton.size, or leave it "
+                    "out for one that fits"
+                )
+
+
+def _check_clearance(background: tuple[ObjectPart, ...], panels: tuple[Panel, ...]) -> None:
+    """Support, walls, carton and cloth below the radars."""
+    named = [*(("support or wall", part.mesh) for part in background)]
+    named += [(f"the {panel.stack} over the objects", panel.mesh) for panel in panels]
+    for name, mesh in named:
+        if mesh.bounds[1, 2] > -_CLEARANCE:
+            raise InputError(
+                f"{name} reaches up to z = {mesh.bounds[1, 2]:.3f} m; the radars move at z = 0 and need "
+                f"{_CLEARANCE:g} m above everything: lower it"
+            )

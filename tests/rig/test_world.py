@@ -1,0 +1,225 @@
+"""Virtual worlds: their files, how they are built, and the impossible ones."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from millisight.errors import CoverageError, FileError, FormatError, InputError, MillisightError
+from millisight.rig.virtual.stage import build
+from millisight.rig.virtual.world import Carton, Cloth, Scan, Support, Wall, World, WorldObject
+from millisight.rig.virtual.worldfile import world_from_table
+
+CUBE = WorldObject(object="rubiks_cube")
+SCAN = Scan(size=(0.3, 0.3), row_spacing=0.01)
+EXAMPLES = sorted((Path(__file__).parents[2] / "examples" / "worlds").glob("*.toml"))
+
+
+def world_of(*objects, **settings):
+    return World(**{"objects": objects or (CUBE,), "scan": SCAN, **settings})
+
+
+def boxes(stage):
+    return np.array([thing.bounds for thing in stage.objects])
+
+
+def test_two_numbers_stand_an_object_on_its_support():
+    for kind, top in (("tripod", -0.30), ("styrofoam", -0.48)):
+        standing = WorldObject(object="rubiks_cube", at=(0.12, 0.16), rotate_deg=(0, 0, 45))
+        ((lower, upper),) = boxes(build(world_of(standing, support=Support(kind=kind))))
+        assert lower[2] == pytest.approx(top, abs=1e-9)
+        assert (lower + upper)[:2] / 2 == pytest.approx([0.12, 0.16])
+        assert upper[0] - lower[0] == pytest.approx((0.0588 + 0.0581) / np.sqrt(2), rel=0.01)
+
+
+def test_three_numbers_hang_it_there_and_none_put_it_under_the_aperture():
+    hung, default = boxes(build(world_of(WorldObject(object="golf_ball", at=(0.05, 0.06, -0.2)), CUBE)))
+    assert hung.mean(axis=0) == pytest.approx([0.05, 0.06, -0.2])
+    assert default.mean(axis=0)[:2] == pytest.approx(SCAN.middle)
+
+
+def test_parts_keep_their_materials_unless_the_world_says_otherwise():
+    thing = WorldObject(object="phillips_screwdriver")
+    assert [p.material.name for p in build(world_of(thing)).objects[0].parts] == ["steel", "plastic"]
+    thing = WorldObject(object="phillips_screwdriver", material="wood")
+    assert [p.material.name for p in build(world_of(thing)).objects[0].parts] == ["wood", "wood"]
+
+
+def test_mesh_files_lie_beside_the_world(tmp_path):
+    trimesh.creation.box((60, 40, 20)).export(tmp_path / "part.stl")
+    (tmp_path / "world.toml").write_text('[[objects]]\nmesh = "part.stl"\nunit = "mm"\nmaterial = "ceramic"\n')
+    (thing,) = build(World.from_toml(tmp_path / "world.toml")).objects
+    assert thing.name == "part"
+    assert np.ptp(thing.bounds, axis=0) == pytest.approx([0.06, 0.04, 0.02])
+    assert thing.parts[0].material.name == "ceramic"
+
+
+def test_a_carton_goes_around_and_cloth_above():
+    stage = build(world_of(carton=Carton(clearance=0.03), cloth=Cloth(layers=4, gap=0.002, overhang=0.05)))
+    ((lower, upper),) = boxes(stage)
+    assert [panel.stack for panel in stage.panels] == ["carton"] * 5 + ["cloth"] * 4
+    walls = np.array([panel.mesh.bounds for panel in stage.panels])
+    assert walls[:5, 0].min(axis=0) == pytest.approx([*(lower[:2] - 0.03), -0.30])
+    assert walls[:5, 1].max(axis=0) == pytest.approx(upper + 0.03)
+    lid = walls[4]
+    assert np.ptp(lid, axis=0)[2] == 0
+    assert walls[5:, 0, 2] == pytest.approx(lid[0, 2] + 0.002 * np.arange(1, 5))
+    assert walls[5, 0] == pytest.approx([*(lower[:2] - 0.08), lid[0, 2] + 0.002])
+    assert walls[5, 1] == pytest.approx([*(upper[:2] + 0.08), lid[0, 2] + 0.002])
+    # Outward normals: every panel is seen from outside with its front.
+    for panel in stage.panels[:5]:
+        outward = panel.mesh.bounds.mean(axis=0) - (lower + upper) / 2
+        assert panel.mesh.face_normals[0] @ outward > 0
+    assert not stage.uncovered().panels
+    assert len(build(world_of(carton=Carton(lid=False))).panels) == 4
+
+
+def test_surfaces_face_outward():
+    for support in ("tripod", "styrofoam"):
+        parts = build(world_of(support=Support(kind=support))).background
+        assert len(parts) == (4 if support == "tripod" else 1)
+        for part in parts:
+            assert trimesh.Trimesh(part.mesh.vertices, part.mesh.faces).volume > 0
+
+
+def test_an_empty_scene_is_a_world():
+    stage = build(World(scan=SCAN))
+    assert not stage.objects
+    assert len(stage.parts) == 4
+
+
+BOX = WorldObject(object="cracker_box")
+IMPOSSIBLE = [
+    ({"objects": (WorldObject(object="mug", at=(0.15, 0.15, -0.29)),)}, InputError,
+     r"objects\[0\] \(mug\) reaches .* mm through the tripod's upper face at z = -0.3 m"),
+    ({"objects": (WorldObject(object="mug", at=(0.15, 0.15, -0.05)),)}, InputError,
+     r"objects\[0\] \(mug\) reaches up to z = -0.00.*the radars move at z = 0"),
+    ({"objects": (CUBE, BOX), "scan": Scan(size=(0.2, 0.3), row_spacing=0.01)}, CoverageError,
+     r"objects\[1\] \(cracker_box\) is 21.4 cm wide along x, the aperture only 20.0 cm"),
+    ({"objects": (WorldObject(object="mug", at=(0.29, 0.15)),)}, CoverageError,
+     r"objects\[0\] \(mug\) lies at x .* the aperture at x 0.000 to 0.300"),
+    ({"objects": (WorldObject(object="cracker_box", rotate_deg=(0, 90, 0), at=(0.15, 0.15)),)}, InputError,
+     r"objects\[0\] \(cracker_box\) fills .* the published image grid of 77_ghz"),
+    ({"objects": (CUBE, WorldObject(object="cracker_box"))}, InputError,
+     r"objects\[0\] \(rubiks_cube\) and objects\[1\] \(cracker_box\) run through each other"),
+    ({"objects": (CUBE,), "walls": (Wall(lower=(0.1, 0.14, -0.3), upper=(0.2, 0.15, -0.1)),)}, InputError,
+     r"objects\[0\] \(rubiks_cube\) and walls\[0\] run through each other"),
+    ({"objects": (BOX,), "carton": Carton(size=(0.2, 0.2, 0.1))}, InputError,
+     r"the carton cuts through objects\[0\] \(cracker_box\)"),
+    ({"objects": (BOX,), "carton": Carton(clearance=0.25)}, InputError, r"the carton over the objects reaches up to"),
+    ({"walls": (Wall(lower=(0, 0, -0.3), upper=(1, 1, 0.5)),)}, InputError, "support or wall reaches up to z = 0.500"),
+    ({"objects": (), "carton": Carton()}, InputError, "carton: there is no object to put it around"),
+    ({"objects": (WorldObject(mesh="nowhere.stl"),)}, FileError, "objects.0. .nowhere.: nowhere.stl does not exist"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("settings", "error", "words"), IMPOSSIBLE)
+def test_impossible_worlds_are_refused_by_name(settings, error, words):
+    world = World(**{"scan": SCAN, **settings})
+    with pytest.raises(error, match=words):
+        build(world)
+
+
+def test_what_only_touches_is_possible():
+    # Two cubes side by side, and one on top of another.
+    side = 0.0588
+    build(world_of(*(WorldObject(object="rubiks_cube", at=(0.1 + i * side, 0.15)) for i in range(2))))
+    heights = [-0.30 + 0.0579 * (i + 0.5) for i in range(2)]
+    build(world_of(*(WorldObject(object="rubiks_cube", at=(0.15, 0.15, z)) for z in heights)))
+
+
+def test_one_thing_inside_another_is_found():
+    inner = WorldObject(object="golf_ball", at=(0.15, 0.15, -0.27))
+    outer = WorldObject(object="wood_block", at=(0.15, 0.15))
+    for objects in ((inner, outer), (outer, inner)):
+        with pytest.raises(InputError, match="run through each other"):
+            build(world_of(*objects))
+
+
+def test_a_world_survives_its_file(tmp_path):
+    world = World.from_toml(_full(tmp_path))
+    assert world.sight == "nlos"
+    assert [r.preset for r in world.radars] == ["iwr1443", "position2go"]
+    world.to_toml(tmp_path / "again.toml")
+    (tmp_path / "more").mkdir()
+    World.from_toml(tmp_path / "again.toml").to_toml(tmp_path / "more" / "third.toml")
+    text = (tmp_path / "again.toml").read_text()
+    assert text == (tmp_path / "more" / "third.toml").read_text()
+    assert 'mesh = "a \\"b\\" \\\\ c.stl"' in text
+    assert world.arm.clock_drift == World.from_toml(tmp_path / "again.toml").arm.clock_drift == 50e-6
+
+
+def _full(folder):
+    path = folder / "world.toml"
+    path.write_text(
+        "seed = 3\n"
+        '[[objects]]\nobject = "mug"\nat = [0.1, 0.2]\nrotate_deg = [0, 0, 30]\n'
+        '[[objects]]\nmesh = \'a "b" \\ c.stl\'\nunit = "mm"\n'
+        '[support]\nkind = "styrofoam"\ntop = -0.45\n'
+        "[carton]\nclearance = 0.01\nlid = true\n[cloth]\nlayers = 4\n"
+        "[[walls]]\nlower = [0, 0, -1]\nupper = [1, 1, -0.9]\n"
+        "[scan]\nsize = [0.3, 0.4]\n[arm]\nclock_drift = 50e-6\n"
+        '[[radars]]\npreset = "iwr1443"\nrx_axis = "y"\n[[radars]]\npreset = "position2go"\nleakage_db = 3\n'
+        "[camera]\nholes = false\n[optics]\nbounces = 2\n"
+    )
+    return path
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[[objects]]\nobject = 'mugg'", r"objects\[0\]: unknown catalogue object 'mugg'. Did you mean 'mug'"),
+        ("[[objects]]\nobject = 'mug'\nmaterial = 'metl'", r"objects\[0\]: unknown material 'metl'"),
+        ("[[objects]]\nobject = 'mug'\n[[objects]]", r"objects\[1\]: expected either object = .* or mesh"),
+        ("[[objects]]\nobject = 'mug'\nat = [1]", r"objects\[0\]: at has 1 numbers; expected 2"),
+        ("[[objects]]\nobject = 'mug'\nat = ['a', 2]", r"objects\[0\].at: expected a number"),
+        ("objects = 3", r"objects: expected \[\[objects\]\] tables, got 3"),
+        ("arm = 3", r"arm: expected a table, got 3"),
+        ("[arm]\nspeeed = 0.1", r"arm.speeed: unknown key 'speeed'. Did you mean 'speed'"),
+        ("[arm]\nspeed = 'fast'", r"arm: speed is 'fast'; expected a number"),
+        ("[scan]\nsize = [0.3]", r"scan: size has 1 numbers; expected 2"),
+        ("[scan]\nrow_spacing = 1e-9", r"scan: row_spacing is 1e-09 m"),
+        ("[support]\nkind = 'table'", r"support: unknown support 'table'"),
+        ("[carton]\nstack = 'steel'", r"carton: unknown stack of layers 'steel'"),
+        ("[[radars]]\npreset = 'iwr1443'\n[[radars]]", r"world: the radars' files go to \['77_ghz', '77_ghz'\]"),
+        ("[[radars]]\nlost_packets = 2", r"radars\[0\]: lost_packets is 2"),
+        ("seed = -1", r"world: seed is -1"),
+        ("folder = '/'", r"folder: unknown key"),
+        ("seed = ", r"is no TOML"),
+        ("[" * 5000, r"is no TOML"),
+    ],
+)
+def test_bad_files_name_the_place(tmp_path, text, words):
+    path = tmp_path / "bad.toml"
+    path.write_text(text)
+    with pytest.raises(FormatError, match=words) as caught:
+        World.from_toml(path)
+    assert "bad.toml" in str(caught.value)
+
+
+def test_files_that_are_none(tmp_path):
+    (tmp_path / "bytes.toml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(FormatError, match="is no TOML"):
+        World.from_toml(tmp_path / "bytes.toml")
+    (tmp_path / "huge.toml").write_bytes(b"#" * (1 << 21))
+    with pytest.raises(FormatError, match="expected a world of under"):
+        World.from_toml(tmp_path / "huge.toml")
+    with pytest.raises(MillisightError, match="no such file"):
+        World.from_toml(tmp_path / "none.toml")
+
+
+def test_a_table_within_a_recipe_is_a_world_too():
+    world = world_from_table({"objects": [{"object": "mug"}], "scan": {"size": [0.3, 0.3]}}, source="recipe: world")
+    assert world.objects[0].name == "mug"
+    with pytest.raises(FormatError, match=r"recipe: world: scan.sise: unknown key"):
+        world_from_table({"scan": {"sise": 1}}, source="recipe: world")
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda p: p.stem)
+def test_the_shipped_examples_are_possible(path):
+    assert build(World.from_toml(path)).objects
+
+
+def test_there_are_examples():
+    assert len(EXAMPLES) >= 3
