@@ -1,0 +1,105 @@
+"""[radar] of a description: a preset, a TI profile, or numbers, each completing what goes before it."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from millisight.capture.radar import AntennaArray, Radar, Waveform
+from millisight.io.description_tables import Table
+
+if TYPE_CHECKING:
+    from millisight.io.ti_config import TiConfig
+
+KEYS = (
+    "preset", "config", "name", "path_offset", "rx_axis", "tx_positions", "rx_positions",
+    "frequencies", "start_frequency", "stop_frequency", "step", "slope", "sample_rate", "samples",
+)  # fmt: skip
+_UNEVEN = 0.01  # by so much of a step may a list of frequencies stray from even ones
+
+
+def read_config(table: Table) -> "TiConfig | None":
+    """The TI profile (.cfg) that [radar] names, if it does."""
+    if "config" not in table:
+        return None
+    from millisight.io.ti_config import read_ti_config
+
+    config = read_ti_config(table.files.one(table.text("config")))
+    if not config.complex_samples:
+        raise table.error("config", "one with complex samples (adcCfg)")
+    if not config.plain_stream:
+        raise table.error("config", "one whose LVDS stream holds samples only (lvdsStreamCfg)")
+    return config
+
+
+def read_radar(table: Table, config: "TiConfig | None", shape: tuple[int, ...], name: str) -> Radar:
+    """The radar of frames (F, T, R, N) of `shape`, called `name` unless the table says otherwise.
+
+    Raises
+    ------
+    FormatError, UnknownNameError
+        The table cannot be right, or does not fit the frames.
+    """
+    with table.errors():
+        rx_axis = table.text("rx_axis", among=("x", "y")) if "rx_axis" in table else None
+        preset = Radar.preset(table.text("preset"), rx_axis=rx_axis) if "preset" in table else None
+        if preset is None and rx_axis is not None:
+            raise table.error("rx_axis", "it beside preset only; elsewhere rx_positions say it")
+        antennas = {"tx_positions": np.zeros((1, 3)), "rx_positions": np.zeros((1, 3))}
+        for key in antennas:
+            if key in table:
+                antennas[key] = table.array(key, "m", ("antenna", 3))
+            elif preset is not None:
+                antennas[key] = getattr(preset.array, key)
+        radar = Radar(
+            name=table.text("name", preset.name if preset is not None else name),
+            waveform=_waveform(table, config, preset, shape[3]),
+            array=AntennaArray(**antennas),
+            path_offset=table.number("path_offset", "m", preset.path_offset if preset is not None else 0.0),
+        )
+    found = {
+        "tx_positions": (len(radar.array.tx_positions), shape[1], "transmitters"),
+        "rx_positions": (len(radar.array.rx_positions), shape[2], "receivers"),
+        "samples": (radar.waveform.samples_per_chirp, shape[3], "samples"),
+    }
+    for key, (stated, there, what) in found.items():
+        if stated != there:
+            raise table.error(key, f"{there} {what} as in the frames, and not {stated}")
+    return radar
+
+
+def _waveform(table: Table, config: "TiConfig | None", preset: Radar | None, samples: int) -> Waveform:
+    """The chirp, of the frames' number of samples unless something says otherwise."""
+    if "frequencies" in table:
+        return _listed(table)
+    stated: dict[str, Any] = {}
+    base = config.waveform if config is not None else preset.waveform if preset is not None else None
+    if base is not None:
+        stated = {name: getattr(base, name) for name in ("start_frequency", "slope", "sample_rate")}
+        samples = base.samples_per_chirp
+    samples = table.integer("samples", samples)
+    start = table.number("start_frequency", "Hz", stated.get("start_frequency"))
+    ways = [key for key in ("stop_frequency", "step", "slope") if key in table]
+    if not ways and stated:
+        return Waveform(**stated | {"start_frequency": start, "samples_per_chirp": samples})
+    if not ways and samples == 1:
+        return Waveform.stepped(start, 0.0, 1)
+    way = table.only_one("stop_frequency", "step", "slope")
+    if way == "slope":
+        rate = table.number("sample_rate", "Hz", stated.get("sample_rate"))
+        slope = table.number("slope", "Hz/s")
+        return Waveform(start_frequency=start, slope=slope, sample_rate=rate, samples_per_chirp=samples)
+    if way == "step":
+        return Waveform.stepped(start, table.number("step", "Hz"), samples)
+    return Waveform.stepped(start, (table.number("stop_frequency", "Hz") - start) / max(1, samples - 1), samples)
+
+
+def _listed(table: Table) -> Waveform:
+    """The waveform of frequencies that are listed one by one."""
+    frequencies = table.array("frequencies", "Hz")
+    frequencies = frequencies.reshape(frequencies.size)  # MATLAB's lists are rows or columns
+    count = len(frequencies)
+    step = (frequencies[-1] - frequencies[0]) / max(1, count - 1)
+    waveform = Waveform.stepped(float(frequencies[0]), float(step), count)
+    if count > 1 and abs(frequencies - waveform.frequencies).max() > _UNEVEN * step:
+        raise table.error("frequencies", "evenly spaced ones, from the lowest to the highest")
+    return waveform

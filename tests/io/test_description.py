@@ -1,0 +1,415 @@
+"""A description and the files it names give the capture that was meant, whatever the files' format, axes and units."""
+
+import pickle
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+import millisight as ms
+from millisight.errors import FileError, FormatError, InputError, UnknownNameError
+from millisight.io.dca1000 import write_dca1000
+from millisight.io.description import description_in, read_capture, read_frames, read_scan
+from millisight.io.position2go import write_position2go
+from oracles import point_frames, point_image, shared
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples" / "captures"
+
+
+def small_scan():
+    """A 3 x 4 raster, 5 mm by 4 mm, of 2 TX, 3 RX and 8 samples at 24 GHz: radar, positions and our frames."""
+    radar = ms.Radar(
+        name="test radar",
+        waveform=ms.Waveform.stepped(24.0e9, 25e6, 8),
+        array=ms.AntennaArray(
+            tx_positions=[[0, 0, 0], [0.01, 0, 0]], rx_positions=[[0.02, 0, 0], [0.03, 0, 0], [0.04, 0, 0]]
+        ),
+    )
+    x, y = 0.005 * (np.arange(3) - 1), 0.004 * (np.arange(4) - 1.5)
+    positions = np.array([[a, b, 0.1] for a in x for b in y])
+    tx, rx = (positions[:, None] + a for a in (radar.array.tx_positions, radar.array.rx_positions))
+    frames = point_frames(
+        np.array([[0.01, 0.02, -0.1], [-0.02, 0, -0.2]]), [1.0, 0.5j], tx, rx, radar.waveform.frequencies
+    )
+    return radar, positions, frames.astype(np.complex64)
+
+
+RADAR = """
+[radar]
+name = "test radar"
+start_frequency = 24e9
+step = 25e6
+tx_positions = [[0, 0, 0], [0.01, 0, 0]]
+rx_positions = [[0.02, 0, 0], [0.03, 0, 0], [0.04, 0, 0]]
+"""
+RASTER = """
+[positions]
+raster = { step = [0.005, 0.004], center = [0, 0, 0.1] }
+"""
+FRAMES = """
+[frames]
+file = "frames.npy"
+axes = ["pose", "tx", "rx", "sample"]
+phase_sign = -1
+"""
+POINTS = """
+[positions]
+points = { file = "positions.csv", unit = "mm" }
+"""
+
+
+def described(folder, text):
+    (folder / "scan.toml").write_text(text, encoding="utf-8")
+    return folder / "scan.toml"
+
+
+def check(capture, order=None):
+    """The capture is that of `small_scan`, its poses in another order where one is given."""
+    radar, positions, frames = small_scan()
+    order = np.arange(12) if order is None else order
+    assert capture.frames.shape == (12, 2, 3, 8)
+    assert np.array_equal(capture.frames, frames[order])
+    assert np.allclose(capture.trajectory.positions, positions[order], atol=1e-12)
+    assert np.allclose(capture.radar.waveform.frequencies, radar.waveform.frequencies, rtol=1e-12)
+    assert np.array_equal(capture.rx_positions, capture.trajectory.positions[:, None] + radar.array.rx_positions)
+    assert capture.metadata["history"][0]["step"] == "read_capture"
+
+
+def on_raster():
+    """(x, y, tx, rx, sample)"""
+    return small_scan()[2].reshape(3, 4, 2, 3, 8)
+
+
+def test_axes_in_any_order_and_direction(tmp_path):
+    for axes in (
+        ["x", "y", "tx", "rx", "sample"], ["sample", "-y", "x", "rx", "tx"], ["-x", "rx", "sample", "-tx", "y"],
+        ["-rx", "-sample", "y", "tx", "-x"],
+    ):  # fmt: skip
+        names = [axis.removeprefix("-") for axis in axes]
+        data = np.moveaxis(on_raster(), range(5), [names.index(n) for n in ("x", "y", "tx", "rx", "sample")])
+        data = np.flip(data, [i for i, axis in enumerate(axes) if axis.startswith("-")])
+        np.save(tmp_path / "frames.npy", data)
+        text = f'{RADAR}[frames]\nfile = "frames.npy"\naxes = {axes}\nphase_sign = -1\n{RASTER}'
+        poses = np.arange(12).reshape(3, 4)
+        slow_is_x = names.index("x") < names.index("y")
+        check(read_capture(described(tmp_path, text)), (poses if slow_is_x else poses.T).ravel())
+
+
+@pytest.mark.parametrize("save", ["npy", "npz", "mat 5", "mat 7.3", "h5", "pkl"])
+def test_every_format(tmp_path, save):
+    data, name = small_scan()[2], "data"
+    path = tmp_path / f"frames.{save.split()[0]}"
+    if save == "npy":
+        with open(path, "wb") as file:
+            np.save(file, np.arange(3))
+            np.save(file, data)
+        name = "1"
+    elif save == "npz":
+        np.savez_compressed(path, data=data, other=np.zeros(3))
+    elif save == "mat 5":
+        import scipy.io
+
+        scipy.io.savemat(path, {"scan": {"data": data, "text": "hello"}})
+        name = "scan.data"
+    elif save == "pkl":
+        path.write_bytes(pickle.dumps({"data": data, "other": [1, 2]}))
+    else:
+        with h5py.File(path, "w", userblock_size=512 if save == "mat 7.3" else 0) as file:
+            file["scan/data"] = data.T if save == "mat 7.3" else data
+        name = "scan/data"
+        if save == "mat 7.3":
+            with open(path, "r+b") as file:
+                file.write(b"MATLAB 7.3")
+            name = "scan.data"
+    text = RADAR + FRAMES.replace('"frames.npy"', f'"{path.name}"\narray = "{name}"')
+    np.savetxt(tmp_path / "positions.csv", 1e3 * small_scan()[1], delimiter=",", header="x,y,z", comments="")
+    check(read_capture(described(tmp_path, text + POINTS)))
+
+
+def test_parts_units_chirps_and_signs(tmp_path):
+    """I and Q as axes or as arrays, Q first, the other sign, several chirps, a flat array: all the same frames."""
+    frames = small_scan()[2]
+    conjugate = frames.conj()
+    np.savez(
+        tmp_path / "frames.npz",
+        parts=np.stack([conjugate.imag, conjugate.real]), i=conjugate.real, q=conjugate.imag,
+        chirps=np.stack([frames - 1, frames + 1, frames], axis=1), flat=frames.ravel(),
+        f=np.linspace(24.0, 24.175, 8)[:, None], positions=1e3 * small_scan()[1].T,
+    )  # fmt: skip
+    base = '[positions]\npoints = { file = "points.npy", unit = "mm" }\n' + RADAR.replace(
+        "start_frequency = 24e9\nstep = 25e6", 'frequencies = { array = "f", unit = "GHz" }'
+    )
+    np.save(tmp_path / "points.npy", 1e3 * small_scan()[1])
+    base += '[frames]\nfile = "frames.npz"\n'
+    axes = '["pose", "tx", "rx", "sample"]'
+    for text in (
+        f'array = "parts"\naxes = ["part", {axes[1:]}\nparts = ["Q", "I"]\nphase_sign = 1',
+        f'array = ["i", "q"]\naxes = ["part", {axes[1:]}\nparts = ["I", "Q"]\nphase_sign = 1',
+        f'array = ["q", "i"]\naxes = ["part", {axes[1:]}\nparts = ["I", "Q"]\nphase_sign = -1',  # i times the frames
+        'array = "chirps"\naxes = ["pose", "chirp", "tx", "rx", "sample"]\nchirp = 2\nphase_sign = -1',
+        'array = "chirps"\naxes = ["pose", "chirp", "tx", "rx", "sample"]\nchirp = "mean"\nphase_sign = -1',
+        f'array = "flat"\nshape = [12, 2, 3, 8]\naxes = {axes}\nphase_sign = -1',
+    ):
+        capture = read_capture(described(tmp_path, base + text))
+        if 'array = ["q", "i"]' in text:
+            assert np.allclose(capture.frames, 1j * frames, atol=1e-6)
+        elif '"mean"' in text:
+            assert np.allclose(capture.frames, frames, atol=1e-6)
+        else:
+            check(capture)
+
+
+def test_real_samples_become_analytic(tmp_path):
+    frames = small_scan()[2][:, :1, :1]
+    samples = np.arange(64)
+    waves = np.real(frames[..., :1] * np.exp(2j * np.pi * 5 * samples / 64))  # whole periods: no leakage
+    np.save(tmp_path / "frames.npy", waves)
+    text = '[radar]\nstart_frequency = 24e9\nslope = 1e12\nsample_rate = 1e6\n[frames]\nfile = "frames.npy"\n'
+    text += 'axes = ["pose", "tx", "rx", "sample"]\nphase_sign = -1\n'
+    text += "[positions]\nraster = { step = 0.1, counts = [3, 4] }\n"
+    with pytest.raises(FormatError, match="analytic; expected true"):
+        read_capture(described(tmp_path, text))
+    capture = read_capture(described(tmp_path, text.replace("phase_sign", "analytic = true\nphase_sign")))
+    assert np.allclose(capture.frames, frames[..., :1] * np.exp(2j * np.pi * 5 * samples / 64), atol=1e-5)
+    assert capture.radar.waveform.slope == 1e12
+
+
+def test_rasters_of_frames_in_the_order_of_time(tmp_path):
+    """One axis of poses dealt out over rows, to and fro, along either axis, from a corner or about a centre."""
+    _, positions, frames = small_scan()
+    grid = np.arange(12).reshape(3, 4)
+    to_and_fro = grid.copy()
+    to_and_fro[1::2] = to_and_fro[1::2, ::-1]
+    along_x = grid.T.copy()
+    along_x[1::2] = along_x[1::2, ::-1]
+    for raster, order in (
+        ("counts = [3, 4]", grid), ("counts = [3, 4], serpentine = true", to_and_fro),
+        ('counts = [3, 4], along = "x"', grid.T), ('counts = [3, 4], along = "x", serpentine = true', along_x),
+    ):  # fmt: skip
+        np.save(tmp_path / "frames.npy", frames[order.ravel()])
+        text = RASTER.replace("center", f"{raster}, center")
+        check(read_capture(described(tmp_path, RADAR + FRAMES + text)), order.ravel())
+    corner = "[positions]\nraster = { step = [-0.005, 0.004], start = [1.005, 1.994, 0.1], counts = [3, 4] }\n"
+    corner += "origin = [1, 2, 0]\norientations = [0, 0, 1, 0]\n"
+    np.save(tmp_path / "frames.npy", frames[grid[::-1].ravel()])
+    capture = read_capture(described(tmp_path, RADAR + FRAMES + corner))
+    assert np.allclose(capture.trajectory.positions, positions[grid[::-1].ravel()], atol=1e-12)
+    assert np.allclose(capture.trajectory.orientations, [[0, 0, 1, 0]] * 12)
+    assert np.array_equal(capture.frames, frames[grid[::-1].ravel()])
+
+
+def raw_scan(radar, positions, scale):
+    """Frames (P, 1, R, N) of two points for a preset radar, in whole counts, of the sign of the released captures."""
+    tx, rx = (positions[:, None] + a for a in (radar.array.tx_positions, radar.array.rx_positions))
+    points = np.array([[0.0, 0.0, -0.05], [0.02, -0.01, -0.1]])
+    frames = point_frames(points, [1.0, 0.7], tx, rx, radar.waveform.frequencies, radar.path_offset)
+    return np.round(scale * frames.conj())
+
+
+def test_recorders_files_in_several_rows(tmp_path):
+    """DCA1000 files, the order found from the data, and Position2Go files; a raster over all, or a point each."""
+    positions = ms.Trajectory.raster(size=(0.02, 0.03), step=0.01, center=(0, 0, 0.2)).positions
+    assert len(positions) == 12
+    np.save(tmp_path / "positions.npy", positions)
+    for preset, suffix, format_keys in (
+        ("iwr1443", "bin", "samples = 512"), ("position2go", "txt", "chirps = 2"),
+    ):  # fmt: skip
+        radar = ms.Radar.preset(preset)
+        raw = raw_scan(radar, positions, 1000)
+        chirps = np.concatenate([raw, 0 * raw], axis=1) if suffix == "txt" else raw  # the first one is used
+        for row in range(3):
+            write = write_dca1000 if suffix == "bin" else write_position2go
+            write(tmp_path / f"row_{8 + row}.{suffix}", chirps[4 * row : 4 * row + 4])
+        for where in (
+            "raster = { step = 0.01, counts = [3, 4], center = [0, 0, 0.2] }",
+            'points = { file = "positions.npy" }',
+        ):
+            text = f'[radar]\npreset = "{preset}"\n[frames]\nfile = "row_*.{suffix}"\n{format_keys}\nphase_sign = 1\n'
+            capture = read_capture(described(tmp_path, f"{text}[positions]\n{where}\n"))
+            assert np.array_equal(capture.frames, raw.conj())
+            assert np.allclose(capture.trajectory.positions, positions)
+            assert capture.radar.path_offset == radar.path_offset
+        assert capture.metadata["history"][0]["files"] == [f"row_{n}.{suffix}" for n in (8, 9, 10)]
+    with pytest.raises(FormatError, match=r"samples is missing|has no samples; expected the number of samples"):
+        read_capture(
+            described(tmp_path, text.replace("*.txt", "*.bin").replace("chirps = 2", "") + "[positions]\nraster={}\n")
+        )
+
+
+def test_what_a_description_says_of_the_image(tmp_path):
+    np.save(tmp_path / "frames.npy", small_scan()[2])
+    np.savetxt(tmp_path / "positions.csv", 1e3 * small_scan()[1])
+    image = (
+        '[image]\nlower = [0, 0, -0.2]\nupper = [0.1, 0.1, -0.2]\nspacing = 0.01\nmethod = "exact"\nwindow = "hann"\n'
+    )
+    path = described(tmp_path, f'title = "test"\n{RADAR}{FRAMES}{POINTS}{image}')
+    capture = read_capture(path)
+    assert capture.metadata["source"] == "test"
+    assert capture.metadata["image_grid"] == {"lower": [0, 0, -0.2], "upper": [0.1, 0.1, -0.2], "spacing": [0.01] * 3}
+    assert capture.metadata["imaging"] == {"method": "exact", "window": "hann"}
+    check(capture)
+    check(read_capture(tmp_path))
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "pyproject.toml").write_text("[project]\nname = 'x'\n")
+    moved = described(tmp_path / "elsewhere", path.read_text())
+    check(read_capture(moved, data=tmp_path))
+    with pytest.raises(FileError, match=r"frames.npy: no such file; say with --data"):
+        read_capture(moved)
+    assert description_in(tmp_path) == path
+    assert description_in(EXAMPLES.parent.parent / "docs") is None
+    with pytest.raises(FileError, match=r"several descriptions, foam.toml, .*pass the one"):
+        description_in(EXAMPLES)
+
+
+GOOD = RADAR + FRAMES + POINTS
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "error", "message"),
+    [
+        (
+            "[frames]",
+            "[frame]",
+            UnknownNameError,
+            r"unknown key in .*scan.toml, its tables: 'frame'. Did you mean 'frames'",
+        ),
+        (
+            "axes =",
+            "axis =",
+            UnknownNameError,
+            r"key in .*scan.toml, \[frames\]: 'axis'. Did you mean 'axes'.*phase_sign",
+        ),
+        ("unit =", "units =", UnknownNameError, r"scan.toml, \[positions\] points: 'units'. Did you mean 'unit'"),
+        ('"tx"', '"transmitter"', UnknownNameError, "axis in .*'transmitter'.*Known: chirp, part, pose, rx"),
+        ("phase_sign = -1", "", FormatError, r"\[frames\] has no phase_sign; expected 1 or -1.*try both"),
+        ("phase_sign = -1", "phase_sign = 2", FormatError, "phase_sign is '2'; expected 1 or -1"),
+        (
+            '"tx", "rx", ',
+            "",
+            FormatError,
+            r"axes is .*; expected 4 of them, since .*frames.npy has shape \(12, 2, 3, 8\)",
+        ),
+        ('"tx", "rx"', '"tx", "tx"', FormatError, "each once"),
+        ('"pose", ', '"pose", "x", ', FormatError, "pose or x and y"),
+        (
+            '"tx", "rx"',
+            '"rx", "tx"',
+            FormatError,
+            r"\[radar\]: tx_positions is .*; expected 3 transmitters as in the frames",
+        ),
+        ("step = 25e6", "", FormatError, "has none of stop_frequency, step, slope"),
+        ("step = 25e6", "step = 25e6\nslope = 1e12", FormatError, "has step and slope; expected one of"),
+        ("step = 25e6", "step = 25e6\nsamples = 9", FormatError, "samples is '9'; expected 8 samples as in the frames"),
+        ("step = 25e6", "step = -25e6", FormatError, r"\[radar\]: slope is -2.5e\+07"),
+        ("step = 25e6", 'step = "25 MHz"', FormatError, r"step is '25 MHz'; expected numbers \[Hz\]"),
+        ("start_frequency = 24e9\nstep = 25e6", 'preset = "iwr1433"', FormatError, "scan.toml.*Did you mean 'iwr1443'"),
+        ("start_frequency = 24e9\nstep", "frequencies = [1, 2, 4, 5, 6, 7, 8, 9]\nstep", FormatError, "evenly spaced"),
+        ("frames.npy", "frame.npy", FileError, "frame.npy: no such file"),
+        ("frames.npy", "f*.npz", FileError, r"no file in .* is meant by 'f\*.npz'"),
+        ("positions.csv", "short.csv", FormatError, r"points is .*for each of the 12 frames.*not \(1, 3\)"),
+        ("positions.csv", "words.csv", FileError, r"words.csv, line 2 has 'y'; expected a finite number"),
+        ("positions.csv", "ragged.csv", FileError, r"ragged.csv, line 3 has 2 columns; expected 3 as before"),
+        ('unit = "mm"', 'unit = "inch"', FormatError, "unit is 'inch'; expected one of 'm', 'cm'"),
+        ('unit = "mm"', 'columns = ["x", "q"]', UnknownNameError, "column in .*positions.csv: 'q'"),
+        ('unit = "mm"', "index = 99", FormatError, r"index is '99'; expected places in an array of shape \(12, 3\)"),
+        ("[positions]", "[positions]\nlog = 'x.csv'", FormatError, "has points and log; expected one of"),
+        ("[positions]", "[positions]\norientations = [0, 0, 1]", FormatError, "a quaternion x, y, z, w"),
+        ("[positions]", "[positions]\norientations = [0, 0, 0, 2]", FormatError, "expected unit quaternions"),
+        ("[positions]", "[times]\nstart = 0\n[positions]", FormatError, r"\[times\] has no period"),
+        ("[positions]", "[times]\narray = [1, 2]\n[positions]", FormatError, "12 times, one for each frame, not 2"),
+        ("[positions]", "[image]\nlower = [0, 0, 0]\n[positions]", FormatError, r"\[image\] has no upper"),
+        (
+            "[positions]",
+            "[image]\nmethod = 'fft'\n[positions]",
+            FormatError,
+            "expected one of 'fast', 'backprojection'",
+        ),
+        ("[frames]", "[frames", FormatError, "scan.toml is not a description in TOML: .*line 9"),
+        (
+            FRAMES,
+            "",
+            FormatError,
+            r"scan.toml, its tables has no \[frames\]; expected a table of that name: file, format",
+        ),
+        (GOOD, "frames = 1", FormatError, "frames. is 1; expected a table with some of file, format"),
+    ],
+)
+def test_errors_say_where_and_what_is_expected(tmp_path, old, new, error, message):
+    np.save(tmp_path / "frames.npy", small_scan()[2])
+    np.savetxt(tmp_path / "positions.csv", 1e3 * small_scan()[1], delimiter=",", header="x,y,z", comments="")
+    (tmp_path / "short.csv").write_text("1,2,3\n")
+    (tmp_path / "words.csv").write_text("1 2 3\n1 y 3\n")
+    (tmp_path / "ragged.csv").write_text("# comment\n1;2;3\n1;2\n")
+    check(read_capture(described(tmp_path, GOOD)))
+    assert old in GOOD
+    with pytest.raises(error, match=message):
+        read_capture(described(tmp_path, GOOD.replace(old, new)))
+    assert issubclass(error, ms.errors.MillisightError)
+
+
+def test_data_that_cannot_be_used_is_named(tmp_path):
+    np.savetxt(tmp_path / "positions.csv", 1e3 * small_scan()[1])
+    frames = small_scan()[2]
+    holed = np.where(np.arange(12)[:, None, None, None] == 3, np.nan, frames)
+    for data, message in (
+        (holed, r"frames.npy.*NaN or infinite, the first at \(3,"), (frames[:0], "frames.npy: array '0' is empty"),
+        (frames.astype(complex) * 1e60, r"frames.npy: frames has .*infinite"),
+        (frames.real, "analytic"), (frames[:, :, :, 0], "axes is"),
+    ):  # fmt: skip
+        np.save(tmp_path / "frames.npy", data)
+        with pytest.raises(FileError, match=message):
+            read_capture(described(tmp_path, GOOD))
+    np.savez(tmp_path / "frames.npy.npz", a=frames, b=frames)
+    with pytest.raises(FormatError, match=r"frames.npy.npz holds the arrays a, b; say which"):
+        read_capture(described(tmp_path, GOOD.replace("frames.npy", "frames.npy.npz")))
+    with pytest.raises(InputError, match="no log of a robot"):
+        read_scan(described(tmp_path, GOOD.replace("frames.npy", 'frames.npy.npz"\narray = "a')))
+
+
+def tutorial_sample(folder, dtype):
+    """A file in the layout of the tutorial's, of two points, and where these are."""
+    points = np.array([[0.15, 0.25, -0.43], [0.22, 0.23, -0.40]])
+    x, y = np.meshgrid(np.arange(0.07, 0.3, 0.004), np.arange(0.15, 0.35, 0.004))
+    positions = np.stack([x.ravel(), y.ravel(), 0.001 * np.sin(40 * x.ravel())], axis=1)
+    wavelength = 299_792_458 / 77.5e9
+    receivers = positions[:, None] - [[0.005 + 1.5 * wavelength, 0, 0], [0.005 + 0.5 * wavelength, 0, 0]]
+    frequencies = 77.5e9 + 3e9 / 32 * np.arange(32)
+    frames = point_frames(points, [1.0, 0.8], positions[:, None], receivers, frequencies, 0.15)[:, 0].conj()
+    path = folder / "sample_data.npz"
+    np.savez(path, received_signals=frames.transpose(0, 2, 1).astype(dtype), antenna_locations=positions)
+    return path, points, (positions[:, None], receivers, frequencies)
+
+
+@pytest.mark.parametrize("dtype", [np.complex64, np.complex128])
+def test_the_tutorials_sample_opens_by_its_arrays(tmp_path, dtype):
+    path, points, setup = tutorial_sample(tmp_path, dtype)
+    capture = read_capture(path)
+    grid = capture.metadata["image_grid"]
+    assert ms.VoxelGrid.regular(**grid).shape == (461, 201, 181)
+    near = [ms.VoxelGrid.regular(point - 0.004, point + 0.004, 0.0005) for point in points]
+    images = [ms.form_image(capture, grid, method="backprojection") for grid in near]
+    for image, point in zip(images, points, strict=True):
+        assert np.abs(image.peak - point).max() <= 0.0005
+    # The values are those of the closed form, the two reflectors' images summed.
+    at = near[0].points[::50]
+    expected = point_image(at, points[0], *setup) + 0.8 * point_image(at, points[1], *setup)
+    assert np.abs(images[0].values.ravel()[::50] - expected).max() < 0.01
+    assert capture.metadata["description"] == "mito-tutorial.toml"
+    np.savez(tmp_path / "other.npz", received_signals=np.zeros((9, 32, 3)), antenna_locations=np.zeros((9, 3)))
+    with pytest.raises(FormatError, match=r"other.npz holds the arrays received_signals \(9, 32, 3\).*no shipped"):
+        read_capture(tmp_path / "other.npz")
+
+
+def test_the_file_of_a_radar_at_rest_decodes_but_cannot_be_imaged():
+    data = shared("captures", "iwr1443_adc_data20251124114141.bin").parent
+    radar, frames = read_frames(EXAMPLES / "iwr1443_still.toml", data=data)
+    assert frames.shape == (50, 1, 4, 256)
+    assert radar.name == "iwr1443"
+    spectrum = (np.abs(np.fft.fft(frames.conj(), axis=-1)) ** 2).mean(axis=(0, 1))
+    assert spectrum.sum(axis=0).argmax() == 19
+    one_sided = 10 * np.log10(spectrum[:, 1:128].sum(axis=1) / spectrum[:, 129:].sum(axis=1))
+    assert len(one_sided) == 4
+    assert one_sided.min() > 15
+    with pytest.raises(InputError, match=r"iwr1443_still.toml has no table \[positions\].*nothing can be imaged"):
+        read_capture(EXAMPLES / "iwr1443_still.toml", data=data)
