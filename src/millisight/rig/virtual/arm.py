@@ -31,8 +31,8 @@ class ArmSettings:
     """
 
     speed: float = 0.1
-    acceleration: float = 1.0
-    settle: float = 0.2
+    acceleration: float = 2.0
+    settle: float = 0.1
     path_error: float = 0.3e-3
     correlation_length: float = 0.05
     encoder_noise: float = 0.03e-3

@@ -206,7 +206,10 @@ class VirtualRadar:
 
     def _perfect(self, times: np.ndarray) -> np.ndarray:
         """(F, 1, R, N) complex64 echoes at true times (F,) [s], of the sign inside millisight."""
-        return self._frames(self.settings, Trajectory(times=times, positions=self._positions(times)))
+        # While the arm stands, frame after frame is the same: it is computed once.
+        positions, same = np.unique(self._positions(times), axis=0, return_inverse=True)
+        frames = self._frames(self.settings, Trajectory(times=np.arange(len(positions)), positions=positions))
+        return frames[same.ravel()]
 
     def _positions(self, times: np.ndarray) -> np.ndarray:
         return self._where(times) + self.mount

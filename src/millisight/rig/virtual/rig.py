@@ -1,6 +1,5 @@
 """A whole virtual rig: the devices of one world, and the truth that only they know."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -13,9 +12,10 @@ from millisight.rig.protocols import Pose
 from millisight.rig.virtual.arm import VirtualArm
 from millisight.rig.virtual.camera import VirtualCamera
 from millisight.rig.virtual.clocks import WorldTime
-from millisight.rig.virtual.radar import Frames, VirtualRadar
+from millisight.rig.virtual.radar import Frames, RadarSettings, VirtualRadar
 from millisight.rig.virtual.stage import Stage, build
 from millisight.rig.virtual.world import World
+from millisight.scene.material import LAYERED
 
 # Keys of the devices' random numbers: one that is added changes none of the others.
 _ARM, _CAMERA, _RADAR = 1, 2, 3
@@ -108,6 +108,20 @@ def experiment_info(world: World) -> dict[str, Any]:
     return info | ({"frame period": other} if other else {})
 
 
-def optics_of(stage: Stage) -> Callable:
-    """Echoes of a stage by the rig's optics."""
-    raise NotImplementedError
+def optics_of(stage: Stage) -> Frames:
+    """What a perfect radar measures of a stage, by the rig's optics."""
+    from millisight.rig.virtual.occluders import Sheet
+    from millisight.rig.virtual.optics import Part, echoes
+
+    world = stage.world
+    parts = tuple(Part(mesh=part.mesh, material=part.material) for part in stage.parts)
+    sheets = tuple(Sheet(corner=p.corner, u=p.u, v=p.v, layers=LAYERED[p.stack]) for p in stage.panels)
+
+    def frames(settings: RadarSettings, trajectory: Trajectory) -> np.ndarray:
+        # One seed for all rows: a rough surface is the same from wherever it is looked at.
+        return echoes(
+            parts, settings.radar, trajectory, edges=world.optics.edges, bounces=world.optics.bounces,
+            occluders=sheets, antenna=settings.antenna, rng=world.seed,
+        )  # fmt: skip
+
+    return frames

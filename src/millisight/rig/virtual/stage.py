@@ -22,7 +22,7 @@ FLOOR = -0.95
 _CLEARANCE = 0.03  # between the aperture and what is looked at [m]
 _TOUCH = 1e-3  # things may overlap by this much and count as touching [m]
 _PLATE = 0.012  # thickness of the tripod's plate [m]
-_LEG = 0.008  # width of its legs [m]
+_POLE = 0.006  # radius of its pole [m]
 _BLOCK = 0.20  # height of the styrofoam block [m]
 
 
@@ -189,7 +189,7 @@ def block(lower: np.ndarray, upper: np.ndarray) -> TriangleMesh:
 
 
 def _support_parts(world: World) -> tuple[ObjectPart, ...]:
-    """The plate and its legs, or the block."""
+    """The plate on its pole, or the block."""
     support = world.support
     first = world.objects[0].at if world.objects else None
     x, y = support.at if support.at is not None else first[:2] if first is not None else world.scan.middle
@@ -199,20 +199,17 @@ def _support_parts(world: World) -> tuple[ObjectPart, ...]:
         mesh = block(np.array([x - sx, y - sy, top - _BLOCK]), np.array([x + sx, y + sy, top]))
         return (_part("styrofoam", mesh, "styrofoam"),)
     plate = block(np.array([x - sx, y - sy, top - _PLATE]), np.array([x + sx, y + sy, top]))
-    legs = [_leg(np.array([x, y, top - _PLATE]), angle, min(sx, sy)) for angle in np.radians((90, 210, 330))]
-    return tuple(_part("tripod", mesh, "plastic") for mesh in (plate, *legs))
+    return tuple(_part("tripod", mesh, "plastic") for mesh in (plate, _pole(np.array([x, y]), top - _PLATE)))
 
 
-def _leg(head: np.ndarray, angle: float, reach: float) -> TriangleMesh:
-    """A bar from under the plate down to the floor, outward."""
-    out = np.array([np.cos(angle), np.sin(angle), 0.0])
-    across = _LEG / 2 * np.array([-out[1], out[0], 0.0])
-    ends = head + 0.6 * reach * out, np.array([*(head + 0.35 * out)[:2], FLOOR])
-    ring = [across + _LEG / 2 * out, -across + _LEG / 2 * out, -across - _LEG / 2 * out, across - _LEG / 2 * out]
-    corners = np.array([end + side for end in ends for side in ring])
-    quads = [(3, 2, 1, 0), (4, 5, 6, 7), *((i, (i + 1) % 4, (i + 1) % 4 + 4, i + 4) for i in range(4))]
-    faces = [face for a, b, c, d in quads for face in ((a, b, c), (a, c, d))]
-    return TriangleMesh(vertices=corners, faces=np.array(faces))
+def _pole(at: np.ndarray, top: float) -> TriangleMesh:
+    """An upright bar of six sides from under the plate down to the floor."""
+    turn = np.radians(60 * np.arange(6))
+    ring = at + _POLE * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    corners = np.concatenate([np.column_stack([ring, np.full(6, height)]) for height in (FLOOR, top)])
+    sides = [face for i in range(6) for j in [(i + 1) % 6] for face in ((i, j, j + 6), (i, j + 6, i + 6))]
+    ends = [face for i in range(1, 5) for face in ((0, i + 1, i), (6, i + 6, i + 7))]
+    return TriangleMesh(vertices=corners, faces=np.array(sides + ends))
 
 
 def _walls(world: World) -> tuple[ObjectPart, ...]:

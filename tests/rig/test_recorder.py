@@ -1,0 +1,215 @@
+"""The recorder, with a virtual rig whose echoes are in closed form: what lands on disk, and what it images to."""
+
+import json
+
+import numpy as np
+import oracles
+import pytest
+
+from millisight.capture.trajectory import Trajectory
+from millisight.errors import FileError, InputError
+from millisight.imaging.form import form_image
+from millisight.imaging.grid import VoxelGrid
+from millisight.io.hdf5 import load
+from millisight.io.mito_layout import experiment_folder, radar_folder, read_experiment, read_published
+from millisight.rig.protocols import Pose
+from millisight.rig.recorder import CAPTURE_NAME, LOG_NAME, record_scan
+from millisight.rig.virtual.arm import ArmSettings
+from millisight.rig.virtual.radar import REFERENCE, RadarSettings
+from millisight.rig.virtual.rig import VirtualRig, experiment_info
+from millisight.rig.virtual.world import Scan, World, WorldObject
+
+POINTS = np.array([[0.05, 0.06, -0.25], [0.08, 0.04, -0.22]])
+SCAN = Scan(size=(0.12, 0.1), row_spacing=0.006)
+QUIET = {"path_error": 0.0, "encoder_noise": 0.0}
+
+
+def points(settings, trajectory):
+    """Echoes of unit points."""
+    array, waveform = settings.radar.array, settings.radar.waveform
+    tx, rx = trajectory.placed(array.tx_positions), trajectory.placed(array.rx_positions)
+    amplitude = np.full(len(POINTS), REFERENCE)
+    return oracles.point_frames(POINTS, amplitude, tx, rx, waveform.frequencies, settings.radar.path_offset)
+
+
+def world_of(**settings):
+    return World(
+        **{
+            "objects": (WorldObject(object="golf_ball", at=(0.06, 0.065)),),
+            "scan": SCAN,
+            "arm": ArmSettings(speed=0.5, acceleration=5.0, settle=0.05, **QUIET),
+            "radars": (RadarSettings(frame_period=0.003),),
+            **settings,
+        }
+    )
+
+
+def recorded(world, folder, sight="los", **settings):
+    rig = VirtualRig(world, frames=points)
+    out = experiment_folder(folder, "058_golf_ball", (0, 0, 0), 1, sight)
+    record_scan(
+        rig.arm, rig.radars, settings.pop("camera", None), rig.plan, out, info=experiment_info(world), **settings
+    )
+    return rig, out
+
+
+@pytest.fixture(scope="module")
+def quiet(tmp_path_factory):
+    """A scan by devices without fault."""
+    radar = RadarSettings(frame_period=0.003, snr_db=100, phase_noise_deg=0, leakage_db=None)
+    return recorded(world_of(radars=(radar,)), tmp_path_factory.mktemp("quiet"))
+
+
+def test_what_is_read_back_is_what_was_there(quiet):
+    rig, out = quiet
+    scan = read_experiment(out, "77_ghz")
+    capture = scan.to_capture(min_distance=0)
+    truth = rig.truth("77_ghz")
+    assert len(scan.rows) == len(SCAN.row_places) == 21
+    assert len(capture.trajectory) > 0.9 * len(truth)
+    at = np.searchsorted(truth.times, capture.trajectory.times - 1e-4)
+    assert capture.trajectory.times == pytest.approx(truth.times[at], abs=2e-6)
+    assert np.abs(capture.trajectory.positions - truth.positions[at]).max() < 2e-6
+    expected = points(rig.radars[0].settings, Trajectory(times=truth.times[at], positions=truth.positions[at]))
+    counts = 32767 / REFERENCE / 100
+    # To the converter's steps, 1/327 of an echo.
+    assert np.abs(capture.frames / counts - expected).max() / REFERENCE < 0.008
+
+
+def test_it_images_to_the_points(quiet):
+    _, out = quiet
+    capture = read_experiment(out, "77_ghz").to_capture()
+    for point in POINTS:
+        image = form_image(capture, VoxelGrid.regular(point - 0.01, point + 0.01, (0.001, 0.001, 0.002)))
+        assert np.abs(image.peak - point).max() < 0.0011
+
+
+def test_the_folder_is_the_published_layout(quiet):
+    rig, out = quiet
+    raw = radar_folder(out, "77_ghz", processed=False)
+    info = json.loads((out.parent / "experiment_info.json").read_text())
+    assert info == {"aperture size": "almost-square", "rx offset": "x", "background": "tripod"}
+    files = sorted((raw / "radar_data").iterdir())
+    assert len(files) == 21
+    frames = rig.plan.frames(0.003)
+    assert {file.stat().st_size for file in files} == {frames * 4 * 512 * 4}
+    # Nothing else is left behind, hidden or not.
+    assert sorted(p.name for p in out.parent.parent.iterdir()) == ["exp1"]
+    assert sorted(p.name for p in out.parent.iterdir()) == ["experiment_info.json", "los"]
+    own = {CAPTURE_NAME, LOG_NAME}
+    assert {p.name for p in raw.iterdir()} == {"radar_data", "antenna.npz", "continuous.pkl"} | own
+
+
+def test_our_own_files_hold_the_same(quiet):
+    _, out = quiet
+    raw = radar_folder(out, "77_ghz", processed=False)
+    scan = read_experiment(out, "77_ghz")
+    capture, log = load(raw / CAPTURE_NAME), load(raw / LOG_NAME)
+    assert np.array_equal(capture.frames, scan.to_capture().frames)
+    assert np.array_equal(log.positions, scan.log.positions)
+
+
+def test_both_radars_and_the_camera_in_one_scan(tmp_path):
+    radars = (RadarSettings(frame_period=0.01), RadarSettings(preset="position2go", frame_period=0.02))
+    world = world_of(radars=radars, scan=Scan(size=(0.1, 0.1), row_spacing=0.05))
+    rig = VirtualRig(world, frames=points)
+    out = experiment_folder(tmp_path, "058_golf_ball", (0, 0, 0), 1, "los")
+    done = []
+    record_scan(
+        rig.arm, rig.radars, rig.camera, rig.plan, out, info=experiment_info(world), hdf5=False,
+        progress=lambda *count: done.append(count),
+    )  # fmt: skip
+    assert done == [(1, 3), (2, 3), (3, 3)]
+    frame = read_published(out / "unprocessed" / "camera" / "continuous.pkl").record
+    # The camera looks straight down at the aperture's middle, in the base frame.
+    assert frame.pose[:3, 3] == pytest.approx([0.42 + 0.05, -0.23 + 0.05, 0.23 + 0.10], abs=1e-6)
+    assert frame.pose[:3, 2] == pytest.approx([0, 0, -1])
+    for folder, shift in (("77_ghz", 0.0), ("24_ghz", 0.10)):
+        raw = radar_folder(out, folder, processed=False)
+        places = np.load(raw / "antenna.npz")[f"tx_{folder[:2]}_locs"]
+        assert places.shape[1] == 7
+        at_rest = places[-1, :3]
+        assert at_rest == pytest.approx([0.42 + 0.10, -0.23 + 0.10 + shift, 0.23], abs=1e-6)
+        assert len(list((raw / "radar_data").iterdir())) == 3
+        assert len(rig.truth(folder)) == 3 * rig.plan.frames({"77_ghz": 0.01, "24_ghz": 0.02}[folder])
+
+
+def test_one_seed_gives_the_same_bytes(tmp_path):
+    world = world_of(
+        seed=5, scan=Scan(size=(0.1, 0.1), row_spacing=0.05), arm=ArmSettings(speed=0.5, acceleration=5.0),
+        radars=(RadarSettings(lost_packets=0.01),),
+    )  # fmt: skip
+    contents = []
+    for folder in ("a", "b", "c"):
+        other = World(**{**{f: getattr(world, f) for f in World.__slots__}, "seed": 6}) if folder == "c" else world
+        recorded(other, tmp_path / folder)
+        files = sorted(p for p in (tmp_path / folder).rglob("*") if p.is_file())
+        contents.append({p.relative_to(tmp_path / folder): p.read_bytes() for p in files})
+    assert len(contents[0]) == 8
+    assert contents[0] == contents[1]
+    differing = [str(name.name) for name in contents[0] if contents[0][name] != contents[2][name]]
+    assert len(differing) == 6  # all but info and row list
+
+
+def test_lost_frames_are_not_used(tmp_path):
+    world = world_of(scan=Scan(size=(0.1, 0.1), row_spacing=0.05), radars=(RadarSettings(lost_packets=0.02),))
+    rig, out = recorded(world, tmp_path, hdf5=False)
+    scan = read_experiment(out, "77_ghz")
+    (step,) = [s for s in scan.to_capture().metadata["history"] if s["step"] == "place_frames"]
+    assert 0 < step["lost"] < step["frames"] == len(rig.truth("77_ghz"))
+
+
+class Broken:
+    """A radar that fails in its second row."""
+
+    def __init__(self, radar):
+        self.radar, self.folder, self.frame_period, self.mount = radar.radar, radar.folder, 0.01, radar.mount
+        self._device, self._rows = radar, 0
+
+    def start(self, frames):
+        self._rows += 1
+        self._device.start(frames)
+
+    def stop(self):
+        if self._rows == 2:
+            raise FileError("the card went silent")
+        return self._device.stop()
+
+
+def test_a_scan_that_fails_leaves_nothing(tmp_path):
+    world = world_of()
+    rig = VirtualRig(world, frames=points)
+    out = experiment_folder(tmp_path, "058_golf_ball", (0, 0, 0), 1, "los")
+    with pytest.raises(FileError, match="the card went silent"):
+        record_scan(rig.arm, [Broken(rig.radars[0])], None, rig.plan, out, info=experiment_info(world))
+    assert [p for p in tmp_path.rglob("*") if p.is_file()] == []
+    assert not out.exists()
+    assert sorted(p.name for p in out.parent.parent.iterdir()) == ["exp1"]
+
+
+def test_what_is_there_is_not_overwritten(tmp_path):
+    world = world_of(scan=Scan(size=(0.1, 0.1), row_spacing=0.1))
+    recorded(world, tmp_path, hdf5=False)
+    with pytest.raises(InputError, match="is there already"):
+        recorded(world, tmp_path)
+    # Line of sight and not share the experiment's information, and must agree on it.
+    recorded(world, tmp_path, "nlos", hdf5=False)
+    other = world_of(scan=Scan(size=(0.1, 0.1), row_spacing=0.1), radars=(RadarSettings(rx_axis="y"),))
+    second = World(**{f: getattr(other, f) for f in World.__slots__})
+    rig = VirtualRig(second, frames=points)
+    out = experiment_folder(tmp_path, "058_golf_ball", (0, 0, 0), 1, "los")
+    for path in sorted(out.rglob("*"), reverse=True):
+        path.rmdir() if path.is_dir() else path.unlink()
+    out.rmdir()
+    with pytest.raises(InputError, match="are set up alike"):
+        record_scan(rig.arm, rig.radars, None, rig.plan, out, info=experiment_info(second))
+
+
+def test_the_plan_is_a_serpentine_or_goes_back(tmp_path):
+    rows = VirtualRig(world_of(), frames=points).plan.rows
+    assert all(isinstance(pose, Pose) for row in rows for pose in row)
+    along = np.array([[pose.position[1] for pose in row] for row in rows])
+    assert (np.diff(along, axis=1)[::2] > 0).all()
+    assert (np.diff(along, axis=1)[1::2] < 0).all()
+    one_way = VirtualRig(world_of(scan=Scan(size=(0.12, 0.1), row_spacing=0.006, pattern="one-way")), frames=points)
+    assert (np.diff([[pose.position[1] for pose in row] for row in one_way.plan.rows], axis=1) > 0).all()
