@@ -4,7 +4,7 @@ from importlib.metadata import version
 
 import typer
 
-from millisight.cli import demo, image, info, simulate
+from millisight.cli import dataset, demo, image, info, simulate
 
 app = typer.Typer(
     invoke_without_command=True,
@@ -19,6 +19,7 @@ app.command("demo")(demo.demo)
 app.command("simulate")(simulate.simulate)
 app.command("image")(image.image)
 app.command("info")(info.info)
+app.add_typer(dataset.app, name="dataset")
 
 
 @app.callback()
