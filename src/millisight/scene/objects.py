@@ -4,9 +4,9 @@ The objects are 76 of the YCB Object and Model Set (Calli et al. 2015, "Benchmar
 Robotics & Automation Magazine 22(3)), with its names and sizes; `catalogue.toml` says of each where its size is
 from. The meshes are drawn here, not scanned.
 
-Which 76: the MITO paper took 76 of 80 YCB objects and prints no list of them. 80 is what the set has as laser scans
-(79) and the chips can, which the paper's dataset holds. The four left out here are the loose parts of the toy
-airplane (072-b to 072-e): nobody states their size, and the airplane itself is in.
+Which 76: the MITO paper took 76 of 80 YCB objects and prints no list of them, nor of the four. 80 is what the set
+has as laser scans (79) and the chips can, which the paper's dataset holds. Left out here, by our own choice, are the
+loose parts of the toy airplane (072-b to 072-e): nobody states their size, and the airplane itself is in.
 
 Each lies as it would on a table under a radar that looks down along -z, so that the view from above tells most:
 

@@ -48,10 +48,10 @@ def dice(x: float, y: float, z: float) -> "Manifold":
 
 def bag_of_marbles(x: float, y: float, z: float) -> "Manifold":
     """A heap of marbles, 16 mm each, close-packed and held together as by a net."""
-    apart, reach = 15.8, 30.0
+    spacing, reach = 15.8, 30.0
     steps = np.arange(-4, 5)
     cells = np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1).reshape(-1, 3)
-    places = cells[cells.sum(axis=1) % 2 == 0] * apart / np.sqrt(2)
+    places = cells[cells.sum(axis=1) % 2 == 0] * spacing / np.sqrt(2)
     near = places[np.linalg.norm(places, axis=1) < reach]
     heap = union(*(sphere(8, at=(u, v, w)) for u, v, w in near))
     return stretched(heap.rotate((20, 30, 10)), (x, y, z))
