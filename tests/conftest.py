@@ -9,6 +9,14 @@ from jaxtyping import install_import_hook
 install_import_hook(["millisight.imaging.exact", "millisight.imaging.backprojection"], "beartype.beartype")
 
 
+@pytest.fixture(scope="session")
+def miniature(tmp_path_factory):
+    """The published dataset in miniature, and its faults, made once: for reading only."""
+    from miniature import make
+
+    return make(tmp_path_factory.mktemp("miniature"))
+
+
 def pytest_terminal_summary(terminalreporter, exitstatus, config):
     """Say why tests were skipped; with MILLISIGHT_NO_SKIP=1, as in CI, a skip for want of a package fails the run."""
     skipped = terminalreporter.stats.get("skipped", [])

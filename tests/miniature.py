@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import pytest
 
 import millisight as ms
 from millisight.capture.camera import CameraFrame, CameraMask, Intrinsics
@@ -51,18 +50,6 @@ class Miniature(NamedTuple):
 
     healthy: Path
     faults: Path
-
-
-_made: dict[Path, Miniature] = {}
-
-
-@pytest.fixture(scope="session")
-def miniature(tmp_path_factory):
-    """The miniature, made once, whichever modules import this fixture."""
-    base = tmp_path_factory.getbasetemp()
-    if base not in _made:
-        _made[base] = make(tmp_path_factory.mktemp("miniature"))
-    return _made[base]
 
 
 def make(folder):
