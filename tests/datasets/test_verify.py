@@ -1,0 +1,80 @@
+"""Verification: what is healthy is found so, and each thing that goes wrong is found and named."""
+
+import shutil
+
+import pytest
+
+from millisight.datasets.convert import convert
+from millisight.datasets.mito import find
+from millisight.datasets.verify import verify
+from miniature import EMPTY, FAULTS, fault_folder, hostile_deed
+
+PROBLEMS = {
+    "truncated_pickle": "processed_image.pkl", "hostile_pickle": "mkdir", "nan_in_image": "NaN",
+    "wrong_shape": "shape (3, 4)", "mask_without_image": "no such file", "row_missing": "its file is not there",
+    "zero_gap": "1 of 14 frames lost", "cut_file": "ends within frame 13", "big_endian": "big-endian",
+    "short_block": "line 71 has 247 cells", "log_backwards": "times_77[41]", "log_truncated": "antenna.npz",
+    "list_unequal": "4 entries", "no_info": "no such file", "odd_info": "'round'", "empty_files": "empty",
+}  # fmt: skip
+NOTES = {"row_unlisted": "not listed", "two_lane": "two-lane interleaved", "unequal_log": "the first 310 are taken"}
+
+
+def test_the_healthy_part_is_healthy(miniature):
+    seen = []
+    results = verify(miniature.healthy, workers=1, progress=lambda *done: seen.append(done))
+    assert len(results) == 53 == len(seen)
+    assert [one for one in results if not one.ok or one.notes] == []
+    assert [one.path for one in results] == sorted(one.path for one in results)
+
+
+def test_each_fault_is_found_and_named(miniature):
+    assert {*PROBLEMS, *NOTES, "stray_files"} == set(FAULTS)
+    results = verify(miniature.faults, workers=1)
+    found = {name: [r for r in results if r.path.split("/")[0].endswith(name)] for name in FAULTS}
+    for name, text in PROBLEMS.items():
+        said = [problem for one in found[name] for problem in one.problems]
+        assert any(text in problem for problem in said), (name, said)
+        assert all(str(miniature.faults) not in problem for problem in said)
+    for name, text in NOTES.items():
+        assert all(one.ok for one in found[name])
+        assert any(text in note for one in found[name] for note in one.notes)
+    assert all(one.ok for one in found["stray_files"])
+    assert not hostile_deed(fault_folder(miniature.faults, "hostile_pickle")).exists()
+
+
+@pytest.fixture
+def converted(miniature, tmp_path):
+    """A converted object and scene, to be damaged."""
+    dataset = find(miniature.healthy).only(["0210", "000"])
+    convert(dataset, tmp_path, workers=1)
+    return tmp_path
+
+
+def test_a_converted_dataset_is_held_to_its_manifest(converted):
+    results = verify(converted, workers=1)
+    assert [(one.kind, one.ok, one.notes) for one in results] == [
+        ("info", True, ()), ("raw", True, ()), ("listed", True, ()), ("info", True, ()), ("image", True, ()),
+    ]  # fmt: skip
+
+
+def test_damage_to_a_converted_dataset_is_found(converted):
+    raw = next(converted.rglob("24_ghz/capture.h5"))
+    log = next(converted.rglob("robot_log.h5"))
+    image = next(converted.rglob("processed_image.h5"))
+    content = bytearray(raw.read_bytes())
+    content[-3000] ^= 8
+    raw.write_bytes(content)
+    log.unlink()
+    shutil.copy(image, image.with_name("processed_image_more.h5"))
+    image.write_bytes(image.read_bytes() + b"\0")
+    found = {one.path.rsplit("/", 1)[-1]: one for one in verify(converted, workers=1)}
+    assert not found["capture.h5"].ok
+    assert found["robot_log.h5"].problems == ("it is in manifest.jsonl, but not there",)
+    assert any("bytes, by manifest.jsonl" in text for text in found["processed_image.h5"].problems)
+    assert found["processed_image_more.h5"].notes == ("not in manifest.jsonl",)
+
+
+def test_only_the_objects_asked_for_are_verified(converted):
+    results = verify(find(converted).only([EMPTY]), workers=1)
+    assert {one.path.split("/")[0] for one in results} == {EMPTY}
+    assert len(results) == 2

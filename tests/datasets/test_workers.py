@@ -1,0 +1,45 @@
+"""Many processes: a failure is the thing's own, a process that dies takes nothing else along, and none is left."""
+
+import multiprocessing
+import time
+from contextlib import closing
+
+import pytest
+
+from millisight.datasets.workers import each
+from millisight.errors import InputError
+
+WRONG = "__import__('millisight.errors').errors.FileError"
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_failures_are_the_things_own(workers):
+    things = ["1 + 1", "1 / 0", f"(_ for _ in ()).throw({WRONG}('a  file\\nis bad'))", "[].pop()", "'x' * 3"]
+    found = {outcome.number: (outcome.result, outcome.failure) for outcome in each(eval, things, workers=workers)}
+    assert found == {
+        0: (2, ""), 1: (None, "ZeroDivisionError: division by zero"), 2: (None, "a file is bad"),
+        3: (None, "IndexError: pop from empty list"), 4: ("xxx", ""),
+    }  # fmt: skip
+
+
+def test_a_process_that_dies_takes_nothing_else_along():
+    things = ["1", "2", "__import__('os')._exit(7)", "4", "5", "6", "7"]
+    found = {outcome.number: (outcome.result, outcome.failure) for outcome in each(eval, things, workers=2)}
+    assert sorted(found) == list(range(7))
+    assert [found[i][0] for i in (0, 1, 3, 4, 5, 6)] == [1, 2, 4, 5, 6, 7]
+    assert "process that worked on it died" in found[2][1]
+
+
+def test_who_stops_early_leaves_no_process_behind():
+    things = ["0", *["__import__('time').sleep(60)"] * 5]
+    started = time.monotonic()
+    with closing(each(eval, things, workers=2)) as outcomes:
+        assert next(outcomes).number == 0
+    assert time.monotonic() - started < 30
+    assert multiprocessing.active_children() == []
+
+
+def test_impossible_numbers_of_workers_are_refused():
+    with pytest.raises(InputError, match="workers is 0"):
+        list(each(eval, ["1"], workers=0))
+    assert list(each(eval, [], workers=3)) == []
