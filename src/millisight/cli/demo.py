@@ -11,7 +11,7 @@ from millisight.capture.radar import Radar
 from millisight.capture.simulate import simulate
 from millisight.capture.trajectory import Trajectory
 from millisight.cli.console import progress, say
-from millisight.cli.image import around_scene
+from millisight.cli.grids import around_scene
 from millisight.imaging.form import form_image
 from millisight.imaging.image import SarImage, combine
 from millisight.scene.scene import Scene

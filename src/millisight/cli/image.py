@@ -1,44 +1,111 @@
-"""`millisight image`: from a capture to a 3-D image."""
+"""`millisight image`: from captures to 3-D images, one or a whole dataset."""
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
-import numpy as np
 import typer
 
 from millisight.capture.capture import Capture
-from millisight.cli.console import check_outputs, length, progress, say
-from millisight.errors import InputError
+from millisight.cli.console import check_outputs, in_options, progress, say
+from millisight.cli.grids import outline_mesh, parse_grid
+from millisight.cli.sources import Opened, Source, sources
+from millisight.errors import InputError, MillisightError, UnknownNameError
+from millisight.files import make_folder
 from millisight.imaging.form import form_image
 from millisight.imaging.grid import VoxelGrid
-from millisight.records import checked_array
-from millisight.scene.mesh import TriangleMesh
-from millisight.scene.scene import Scene
+from millisight.imaging.image import SarImage
 
-# Around the scene's bounding box the default grid stands out by this much on every side [m].
-_MARGIN = 0.02
-# By so much may the box of an outline differ from that of the simulated scene, which was resampled [m].
-_MISFIT = 0.01
+_CLOCKS = ("given", "report", "apply")
+
+
+@dataclass(frozen=True, slots=True)
+class _Settings:
+    """The options that are the same for every capture."""
+
+    grid: str | None
+    method: str | None
+    window: str | None
+    clock: str
+    data: Path | None
+    background: list[Source]
+    outline: str | None
+    db: bool
+
+
+@dataclass(frozen=True, slots=True)
+class _Outputs:
+    image: Path
+    plot: Path | None
+    slices: Path | None
 
 
 def image(
-    capture: Annotated[Path, typer.Argument(help="A capture that `millisight simulate` or `ms.save` wrote (HDF5).")],
+    captures: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="CAPTURE",
+            help="What `millisight simulate` or `ms.save` wrote (HDF5); a description of raw files (TOML) or a folder "
+            "that holds one; experiments of the published dataset, or any folder above them.",
+        ),
+    ],
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Image to write (HDF5). [default: CAPTURE with .image.h5]")
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            help="Image to write (HDF5); a folder where there are several captures. [default: CAPTURE.image.h5, beside "
+            "the capture, or here for experiments of a dataset]",
+        ),
     ] = None,
     grid: Annotated[
         str | None,
         typer.Option(
             help="Voxels: one spacing such as 2mm, or lower:upper:spacing for x,y,z, such as "
-            "-10cm:10cm:2mm,-10cm:10cm:2mm,-5cm:5cm:5mm. [default: 2 cm around the scene, half a wavelength]"
+            "-10cm:10cm:2mm,-10cm:10cm:2mm,-5cm:5cm:5mm. [default: as the description or the dataset states; of "
+            "simulated captures 2 cm around the scene, half a wavelength]"
         ),
     ] = None,
     method: Annotated[
-        str, typer.Option(help="fast; backprojection, more accurate; or exact, in float64 and very slow.")
-    ] = "fast",
-    window: Annotated[str, typer.Option(help="none, hann or taylor: lower sidelobes for a wider main lobe.")] = "none",
-    plot: Annotated[Path | None, typer.Option(help="Write a picture of the three projections (PNG, SVG, PDF).")] = None,
-    slices: Annotated[Path | None, typer.Option(help="Write a picture of three slices (PNG, SVG, PDF).")] = None,
+        str | None,
+        typer.Option(
+            help="fast; backprojection, more accurate; or exact, in float64 and very slow. [default: fast, or as the "
+            "description states]"
+        ),
+    ] = None,
+    window: Annotated[
+        str | None,
+        typer.Option(
+            help="none, hann or taylor: lower sidelobes for a wider main lobe. [default: none, or as the description "
+            "states]"
+        ),
+    ] = None,
+    data: Annotated[
+        Path | None, typer.Option(help="Where the files that a description names lie. [default: beside it]")
+    ] = None,
+    radar: Annotated[str | None, typer.Option(help="Of experiments only this one: 77_ghz or 24_ghz.")] = None,
+    background: Annotated[
+        Path | None,
+        typer.Option(help="A capture of the empty scene, whose first frame is subtracted from every one."),
+    ] = None,
+    clock: Annotated[
+        str,
+        typer.Option(
+            help="given: trust the times. report: estimate offset and drift between the robot's and the radar's "
+            "clock. apply: and correct them."
+        ),
+    ] = "given",
+    plot: Annotated[
+        Path | None,
+        typer.Option(
+            help="Write a picture of the three projections (PNG, SVG, PDF); a folder where there are several."
+        ),
+    ] = None,
+    slices: Annotated[
+        Path | None,
+        typer.Option(help="Write a picture of three slices (PNG, SVG, PDF); a folder where there are several."),
+    ] = None,
     outline: Annotated[
         str | None,
         typer.Option(
@@ -48,95 +115,154 @@ def image(
         ),
     ] = None,
     db: Annotated[bool, typer.Option("--db", help="Pictures in decibels.")] = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Of several captures, pass over those already imaged.")
+    ] = False,
 ) -> None:
-    """Fuse a capture's frames into a 3-D image.
+    """Fuse a capture's frames into a 3-D image; with several captures, one bad one does not stop the rest.
 
     Example: millisight image mug.capture.h5 --grid 2mm -o mug.image.h5 --plot mug.png
-    """
-    from millisight.io.hdf5 import open_capture, save
 
-    output = output or capture.with_name(capture.name.removesuffix(".h5").removesuffix(".capture") + ".image.h5")
-    check_outputs(output, figures=(plot, slices), source=capture)
+    Example: millisight image my_scan.toml --data raw/ --slices scan.png
+
+    Example: millisight image MITO_Dataset/004_sugar_box -o images/ --plot images/ --clock apply
+    """
+    if clock not in _CLOCKS:
+        raise UnknownNameError("--clock", clock, _CLOCKS)
     if outline is not None and plot is None and slices is None:
         raise InputError("--outline is drawn over pictures, and there is none; add --plot or --slices")
-    with open_capture(capture) as source:
-        mesh = None if outline is None else _placed(outline, source)
-        voxels = parse_grid(grid, source)
-        say(f"grid: {' x '.join(map(str, voxels.shape))} voxels, {source.channels} channels")
-        with progress(f"image by {method}") as report:
-            formed = form_image(
-                source, voxels, method=method, window=None if window == "none" else window, progress=report
-            )
-    save(output, formed)
-    say(f"peak: {formed.magnitude.max():.4g} at {', '.join(f'{p * 100:.1f}' for p in formed.peak)} cm")
-    say(f"wrote {output}")
-    if plot is not None or slices is not None:
-        from millisight.viz.plots import plot_projections, plot_slices, save_figure
-
-        scale = "db" if db else "linear"
-        if plot is not None:
-            save_figure(plot_projections(formed, mesh=mesh, scale=scale), plot)
-            say(f"wrote {plot}")
-        if slices is not None:
-            save_figure(plot_slices(formed, mesh=mesh, scale=scale), slices)
-            say(f"wrote {slices}")
+    settings = _Settings(
+        grid=grid,
+        method=method,
+        window=window,
+        clock=clock,
+        data=data,
+        background=[] if background is None else sources([background], radar),
+        outline=outline,
+        db=db,
+    )
+    found = sources(captures, radar)
+    if len(found) == 1:
+        outputs = _Outputs(output or _image_path(found[0], None), plot, slices)
+        check_outputs(outputs.image, figures=(plot, slices), source=found[0].path)
+        _image_one(found[0], outputs, settings, label="")
+        return
+    _image_all(found, output, plot, slices, settings, resume=resume)
 
 
-def parse_grid(text: str | None, capture: Capture) -> VoxelGrid:
-    """The grid that --grid names, or the default around the capture's scene.
-
-    Raises
-    ------
-    InputError
-        The text is no grid, or a spacing stands alone and the capture does not say where its scene is.
-    """
-    if text is not None and ":" in text:
-        axes = [part.split(":") for part in text.split(",")]
-        if len(axes) != 3 or any(len(axis) != 3 for axis in axes):
-            raise InputError(f"--grid is {text!r}; expected lower:upper:spacing three times, for x,y,z")
-        lower, upper, spacing = zip(*[[length(v, option="--grid") for v in axis] for axis in axes], strict=True)
-        return VoxelGrid.regular(lower, upper, spacing)
-    return around_scene(capture, length(text, option="--grid") if text is not None else None)
-
-
-def _placed(outline: str, capture: Capture) -> TriangleMesh:
-    """The mesh where `millisight simulate` put it.
-
-    Raises
-    ------
-    InputError
-        It does not fill the box that the capture's scene filled.
-    """
-    placed = capture.metadata.get("placed", {})
-    rotate_deg = placed.get("rotate_deg", (0.0, 0.0, 0.0))
-    mesh = Scene.from_mesh(outline, vertices=None, unit=placed.get("unit"), rotate_deg=rotate_deg).mesh
-    bounds = _bounds(capture)
-    if bounds is not None and np.abs(mesh.bounds - bounds).max() > _MISFIT:
-        there, here = (" x ".join(f"{e * 100:.1f}" for e in np.ptp(b, axis=0)) for b in (bounds, mesh.bounds))
-        raise InputError(
-            f"--outline {outline} is {here} cm large, but the capture's scene was {there} cm; pass the mesh that was "
-            "simulated"
+def _image_all(
+    found: list[Source],
+    output: Path | None,
+    plot: Path | None,
+    slices: Path | None,
+    settings: _Settings,
+    *,
+    resume: bool,
+) -> None:
+    """Every capture after the other; what failed is said again at the end."""
+    for folder in (output, plot, slices):
+        if folder is not None:
+            make_folder(folder)
+    failures: list[str] = []
+    passed_over = 0
+    for number, source in enumerate(found, 1):
+        label = f"[{number}/{len(found)}] {source.name}"
+        outputs = _Outputs(
+            _image_path(source, output),
+            None if plot is None else plot / f"{source.name}.png",
+            None if slices is None else slices / f"{source.name}.slices.png",
         )
-    return mesh
+        if resume and outputs.image.exists():
+            passed_over += 1
+            continue
+        say(label)
+        try:
+            check_outputs(outputs.image, figures=(outputs.plot, outputs.slices), source=source.path)
+            _image_one(source, outputs, settings, label=f"[{number}/{len(found)}] ")
+        except (MillisightError, MemoryError, OSError) as error:
+            failures.append(f"{source.name}: {' '.join(in_options(str(error)).split())}")
+            typer.echo(f"millisight: {failures[-1]}", err=True)
+    already = f", {passed_over} done before" if passed_over else ""
+    say(f"imaged {len(found) - len(failures) - passed_over} of {len(found)} captures{already}")
+    if failures:
+        typer.echo(f"failed: {len(failures)}", err=True)
+        for failure in failures:
+            typer.echo(f"  {failure}", err=True)
+        raise typer.Exit(1)
 
 
-def _bounds(capture: Capture) -> np.ndarray | None:
-    """(2, 3) the box [m] that the capture's scene fills, where the capture says."""
-    bounds = capture.metadata.get("scene_bounds")
-    return None if bounds is None else checked_array(bounds, name="scene_bounds", shape=(2, 3), unit="m")
+def _image_one(source: Source, outputs: _Outputs, settings: _Settings, *, label: str) -> None:
+    from millisight.io.hdf5 import save
+
+    with source.opened(settings.data, f"{label}read") as opened:
+        capture = _without_background(opened.capture, source, settings)
+        mesh = None if settings.outline is None else outline_mesh(settings.outline, capture)
+        voxels = parse_grid(settings.grid, capture)
+        capture = _on_time(Opened(capture, opened.log), voxels, settings.clock, label)
+        say(f"grid: {' x '.join(map(str, voxels.shape))} voxels, {capture.channels} channels")
+        formed = _form(capture, voxels, settings, label)
+    save(outputs.image, formed)
+    say(f"peak: {formed.magnitude.max():.4g} at {', '.join(f'{p * 100:.1f}' for p in formed.peak)} cm")
+    say(f"wrote {outputs.image}")
+    _draw(formed, mesh, outputs, "db" if settings.db else "linear")
 
 
-def around_scene(capture: Capture, spacing: float | None = None) -> VoxelGrid:
-    """A grid 2 cm around the simulated scene; `spacing` [m], or by default half a wavelength, twice that in depth.
+def _form(capture: Capture, voxels: VoxelGrid, settings: _Settings, label: str) -> SarImage:
+    """The image; what the command line leaves open is as the capture's description states it."""
+    stated: Any = capture.metadata.get("imaging")
+    stated = stated if isinstance(stated, Mapping) else {}
+    method = settings.method or str(stated.get("method", "fast"))
+    window = settings.window or stated.get("window") or "none"
+    with progress(f"{label}image by {method}") as report:
+        return form_image(capture, voxels, method=method, window=None if window == "none" else window, progress=report)
 
-    Raises
-    ------
-    InputError
-        The capture does not say where its scene is, as real ones do not.
-    """
-    bounds = _bounds(capture)
-    if bounds is None:
-        raise InputError("the capture does not say where its scene is; pass --grid lower:upper:spacing for x,y,z")
-    wavelength = capture.radar.waveform.wavelength
-    steps = (spacing,) * 3 if spacing is not None else (wavelength / 2, wavelength / 2, wavelength)
-    return VoxelGrid.regular(bounds[0] - _MARGIN, bounds[1] + _MARGIN, steps)
+
+def _without_background(capture: Capture, source: Source, settings: _Settings) -> Capture:
+    """The capture less the first frame of the empty scene's, where one is given for its radar."""
+    if not settings.background:
+        return capture
+    from millisight.capture.calibrate import subtract_background
+
+    for empty in settings.background:
+        if empty.radar == source.radar:
+            with empty.opened(settings.data, "read background") as opened:
+                return subtract_background(capture, opened.capture, frame="first")
+    raise InputError(f"--background holds no capture of the {source.radar} radar; pass one, or choose with --radar")
+
+
+def _on_time(opened: Opened, voxels: VoxelGrid, clock: str, label: str) -> Capture:
+    """The capture, its poses put right for the clocks' offset and drift where that was asked for."""
+    if clock == "given":
+        return opened.capture
+    if opened.log is None:
+        raise InputError(f"--clock {clock} needs a robot's log, and this capture has none: its poses are given")
+    from millisight.capture.clock import retime
+    from millisight.imaging.synchronise import estimate_clock
+
+    with progress(f"{label}clock") as report:
+        found = estimate_clock(opened.capture, opened.log, voxels, progress=report)
+    if found.clock is None:
+        say(f"clock: not observable: {found.reason}")
+        return opened.capture
+    offset, drift = found.clock.offset * 1e3, found.clock.drift * 1e6
+    say(
+        f"clock: the robot's is ahead by {offset:.2f} +- {found.offset_uncertainty * 1e3:.2f} ms at "
+        f"{found.clock.reference_time:.3f} s, and gains {drift:.1f} +- {found.drift_uncertainty * 1e6:.1f} ppm"
+        f"{'' if clock == 'apply' else '; not applied (--clock apply does)'}"
+    )
+    return retime(opened.capture, opened.log, found.clock) if clock == "apply" else opened.capture
+
+
+def _draw(formed: SarImage, mesh: Any, outputs: _Outputs, scale: Any) -> None:
+    if outputs.plot is None and outputs.slices is None:
+        return
+    from millisight.viz.plots import plot_projections, plot_slices, save_figure
+
+    for path, draw in ((outputs.plot, plot_projections), (outputs.slices, plot_slices)):
+        if path is not None:
+            save_figure(draw(formed, mesh=mesh, scale=scale), path)
+            say(f"wrote {path}")
+
+
+def _image_path(source: Source, folder: Path | None) -> Path:
+    return (source.folder if folder is None else folder) / f"{source.name}.image.h5"
