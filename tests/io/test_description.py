@@ -282,6 +282,7 @@ GOOD = RADAR + FRAMES + POINTS
         ),
         ("unit =", "units =", UnknownNameError, r"scan.toml, \[positions\] points: 'units'. Did you mean 'unit'"),
         ('"tx"', '"transmitter"', UnknownNameError, "axis in .*'transmitter'.*Known: chirp, part, pose, rx"),
+        ('axes = ["pose", "tx", "rx", "sample"]', "", FormatError, "has no axes; expected .* from sample, x, y, pose"),
         ("phase_sign = -1", "", FormatError, r"\[frames\] has no phase_sign; expected 1 or -1.*try both"),
         ("phase_sign = -1", "phase_sign = 2", FormatError, "phase_sign is '2'; expected 1 or -1"),
         (
@@ -314,6 +315,13 @@ GOOD = RADAR + FRAMES + POINTS
         ('unit = "mm"', 'columns = ["x", "q"]', UnknownNameError, "column in .*positions.csv: 'q'"),
         ('unit = "mm"', "index = 99", FormatError, r"index is '99'; expected places in an array of shape \(12, 3\)"),
         ("[positions]", "[positions]\nlog = 'x.csv'", FormatError, "has points and log; expected one of"),
+        ("[positions]", "[positions]\norigin = [0, [0, 1]]", FormatError, "inhomogeneous"),
+        (
+            "[positions]",
+            '[positions]\norigin = { file = "words.npy" }',
+            FormatError,
+            "origin cannot be read as an array",
+        ),
         ("[positions]", "[positions]\norientations = [0, 0, 1]", FormatError, "a quaternion x, y, z, w"),
         ("[positions]", "[positions]\norientations = [0, 0, 0, 2]", FormatError, "expected unit quaternions"),
         ("[positions]", "[times]\nstart = 0\n[positions]", FormatError, r"\[times\] has no period"),
@@ -340,6 +348,7 @@ def test_errors_say_where_and_what_is_expected(tmp_path, old, new, error, messag
     np.savetxt(tmp_path / "positions.csv", 1e3 * small_scan()[1], delimiter=",", header="x,y,z", comments="")
     (tmp_path / "short.csv").write_text("1,2,3\n")
     (tmp_path / "words.csv").write_text("1 2 3\n1 y 3\n")
+    np.save(tmp_path / "words.npy", np.array(["a", "b", "c"]))
     (tmp_path / "ragged.csv").write_text("# comment\n1;2;3\n1;2\n")
     check(read_capture(described(tmp_path, GOOD)))
     assert old in GOOD
@@ -354,8 +363,9 @@ def test_data_that_cannot_be_used_is_named(tmp_path):
     holed = np.where(np.arange(12)[:, None, None, None] == 3, np.nan, frames)
     for data, message in (
         (holed, r"frames.npy.*NaN or infinite, the first at \(3,"), (frames[:0], "frames.npy: array '0' is empty"),
-        (frames.astype(complex) * 1e60, r"frames.npy: frames has .*infinite"),
-        (frames.real, "analytic"), (frames[:, :, :, 0], "axes is"),
+        (frames.astype(complex) * 1e60, r"frames of .*frames.npy has .*infinite"),
+        (np.full((12, 2, 3, 8), "x"), "an array of numbers; that in .*frames.npy is <U1"), (frames.real, "analytic"),
+        (frames[:, :, :, 0], "axes is"),
     ):  # fmt: skip
         np.save(tmp_path / "frames.npy", data)
         with pytest.raises(FileError, match=message):

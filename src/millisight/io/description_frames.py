@@ -92,8 +92,10 @@ class FrameReader:
         values = values.transpose([axes.index(axis) for axis in order])
         antennas = [values.shape[order.index(axis)] if axis in order else 1 for axis in ("tx", "rx")]
         values = values.reshape(-1, *antennas, values.shape[-1])
-        with self._table.errors(printable(path)):
-            values = as_array(values, name="frames", shape=("F", "T", "R", "N"), dtype=np.complex64)
+        with self._table.errors():
+            values = as_array(
+                values, name=f"frames of {printable(path)}", shape=("F", "T", "R", "N"), dtype=np.complex64
+            )
         if self._sign != PHASE_SIGN:
             values = values.conj()
         lost = np.zeros(len(values), dtype=bool) if lost is None else lost
@@ -115,7 +117,11 @@ class FrameReader:
     def _read_axes(self) -> tuple[list[str], set[str]]:
         """The names of the array's axes, and those of them that run backwards."""
         recorded = self._format != "arrays"
-        written = list(_RECORDED) if recorded and "axes" not in self._table else self._table.texts("axes")
+        written = (
+            list(_RECORDED)
+            if recorded and "axes" not in self._table
+            else self._table.texts("axes", f"the array's axes in turn, from {', '.join(_AXES)}")
+        )
         axes = [axis.removeprefix("-") for axis in written]
         for axis in axes:
             if axis not in _AXES:
@@ -136,11 +142,12 @@ class FrameReader:
         if len(shapes) > 1:
             raise self._table.error("array", f"arrays of one shape; {printable(path)} has {sorted(shapes)}")
         array = arrays[0] if len(arrays) == 1 else np.stack(arrays)
+        if array.dtype.kind not in "biufc":
+            raise self._table.error("array", f"an array of numbers; that in {printable(path)} is {array.dtype}")
         if "shape" not in self._table:
             return array
-        shape = self._table.array("shape", "").astype(int)
         try:
-            return array.reshape(shape)
+            return array.reshape(self._table.wholes("shape"))
         except (ValueError, OverflowError) as error:
             raise self._table.error("shape", f"one for the {array.size} numbers in {printable(path)}") from error
 

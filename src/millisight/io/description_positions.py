@@ -118,8 +118,8 @@ def _counts(table: Table, scan: dict[str, int]) -> dict[str, int]:
         return scan
     if scan["pose"] == 1 and "counts" not in table:
         return {}
-    counts = table.array("counts", "", (2,)).astype(int)
-    if counts.min() < 1 or counts.prod() != scan["pose"]:
+    counts = table.wholes("counts")
+    if counts.shape != (2,) or counts.min() < 1 or counts.prod() != scan["pose"]:
         raise table.error("counts", f"the positions along x and y, {scan['pose']} in all")
     slow, fast = "yx" if table.text("along", "y", among=("x", "y")) == "x" else "xy"
     return {axis: int(counts["xy".index(axis)]) for axis in (slow, fast)}

@@ -131,12 +131,12 @@ class Table:
         return FormatError(f"{self.place}: {key} is {str(self._values[key])[:200]!r}; expected {expected}")
 
     @contextmanager
-    def errors(self, what: str = "") -> Iterator[None]:
+    def errors(self) -> Iterator[None]:
         """Within the block, errors of the records and of names tell where in the description they come from."""
         try:
             yield
         except (InputError, UnknownNameError) as error:
-            raise FormatError(f"{self.place}{': ' if what else ''}{what}: {error}") from error
+            raise FormatError(f"{self.place}: {error}") from error
 
     def only_one(self, *keys: str) -> str:
         """The one of `keys` that is there.
@@ -162,12 +162,12 @@ class Table:
             raise self.error(key, expected)
         return value
 
-    def texts(self, key: str) -> list[str]:
+    def texts(self, key: str, expected: str = "a text, or a list of texts") -> list[str]:
         """A text, or a list of them, as a list."""
         value = self._values.get(key)
         values = [value] if isinstance(value, str) else value
         if not isinstance(values, list) or not values or not all(isinstance(text, str) for text in values):
-            raise self.error(key, "a text, or a list of texts")
+            raise self.error(key, expected)
         return values
 
     def flag(self, key: str) -> bool:
@@ -196,17 +196,13 @@ class Table:
 
     def array(self, key: str, unit: str, shape: tuple[int | str, ...] | None = None) -> np.ndarray:
         """Numbers in the SI unit `unit`, as float64; a string in `shape` leaves a dimension free."""
-        value = self._values.get(key)
+        value, factor = self._values.get(key), 1.0
         if isinstance(value, dict):
-            values = self._referred(key, unit)
-        elif isinstance(value, list) or (isinstance(value, int | float) and not isinstance(value, bool)):
-            values = value
-        else:
+            value, factor = self._referred(key, unit)
+        elif not isinstance(value, int | float | list) or isinstance(value, bool):
             raise self.error(key, f"numbers{f' [{unit}]' if unit else ''}, or a reference to an array")
-        with self.errors(key):
-            if shape is None:
-                shape = np.shape(values)
-            return as_array(values, name=key, shape=shape, unit=unit)
+        with self.errors():
+            return as_array(value, name=key, shape=shape or _shape(value), unit=unit) * factor
 
     def numbers(self, key: str, unit: str, count: int) -> np.ndarray:
         """(count,) numbers in the SI unit `unit`; a single one stands for all."""
@@ -215,32 +211,35 @@ class Table:
             raise self.error(key, f"one number or {count}{f' [{unit}]' if unit else ''}")
         return np.broadcast_to(values.reshape(-1), (count,))
 
+    def wholes(self, key: str) -> np.ndarray:
+        """Whole numbers, as int64."""
+        with self.errors():
+            values = self.array(key, "")
+            return as_array(values, name=key, shape=values.shape, dtype=np.int64)
+
     def table(self, key: str, known: Sequence[str], name: str | None = None) -> "Table":
         """A table inside this one, for messages called `name`."""
         return Table(self._values.get(key), name or f"{self.name} {key}", self.source, self.files, known)
 
-    def _referred(self, key: str, unit: str) -> np.ndarray:
-        """The numbers that a reference leads to, in the SI unit `unit`."""
+    def _referred(self, key: str, unit: str) -> tuple[np.ndarray, float]:
+        """The numbers that a reference leads to, and the factor that makes them SI units."""
         reference = self.table(key, _REFERENCE)
-        factors = _UNITS[unit]
-        factor = factors[reference.text("unit", among=list(factors))] if "unit" in reference else 1.0
         if "file" in reference:
             path = self.files.one(reference.text("file"))
         elif self.files.subject is not None:
             path = self.files.subject
         else:
             raise reference.error("file", "the name of a file: the frames do not lie in a single one")
-        columns = reference.get("columns")
-        if path.suffix.lower() in TEXT_SUFFIXES:
-            table = read_table(path)
-            values = table.values if columns is None else table.columns(reference._list("columns"))
+        columns = reference._list("columns") if "columns" in reference else None
+        if columns is not None and path.suffix.lower() in TEXT_SUFFIXES:
+            values = read_table(path).columns(columns)
         else:
             values = array_in(path, reference.text("array") if "array" in reference else None)
-            if columns is not None:
-                values = reference._picked(values, -1, "columns", reference._list("columns"))
+            values = values if columns is None else reference._picked(values, -1, "columns", columns)
         if "index" in reference:
             values = reference._picked(values, 0, "index", reference.integer("index", minimum=0))
-        return values * factor
+        factors = _UNITS[unit]
+        return values, factors[reference.text("unit", among=list(factors))] if "unit" in reference else 1.0
 
     def _list(self, key: str) -> list[Any]:
         value = self._values[key]
@@ -251,8 +250,15 @@ class Table:
     def _picked(self, values: np.ndarray, axis: int, key: str, places: Any) -> np.ndarray:
         try:
             return values.take(places, axis)
-        except (IndexError, ValueError, TypeError) as error:
+        except (IndexError, ValueError, TypeError, OverflowError) as error:
             raise self.error(key, f"places in an array of shape {values.shape}") from error
+
+
+def _shape(value: Any) -> tuple[int, ...]:
+    try:
+        return np.shape(value)
+    except ValueError as error:  # a list of lists of several lengths
+        raise InputError(str(error)) from error
 
 
 def array_in(path: Path, name: str | None) -> np.ndarray:
@@ -262,7 +268,9 @@ def array_in(path: Path, name: str | None) -> np.ndarray:
     ------
     FileError, UnknownNameError
     """
-    if path.suffix.lower() in PICKLE_SUFFIXES:
+    if path.suffix.lower() in TEXT_SUFFIXES:
+        arrays = {"0": read_table(path).values}
+    elif path.suffix.lower() in PICKLE_SUFFIXES:
         found = read_pickle(path)
         arrays = found if isinstance(found, dict) else {"0": found}
         arrays = {str(key): value for key, value in arrays.items() if isinstance(value, np.ndarray)}
