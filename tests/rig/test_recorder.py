@@ -3,9 +3,9 @@
 import json
 
 import numpy as np
-import oracles
 import pytest
 
+import oracles
 from millisight.capture.trajectory import Trajectory
 from millisight.errors import FileError, InputError
 from millisight.imaging.form import form_image

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from millisight.capture.camera import CameraFrame, CameraMask, Intrinsics
+from millisight.errors import InputError
 from millisight.geometry import rotation_from_euler_deg
 from millisight.imaging.grid import PixelGrid
 from millisight.io.mito_setup import BASE_ORIGIN
@@ -93,11 +94,19 @@ class VirtualCamera:
         self, settings: CameraSettings, stage: "Stage", where: Callable[[], np.ndarray], rng: np.random.Generator
     ):
         self._settings, self._stage, self._where, self._rng = settings, stage, where, rng
+        self._pose: np.ndarray | None = None
 
     def shoot(self) -> CameraFrame:
-        pose = self._settings.pose(self._where() - BASE_ORIGIN)
+        self._pose = self._settings.pose(self._where() - BASE_ORIGIN)
         (rng,) = self._rng.spawn(1)
-        return render(self._stage, pose, self._settings, rng)
+        return render(self._stage, self._pose, self._settings, rng)
+
+    @property
+    def pose(self) -> np.ndarray:
+        """(4, 4) camera frame to radar frame, where it took its last picture."""
+        if self._pose is None:
+            raise InputError("the camera has taken no picture; call shoot first")
+        return self._pose
 
 
 def render(stage: "Stage", pose: np.ndarray, settings: CameraSettings, rng: np.random.Generator) -> CameraFrame:

@@ -197,12 +197,11 @@ class VirtualRadar:
         return Recording(samples=samples, first_time=first, period=self.frame_period, lost=lost)
 
     @property
-    def truth(self) -> Trajectory:
-        """Where its transmitter truly was when it took each frame: radar frame [m], times of its own clock [s]."""
+    def frame_times(self) -> np.ndarray:
+        """True times of all frames that it took [s]."""
         if not self._taken:
             raise InputError(f"the {self.folder} radar has recorded nothing; start and stop it first")
-        times = np.concatenate(self._taken)
-        return Trajectory(times=self.settings.clock.reading(times), positions=self._positions(times))
+        return np.concatenate(self._taken)
 
     def _perfect(self, times: np.ndarray) -> np.ndarray:
         """(F, 1, R, N) complex64 echoes at true times (F,) [s], of the sign inside millisight."""

@@ -1,11 +1,15 @@
 """A whole virtual rig: the devices of one world, and the truth that only they know."""
 
+import os
+import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from millisight.capture.trajectory import Trajectory
 from millisight.errors import UnknownNameError
+from millisight.io.mito_layout import experiment_folder
 from millisight.io.mito_setup import BASE_ORIGIN, FRAME_PERIODS
 from millisight.rig.plan import ScanPlan
 from millisight.rig.protocols import Pose
@@ -16,10 +20,13 @@ from millisight.rig.virtual.radar import Frames, RadarSettings, VirtualRadar
 from millisight.rig.virtual.stage import Stage, build
 from millisight.rig.virtual.world import World
 from millisight.scene.material import LAYERED
+from millisight.scene.objects import CATALOGUE
 
 # Keys of the devices' random numbers: one that is added changes none of the others.
 _ARM, _CAMERA, _RADAR = 1, 2, 3
 _ABOVE = 0.10  # of the camera over the aperture [m]
+_SAMPLED = 60  # frames
+_VALUE_BYTES = {"77_ghz": 2, "24_ghz": 6}  # int16, and text
 
 
 class VirtualRig:
@@ -41,17 +48,17 @@ class VirtualRig:
     def __init__(self, world: World, *, stage: Stage | None = None, frames: Frames | None = None):
         self.world = world
         self.stage = build(world) if stage is None else stage
-        time = WorldTime()
-        self.arm = VirtualArm(world.arm, time, world.rng(_ARM))
-        frames = frames or optics_of(self.stage)
+        now = WorldTime()
+        self.arm = VirtualArm(world.arm, now, world.rng(_ARM))
+        self._frames = frames or optics_of(self.stage)
         self.radars = tuple(
-            VirtualRadar(settings, time, self._radar_frame, frames, world.rng(_RADAR, int(settings.folder[:2])))
+            VirtualRadar(settings, now, self._radar_frame, self._frames, world.rng(_RADAR, int(settings.folder[:2])))
             for settings in world.radars
         )
         self.camera = VirtualCamera(
             world.camera,
             self.stage,
-            lambda: self.arm.true_positions(np.array([time.now]))[0],
+            lambda: self.arm.true_positions(np.array([now.now]))[0],
             world.rng(_CAMERA),
         )
         self.plan = plan_of(world)
@@ -64,14 +71,74 @@ class VirtualRig:
         UnknownNameError
             The world has no such radar.
         """
+        radar = self._radar(folder)
+        times = radar.frame_times
+        return Trajectory(times=radar.settings.clock.reading(times), positions=self._radar_frame(times) + radar.mount)
+
+    def planned(self, folder: str) -> Trajectory:
+        """Where it would have been had the arm kept to its plan; see `truth`."""
+        radar = self._radar(folder)
+        times = radar.frame_times
+        positions = self.arm.planned_positions(times) - BASE_ORIGIN + radar.mount
+        return Trajectory(times=radar.settings.clock.reading(times), positions=positions)
+
+    @property
+    def photo_pose(self) -> np.ndarray:
+        """(4, 4) camera frame to radar frame, where the picture is to be taken."""
+        return self.world.camera.pose(self.plan.photo.position - BASE_ORIGIN)  # type: ignore[union-attr]
+
+    def estimated_seconds(self) -> float:
+        """How long the echoes of the whole plan would take here [s], from those of a piece of its middle row."""
+        start, end = self.plan.rows[len(self.plan.rows) // 2]
+        length = float(np.linalg.norm(end.position - start.position))
+        total = 0.0
+        for radar in self.radars:
+            moving = int(self.world.arm.duration(length) / radar.frame_period) + 1
+            some = min(moving, _SAMPLED)
+            share = (np.arange(some) - some / 2) / moving + 0.5
+            places = start.position + share[:, None] * (end.position - start.position) - BASE_ORIGIN + radar.mount
+            # The first call compiles, and a single frame shows what every row costs besides its frames.
+            spent = [_seconds(self._frames, radar.settings, places[:count]) for count in (1, 1, some)]
+            each = max(0.0, spent[2] - spent[1]) / max(1, some - 1)
+            total += len(self.plan.rows) * (spent[1] + each * moving)
+        return total
+
+    def estimated_bytes(self) -> int:
+        """How large the raw files would be."""
+        values = 0
+        for radar in self.radars:
+            shape = (int(radar.settings.chirps or 1), len(radar.radar.array.rx_positions))
+            per_frame = 2 * int(np.prod(shape)) * radar.radar.waveform.samples_per_chirp
+            values += _VALUE_BYTES[radar.folder] * per_frame * self.plan.frames(radar.frame_period)
+        return values * len(self.plan.rows)
+
+    def _radar(self, folder: str) -> VirtualRadar:
         for radar in self.radars:
             if radar.folder == folder:
-                return radar.truth
+                return radar
         raise UnknownNameError("radar of this world", folder, [radar.folder for radar in self.radars])
 
     def _radar_frame(self, times: np.ndarray) -> np.ndarray:
         """(n, 3) true positions of the radar frame in the world [m] at true times (n,) [s]."""
         return self.arm.true_positions(times) - BASE_ORIGIN
+
+
+def _seconds(frames: Frames, settings: RadarSettings, positions: np.ndarray) -> float:
+    started = time.perf_counter()
+    frames(settings, Trajectory(times=np.arange(len(positions)), positions=positions))
+    return time.perf_counter() - started
+
+
+def experiment_folder_of(world: World, root: str | os.PathLike[str], number: int) -> Path:
+    """Where a world's experiment goes in a dataset: under its first object's name and angles.
+
+    What is not of the catalogue has the number 000; several objects stand in the name one after the other, and the
+    empty scene is 000_background.
+    """
+    names = [CATALOGUE[o.object].ycb_id if o.object else f"000_{o.name}" for o in world.objects] or ["000_background"]
+    angles = world.objects[0].rotate_deg if world.objects else (0.0, 0.0, 0.0)
+    x, y, z = (round(angle) for angle in angles)
+    return experiment_folder(root, "+".join(names), (x, y, z), number, world.sight)
 
 
 def plan_of(world: World) -> ScanPlan:

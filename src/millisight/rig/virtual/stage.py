@@ -191,8 +191,10 @@ def block(lower: np.ndarray, upper: np.ndarray) -> TriangleMesh:
 def _support_parts(world: World) -> tuple[ObjectPart, ...]:
     """The plate on its pole, or the block."""
     support = world.support
-    first = world.objects[0].at if world.objects else None
-    x, y = support.at if support.at is not None else first[:2] if first is not None else world.scan.middle
+    places = np.array(
+        [thing.at[:2] if thing.at else world.scan.middle for thing in world.objects] or [world.scan.middle]
+    )
+    x, y = (places.min(axis=0) + places.max(axis=0)) / 2 if support.at is None else support.at
     sx, sy = np.divide(support.size or (0.0, 0.0), 2)
     top = float(support.top or 0.0)
     if support.kind == "styrofoam":

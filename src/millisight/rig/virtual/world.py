@@ -73,7 +73,7 @@ class Support:
     kind : "tripod", a plate of plastic on its pole (the legs stand in absorber); "styrofoam", a block of it
     top : height of its upper face [m]; None: -0.30 for the tripod, -0.48 for the styrofoam
     size : of the plate or the block along x and y [m]; None: 0.08 m for the tripod, 0.30 m for the styrofoam
-    at : x and y of its middle [m]; None: under the first object
+    at : x and y of its middle [m]; None: under the middle of the objects
     """
 
     kind: str = "tripod"

@@ -1,0 +1,142 @@
+"""`millisight collect`: run a scan with a rig, and write it in the published layout."""
+
+import shutil
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from millisight.cli.console import check_outputs, progress, say
+from millisight.errors import FileError, UnknownNameError
+from millisight.files import make_folder
+from millisight.records import box
+
+if TYPE_CHECKING:
+    from millisight.rig.virtual.rig import VirtualRig
+
+RIGS = ("virtual",)
+_ROOM = 4  # over the raw files' size: rows as they come are twice as large, and captures of our own come on top
+
+
+def collect(
+    world: Annotated[Path, typer.Argument(metavar="WORLD.toml", help="What stands where; how well the devices work.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Dataset to add the experiment to, a folder.")] = Path(
+        "data"
+    ),
+    rig: Annotated[str, typer.Option(help="virtual: arm, radars and camera in software.")] = "virtual",
+    experiment: Annotated[int, typer.Option(min=0, help="Number N of the experiment, of its folder exp<N>.")] = 1,
+    truth: Annotated[
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Write the true path and exact masks there: no real rig could."),
+    ] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(help="Write a picture of the world: from above, from the side, by its camera (PNG, SVG, PDF)."),
+    ] = None,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Check the world, say what the scan would cost, and stop.")
+    ] = False,
+    hdf5: Annotated[bool, typer.Option(help="Write captures in HDF5 beside the raw files, too.")] = True,
+) -> None:
+    """Scan a world, and write raw radar files, robot log and camera picture in the published dataset's layout.
+
+    Examples:
+
+    millisight collect --rig virtual world.toml --dry-run --plot world.png
+
+    millisight collect --rig virtual world.toml -o data && millisight image data --clock apply
+
+    A world of one line is enough; WORLD.toml's keys are explained in docs/how-to/virtual-rig.md:
+
+    objects = [{ object = "mug" }]
+    """
+    from millisight.rig.recorder import record_scan
+    from millisight.rig.virtual.rig import VirtualRig, experiment_folder_of, experiment_info
+    from millisight.rig.virtual.stage import build
+    from millisight.rig.virtual.world import World
+
+    if rig not in RIGS:
+        raise UnknownNameError("rig", rig, RIGS)
+    check_outputs(figures=(plot,), source=world)
+    described = World.from_toml(world)
+    with progress("build the world"):
+        stage = build(described)
+    virtual = VirtualRig(described, stage=stage)
+    folder = experiment_folder_of(described, output, experiment)
+    if not dry_run and folder.exists():
+        raise FileError(f"{folder} is there already; choose another --experiment, or remove it")
+    for line in _summary(virtual):
+        say(line)
+    if plot is not None:
+        _plot(virtual, plot)
+        say(f"wrote {plot}")
+    with progress("measure what a scan costs"):
+        seconds = virtual.estimated_seconds()
+    size = virtual.estimated_bytes()
+    say(f"estimate: {_duration(seconds)} on this machine, {size / 1e6:.0f} MB in {folder}")
+    if dry_run:
+        return
+    make_folder(output)
+    if shutil.disk_usage(output).free < 2 * size:
+        raise FileError(
+            f"{output} has {shutil.disk_usage(output).free / 1e6:.0f} MB left; the scan needs twice {size / 1e6:.0f}"
+        )
+    with progress("scan") as report:
+        record_scan(
+            virtual.arm, virtual.radars, virtual.camera, virtual.plan, folder, info=experiment_info(described),
+            hdf5=hdf5, progress=report,
+        )  # fmt: skip
+    say(f"wrote {folder}")
+    if truth is not None:
+        from millisight.rig.virtual.truth import write_truth
+
+        say(f"wrote {write_truth(virtual, truth)}: the true path and exact masks")
+
+
+def _summary(rig: "VirtualRig") -> list[str]:
+    """What there is, and what the devices will do."""
+    world, stage = rig.world, rig.stage
+    lines = [f"object: {thing.name}, {box(*thing.bounds)}" for thing in stage.objects]
+    lines = lines or ["object: none, the empty scene"]
+    stacks = [panel.stack for panel in stage.panels]
+    hides = [f"{stacks.count(stack)} panels of {stack}" for stack in sorted(set(stacks))]
+    support = {"tripod": "on a tripod", "styrofoam": "on a block of styrofoam"}[world.support.kind]
+    lines.append(f"{support}, {' and '.join(hides) if hides else 'in line of sight'}")
+    scan, arm = world.scan, world.arm
+    minutes = len(rig.plan.rows) * rig.plan.row_time
+    lines.append(
+        f"scan: {len(rig.plan.rows)} rows of {scan.size[1] * 100:g} cm, {scan.row_spacing * 1000:g} mm apart, at "
+        f"{arm.speed:g} m/s: {_duration(minutes)} of the arm's time"
+    )
+    for radar in rig.radars:
+        step, wavelength = arm.speed * radar.frame_period, radar.radar.waveform.wavelength
+        lines.append(
+            f"{radar.folder}: {rig.plan.frames(radar.frame_period)} frames a row, one each {step * 1000:.2g} mm "
+            f"or {step / wavelength:.2f} wavelengths"
+        )
+        if step > wavelength / 2:
+            lines.append(f"warning: {radar.folder} measures farther apart than half a wavelength: expect ghosts")
+    return lines
+
+
+def _duration(seconds: float) -> str:
+    return (
+        f"{seconds:.0f} s"
+        if seconds < 100
+        else f"{seconds / 60:.0f} min"
+        if seconds < 6000
+        else f"{seconds / 3600:.1f} h"
+    )
+
+
+def _plot(rig: "VirtualRig", path: Path) -> None:
+    import numpy as np
+
+    from millisight.rig.virtual.camera import object_pixels, render
+    from millisight.viz.style import save_figure
+    from millisight.viz.world import plot_world
+
+    pose = rig.photo_pose
+    frame = render(rig.stage, pose, rig.world.camera, np.random.default_rng(rig.world.seed))
+    masks = [object_pixels(rig.stage, pose, thing.number) for thing in rig.stage.objects]
+    save_figure(plot_world(rig.stage, frame, masks), path)

@@ -1,0 +1,111 @@
+"""`millisight collect`: from WORLD.toml to a folder in the published layout."""
+
+import re
+
+import numpy as np
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from millisight.cli.collect import collect
+from millisight.errors import CoverageError, FileError, FormatError, UnknownNameError
+from millisight.io.hdf5 import load
+from millisight.io.mito_layout import read_experiment, read_published
+from millisight.rig.virtual.world import World
+
+TINY = """
+[[objects]]
+object = "golf_ball"
+at = [0.03, 0.07]
+[scan]
+size = [0.06, 0.06]
+corner = [0, 0.04]
+row_spacing = 0.02
+[arm]
+speed = 0.5
+acceleration = 5
+settle = 0.05
+[[radars]]
+preset = "position2go"
+frame_period = 0.02
+mount = [0, 0, 0]
+"""
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch):
+    """Runs the command in its own folder, where the world lies as tiny.toml."""
+    app = typer.Typer(rich_markup_mode=None, pretty_exceptions_enable=False)
+    app.command()(collect)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "tiny.toml").write_text(TINY)
+    return lambda *arguments: CliRunner().invoke(app, list(map(str, arguments)))
+
+
+def test_a_world_becomes_an_experiment(run, tmp_path):
+    done = run("tiny.toml", "-o", "data", "--truth", "truth")
+    assert done.exit_code == 0, done.output
+    folder = tmp_path / "data/058_golf_ball/robot_collected/0_0_0/exp1/los"
+    assert "object: golf_ball, x 0.008" in done.output
+    assert "scan: 4 rows of 6 cm, 20 mm apart, at 0.5 m/s" in done.output
+    assert "24_ghz: " in done.output
+    assert "estimate: " in done.output
+    assert f"wrote {folder.relative_to(tmp_path)}" in done.output
+    capture = read_experiment(folder, "24_ghz").to_capture(min_distance=0)
+    assert capture.frames.any(axis=(1, 2, 3)).all()
+    frame = read_published(folder / "unprocessed/camera/continuous.pkl").record
+    truth = load(tmp_path / "truth/24_ghz.path.h5")
+    assert len(truth) == 4 * (len(truth) // 4) > 40
+    assert np.abs(truth.positions[:, 2]).max() < 2e-3
+    mask = load(tmp_path / "truth/camera.mask.h5")
+    assert mask.pixels.sum() > 500
+    assert np.array_equal(mask.pose, frame.pose)
+    assert load(tmp_path / "truth/24_ghz.footprint.h5").inside.sum() == pytest.approx(np.pi * 8.5**2, rel=0.1)
+    masks = np.load(tmp_path / "truth/camera.masks.npz")
+    assert np.array_equal(masks["0_golf_ball.visible"], mask.pixels)
+    assert World.from_toml(tmp_path / "truth/world.toml").objects[0].object == "golf_ball"
+
+
+def test_a_dry_run_draws_and_writes_no_data(run, tmp_path):
+    done = run("tiny.toml", "--dry-run", "--plot", "world.png")
+    assert done.exit_code == 0, done.output
+    assert "estimate: " in done.output
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["tiny.toml", "world.png"]
+    assert (tmp_path / "world.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("text", "error", "words"),
+    [
+        (TINY.replace("golf_ball", "golf_bal"), FormatError, r"tiny.toml: objects\[0\]: unknown catalogue object"),
+        (TINY.replace("golf_ball", "cracker_box"), CoverageError, r"objects\[0\] \(cracker_box\) is 21.4 cm wide"),
+        (TINY.replace("speed", "sped"), FormatError, r"tiny.toml: arm.sped: unknown key"),
+    ],
+)
+def test_bad_worlds_are_refused_before_anything_is_written(run, tmp_path, text, error, words):
+    (tmp_path / "tiny.toml").write_text(text)
+    done = run("tiny.toml", "-o", "data")
+    assert isinstance(done.exception, error)
+    assert re.search(words, str(done.exception))
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["tiny.toml"]
+
+
+def test_an_experiment_that_is_there_stays(run, tmp_path):
+    folder = tmp_path / "data/058_golf_ball/robot_collected/0_0_0/exp3/los"
+    folder.mkdir(parents=True)
+    done = run("tiny.toml", "-o", "data", "--experiment", 3)
+    assert isinstance(done.exception, FileError)
+    assert "choose another --experiment" in str(done.exception)
+    assert list(folder.iterdir()) == []
+
+
+def test_rigs_that_are_not_there(run):
+    done = run("tiny.toml", "--rig", "real")
+    assert isinstance(done.exception, UnknownNameError)
+    assert "Known: virtual" in str(done.exception)
+
+
+def test_help_teaches(run):
+    text = run("--help").output
+    assert "--dry-run --plot world.png" in text
+    assert 'objects = [{ object = "mug" }]' in text
