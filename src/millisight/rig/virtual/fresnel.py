@@ -40,7 +40,7 @@ def normal_index(permittivity: complex, cosine: np.ndarray) -> np.ndarray:
     `cosine` is that of the angle of incidence in air.
     """
     root = np.sqrt(np.asarray((permittivity - 1) + cosine**2, dtype=complex))
-    root = np.where(root.imag > 0, -root, root)
+    root = np.where(np.imag(root) > 0, -root, root)
     return np.where(root == 0, _LEAST_COSINE, root)
 
 

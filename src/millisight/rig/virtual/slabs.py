@@ -90,7 +90,7 @@ def checked_layers(layers: Any) -> Layers:
     try:
         pairs = [(permittivity, thickness) for permittivity, thickness in layers]
     except (TypeError, ValueError) as error:
-        raise InputError(f"layers are {layers!r}; expected pairs of a permittivity and a thickness in metres") from error
+        raise InputError(f"layers are {layers!r}; expected pairs of a permittivity and a thickness [m]") from error
     return tuple(
         (
             checked_permittivity(permittivity, f"permittivity of layer {i}"),

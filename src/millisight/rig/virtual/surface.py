@@ -9,6 +9,7 @@ from millisight.constants import SPEED_OF_LIGHT
 from millisight.records import checked_number, put, record
 from millisight.rig.virtual.fresnel import checked_cosine, checked_frequency, checked_permittivity
 from millisight.rig.virtual.slabs import Layers, checked_layers, slab_coefficients
+from millisight.scene.material import Material
 
 DEGREE = 8
 """Of the polynomials in the cosine of incidence that stand for a surface in the kernels."""
@@ -23,6 +24,7 @@ class Surface:
     backing : relative permittivity ε' - i ε'' of what lies behind the layers: a solid's own, or 1 for a wall in air
     layers : (relative permittivity, thickness [m]) of each, from the outside in; () for a solid
     roughness : standard deviation of the height over the smooth shape [m]
+    setback : how far the mesh, to which distances are counted, lies behind the layers' front [m]
 
     The reflection is the mean of TE and TM: what antennas receive that are polarised at 45 degrees to the plane of
     incidence, and the mean over all orientations of that plane. Near normal incidence, where mirrors flash, there is
@@ -32,6 +34,7 @@ class Surface:
     backing: complex
     layers: Layers = ()
     roughness: float = 0.0
+    setback: float = 0.0
 
     def __post_init__(self) -> None:
         put(
@@ -39,11 +42,13 @@ class Surface:
             backing=checked_permittivity(self.backing, "backing"),
             layers=checked_layers(self.layers),
             roughness=checked_number(self.roughness, name="roughness", unit="m", minimum=0),
+            setback=checked_number(self.setback, name="setback", unit="m", minimum=0),
         )
 
     def reflection(self, frequency: Any, cosine: Any) -> np.ndarray:
         """(...) complex, of the surface without its roughness: -1 for a perfect conductor."""
-        return slab_coefficients(self.layers, frequency, cosine, backing=self.backing)[0].mean(axis=0)
+        smooth = slab_coefficients(self.layers, frequency, cosine, backing=self.backing)[0].mean(axis=0)
+        return smooth * np.exp(2j * _wave_number(frequency) * self.setback * checked_cosine(cosine))
 
     def coherent(self, frequency: Any, cosine: Any) -> np.ndarray:
         """(...) complex reflection of the mean wave: `reflection` times exp(-2 (k σ cos θ)²).
@@ -59,13 +64,28 @@ class Surface:
 
     def _rayleigh(self, frequency: Any, cosine: Any) -> np.ndarray:
         """(2 k σ cos θ)², the variance of the phase that heights give the reflected wave."""
-        wave_number = 2 * np.pi * checked_frequency(frequency) / SPEED_OF_LIGHT
-        return (2 * wave_number * self.roughness * checked_cosine(cosine)) ** 2
+        return (2 * _wave_number(frequency) * self.roughness * checked_cosine(cosine)) ** 2
 
     @property
     def disperses(self) -> bool:
         """Whether the reflection changes within a radar's band: waves run to and fro in layers."""
         return bool(self.layers)
+
+
+def permittivity_at(material: Any, frequency: float) -> complex:
+    """Relative permittivity ε' - i ε'' of a `Material` at `frequency` [Hz], or the number given in its place."""
+    if isinstance(material, Material):
+        return material.permittivity(frequency)
+    return checked_permittivity(material, "a material that is no Material, so its permittivity")
+
+
+def layers_at(layers: Sequence[tuple[Any, float]], frequency: float) -> Layers:
+    """Layers of materials, or of permittivities, with their permittivities at `frequency` [Hz]."""
+    return tuple((permittivity_at(material, frequency), thickness) for material, thickness in layers)
+
+
+def _wave_number(frequency: Any) -> np.ndarray:
+    return 2 * np.pi * checked_frequency(frequency) / SPEED_OF_LIGHT
 
 
 def polynomials(values: np.ndarray, cosines: np.ndarray) -> np.ndarray:

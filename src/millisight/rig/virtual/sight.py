@@ -1,0 +1,80 @@
+"""What antennas see of many targets, from rays that neighbouring antennas share.
+
+Space is cut into cells that appear an eighth of their distance wide. Rays are cast from the corners of a cell, and
+what an antenna in the cell sees of a target is interpolated between them, so a shadow's rim is soft over the few
+millimetres that it moves across a cell. A wave's shadow is no harder than that: it is soft over sqrt(λ d), 14 mm at
+77 GHz and d = 5 cm behind the rim. A hard rim would even be wrong, and would send out a wave of its own.
+"""
+
+import numpy as np
+
+from millisight.rig.virtual._kernels import FULL
+from millisight.rig.virtual.rays import Rays
+
+_CELLS = 8  # in the distance to the targets
+
+class Sight:
+    """The views of targets that block one another.
+
+    Parameters
+    ----------
+    rays : what casts shadows
+    targets : (V, 3) just above their surfaces [m]
+    normals : (2, V, 3) of the one or two faces that they lie on
+    antennas : (P, A, 3) all places that will be asked about, pose by pose [m]
+    """
+
+    def __init__(self, rays: Rays, targets: np.ndarray, normals: np.ndarray, antennas: np.ndarray):
+        self._rays, self._targets, self._normals = rays, targets, normals
+        places = antennas.reshape(-1, 3)
+        middle = (targets.min(axis=0) + targets.max(axis=0)) / 2
+        self._side = float(np.median(np.linalg.norm(places - middle, axis=1))) / _CELLS
+        # A layer of antennas thinner than a cell has its corners in the layer's middle.
+        self._flat = np.ptp(places, axis=0) < self._side
+        self._anchor = (places.min(axis=0) + places.max(axis=0)) / 2
+        steps = [[0] if flat else [0, 1] for flat in self._flat]
+        self._steps = np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, 3)
+        self._views: dict[tuple[int, ...], np.ndarray] = {}
+        cells, self._homes = np.unique(self._cells(antennas.mean(axis=1)), axis=0, return_inverse=True)
+        corners = np.unique((cells[:, None] + self._steps).reshape(-1, 3), axis=0)
+        self._each = len(corners) >= len(places)
+
+    def blocks(self) -> list[np.ndarray]:
+        """The poses, cell by cell."""
+        homes = self._homes.reshape(-1)
+        return np.split(np.argsort(homes, kind="stable"), np.cumsum(np.bincount(homes))[:-1])
+
+    def light(self, antennas: np.ndarray) -> np.ndarray:
+        """(A, V) uint8: how much of each target antennas (A, 3) see, 255: all."""
+        if self._each:
+            return np.stack([self._view(antenna) for antenna in antennas])
+        light = np.zeros((len(antennas), len(self._targets)), dtype=np.uint8)
+        cells = self._cells(antennas)
+        for cell in np.unique(cells, axis=0):
+            here = np.flatnonzero((cells == cell).all(axis=1))
+            place = (antennas[here] - self._anchor) / self._side - cell
+            weights = np.where(self._flat, 1.0, np.where(self._steps[:, None] == 1, place, 1 - place)).prod(axis=2).T
+            shares = np.floor(FULL * weights).astype(np.uint8)
+            # They add up to 255, so that what all corners see is seen in full.
+            shares[np.arange(len(here)), shares.argmax(axis=1)] += (FULL - shares.sum(axis=1)).astype(np.uint8)
+            for share, step in zip(shares.T, self._steps, strict=True):
+                light[here] += share[:, None] & self._corner(cell + step)  # a view is 0 or, all bits set, 255
+        return light
+
+    def _cells(self, places: np.ndarray) -> np.ndarray:
+        """(n, 3) the cells of places (n, 3) [m]."""
+        return np.where(self._flat, 0, np.floor((places - self._anchor) / self._side)).astype(np.int64)
+
+    def _corner(self, corner: np.ndarray) -> np.ndarray:
+        """(V,) the view from a corner of cells; kept, since neighbouring cells share it."""
+        key = tuple(corner.tolist())
+        if key not in self._views:
+            self._views[key] = self._view(self._anchor + self._side * corner)
+        return self._views[key]
+
+    def _view(self, place: np.ndarray) -> np.ndarray:
+        # What faces away answers nobody, so nothing is asked about it; to antennas beside the corner it may face.
+        facing = (np.einsum("svi,vi->sv", self._normals, place - self._targets) >= 0).any(axis=0)
+        view = np.full(len(self._targets), FULL, dtype=np.uint8)
+        view[facing] = np.where(self._rays.blocked(self._targets[facing], place), 0, FULL)
+        return view
