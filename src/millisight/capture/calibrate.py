@@ -5,7 +5,7 @@ change them. What a step needs to know is given, or estimated from a reference t
 known, alone or by far the brightest there.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -101,7 +101,8 @@ def estimate_path_offset(
 
         i = int(np.argmin([dimness(offset) for offset in offsets]))
         around = offsets[max(i - 1, 0)], offsets[min(i + 1, len(offsets) - 1)]
-        return float(minimize_scalar(dimness, bounds=around, method="bounded", options={"xatol": 1e-7}).x)
+        found: Any = minimize_scalar(dimness, bounds=around, method="bounded", options={"xatol": 1e-7})
+        return float(found.x)
 
     parts = [best(focused[i::_PARTS].sum(axis=0)) for i in range(min(_PARTS, len(focused)))]
     error = float(np.std(parts, ddof=1) / np.sqrt(len(parts))) if len(parts) > 1 else float("inf")
@@ -161,8 +162,8 @@ def add_phase(capture: Capture, frequencies: np.ndarray, phases: np.ndarray, *, 
     wanted = waveform.frequencies
     if wanted[0] < known[0] - waveform.frequency_step or wanted[-1] > known[-1] + waveform.frequency_step:
         raise InputError(
-            f"phases are given from {known[0] / 1e9:.4f} to {known[-1] / 1e9:.4f} GHz; expected them over the capture's "
-            f"{wanted[0] / 1e9:.4f} to {wanted[-1] / 1e9:.4f} GHz"
+            f"phases are given from {known[0] / 1e9:.4f} to {known[-1] / 1e9:.4f} GHz; expected them over the "
+            f"capture's {wanted[0] / 1e9:.4f} to {wanted[-1] / 1e9:.4f} GHz"
         )
     if between == "nearest":
         found = phases[np.abs(known[None] - wanted[:, None]).argmin(axis=1)]
@@ -207,8 +208,8 @@ def subtract_background(capture: Capture, empty: Capture, *, frame: str = "mean"
         for name in ("tx_positions", "rx_positions")
     ):
         raise InputError(
-            f"the empty scene was seen by another radar ({theirs.name}) than the scene ({ours.name}); expected the same "
-            "frequencies and as many antennas"
+            f"the empty scene was seen by another radar ({theirs.name}) than the scene ({ours.name}); expected the "
+            "same frequencies and as many antennas"
         )
     if frame == "same":
         _check_same_poses(capture, empty)

@@ -130,19 +130,16 @@ def _from_text(path: Path) -> np.ndarray:
 
 def _from_arrays(path: Path, times: str | None, positions: str | None, orientations: str | None) -> np.ndarray:
     arrays = read_arrays(path)
-    places = _named(arrays, positions, (*_POSITIONS, *(arrays if len(arrays) == 1 else ())), path, "positions")
-    stamps = None
-    if times is not None or places.ndim != 2 or places.shape[1] not in (4, 8):
-        stamps = _named(arrays, times, _TIMES, path, "times")
-    if orientations is not None or (stamps is not None and places.shape[1:] == (3,)):
-        turned = _named(arrays, orientations, _ORIENTATIONS, path, "orientations", optional=orientations is None)
-    else:
-        turned = None
-    parts = [part for part in (stamps, places, turned) if part is not None]
+    usual = (*_POSITIONS, *(arrays if len(arrays) == 1 else ()))
+    parts = [_found(arrays, (positions,) if positions else usual, path, "positions")]
+    if times or parts[0].ndim != 2 or parts[0].shape[1] not in (4, 8):
+        stamps = _found(arrays, (times,) if times else _TIMES, path, "times")
+        parts.insert(0, stamps.reshape(-1, 1))
+    if orientations or any(name in arrays for name in _ORIENTATIONS):
+        parts.append(_found(arrays, (orientations,) if orientations else _ORIENTATIONS, path, "orientations"))
     shapes = ", ".join(str(part.shape) for part in parts)
     if any(part.dtype.kind not in "iuf" for part in parts):
         raise FormatError(f"{printable(path)}: times and poses are no real numbers")
-    parts = [part.reshape(-1, 1) if part is stamps else part for part in parts]
     if any(part.ndim != 2 for part in parts) or len({len(part) for part in parts}) != 1:
         raise FormatError(
             f"{printable(path)}: times and poses have shapes {shapes}; expected (n,) and (n, 3) or (n, 7)"
@@ -155,21 +152,13 @@ def _from_arrays(path: Path, times: str | None, positions: str | None, orientati
     return values
 
 
-def _named(
-    arrays: dict[str, np.ndarray],
-    name: str | None,
-    usual: Iterable[str],
-    path: Path,
-    what: str,
-    *,
-    optional: bool = False,
-) -> np.ndarray | None:
-    for each in (name,) if name is not None else usual:
-        if each in arrays:
-            return arrays[each]
-    if optional:
-        return None
-    raise UnknownNameError(f"array of {what} in {printable(path)}:", name or "/".join(usual), arrays)
+def _found(arrays: dict[str, np.ndarray], names: Iterable[str], path: Path, what: str) -> np.ndarray:
+    """The first of the named arrays that is there."""
+    names = tuple(names)
+    for name in names:
+        if name in arrays:
+            return arrays[name]
+    raise UnknownNameError(f"array of {what} in {printable(path)}:", "/".join(names), arrays)
 
 
 def _without_repeats(values: np.ndarray) -> np.ndarray:
