@@ -285,7 +285,7 @@ def test_frames_are_read_when_they_are_asked_for_and_a_row_at_a_time(miniature, 
         ("cut_file", ["adc_data1700000001.bin: ends within frame 13, after 3191 of 8192 bytes"], [], 55),
         ("big_endian", ["adc_data1700000001.bin stand in big-endian order"], [], 42),
         ("short_block", ["p2g_data_1700500001.txt line 71 has 247 cells; expected 256"], [], 12),
-        ("unequal_log", [], ["antenna.npz: 330 times and 333 places; the first 310", "4 of 56 frames lie outside"], 56),
+        ("unequal_log", [], ["antenna.npz: 330 times, 333 places; the first 310", "4 of 56 frames lie outside"], 56),
     ],
 )
 def test_what_is_wrong_with_a_row_is_said_and_the_rest_is_read(fault, left_out, notes, frames, miniature):
@@ -441,12 +441,14 @@ def test_robot_logs_that_cannot_be_are_refused(scan_folder):
     times, places = np.arange(50.0), np.zeros((50, 7))
     for tables, message in (
         ({"times_77": times}, "tx_77_locs"),
-        ({"times_77": times, "tx_77_locs": places[:, :2]}, r"tx_77_locs \(50, 2\)"),
+        ({"times_77": times, "tx_77_locs": places[:, :2]}, r"tx_77_locs is float64 \(50, 2\)"),
+        ({"times_77": times, "tx_77_locs": places.astype(str)}, r"tx_77_locs is <U32 \(50, 7\); expected numbers"),
+        ({"times_77": times, "tx_77_locs": places + 420}, "reaches 420; expected places in metres"),
         ({"times_77": times[:5], "tx_77_locs": places}, "no robot log"),
         ({"times_77": times[:1], "tx_77_locs": places[:1]}, "a single pose"),
         ({"times_77": np.where(times == 7, np.nan, times), "tx_77_locs": places}, "antenna.npz.*times_77"),
         (
-            {"times_77": np.where(times == 7, 6.0, times), "tx_77_locs": np.arange(350.0).reshape(50, 7)},
+            {"times_77": np.where(times == 7, 6.0, times), "tx_77_locs": np.arange(350.0).reshape(50, 7) / 9},
             r"times_77\[7\]",
         ),
     ):

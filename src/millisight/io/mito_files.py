@@ -5,6 +5,7 @@ or an array stored as another type. With both, `write_published` writes the same
 conjugated at the door: the published ones are of the other phase sign.
 """
 
+import json
 import os
 import pickle
 from collections.abc import Callable, Iterator, Mapping
@@ -107,24 +108,34 @@ def _extras(path: Path, values: dict[str, Any], given_back: dict[str, Any]) -> d
     for name, value in values.items():
         if isinstance(value, np.ndarray) and value.dtype == object and value.ndim == 0:
             value = value.item()
-        if _NESTED in name or "/" in name:
-            raise FormatError(f"{printable(path)} has the key {name!r}; expected a name without . and /")
+        parts = {_named(path, name): value}
         if isinstance(value, dict) and value:
-            extras |= {f"{name}{_NESTED}{inner}": _plain(path, f"{name}[{inner!r}]", v) for inner, v in value.items()}
-        elif not _same(value, given_back.get(name)):
-            extras[name] = _plain(path, name, value)
+            parts = {f"{name}{_NESTED}{_named(path, inner)}": item for inner, item in value.items()}
+        elif _same(value, given_back.get(name)):
+            continue
+        extras |= {name: _plain(path, name, part) for name, part in parts.items()}
     return extras
 
 
+def _named(path: Path, name: Any) -> str:
+    if not isinstance(name, str) or not name or set(name) & {_NESTED, "/", "\0"} or printable(name) != name:
+        raise FormatError(f"{printable(path)} has the key {name!r}; expected a name without . and /")
+    return name
+
+
 def _plain(path: Path, name: str, value: Any) -> Any:
-    """`value` where it is an array of numbers, or of what JSON can hold."""
-    if isinstance(value, np.generic):
-        value = np.asarray(value)
-    numbers = isinstance(value, np.ndarray) and value.dtype.kind in "biufc"
-    if numbers or value is None or isinstance(value, bool | int | float | str):
-        return value
-    if isinstance(value, list | tuple):
-        return [_plain(path, f"{name}[{i}]", item) for i, item in enumerate(value)]
+    """`value` where it is an array of numbers, or what JSON gives back as it is."""
+    try:
+        if not isinstance(value, np.ndarray | np.generic) and json.loads(json.dumps(value, allow_nan=False)) == value:
+            return value
+    except (TypeError, ValueError, RecursionError):
+        pass
+    try:
+        array = np.asarray(value)
+        if array.dtype.kind in "biufc":
+            return array
+    except ValueError:  # lists of differing lengths
+        pass
     raise FormatError(f"{printable(path)}: {name} is of type {type(value).__name__}; expected an array of numbers")
 
 

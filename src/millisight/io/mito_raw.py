@@ -48,6 +48,8 @@ from millisight.records import with_step
 # Where in a file's name its number stands: the first of these that is one.
 _NUMBERS = {"77_ghz": (slice(8, 18), slice(9, 21)), "24_ghz": (slice(9, 19),)}
 _PUBLISHED_ORDER = ("four-lane", False)
+_LATEST = 1e11  # seconds since 1970; much later, and a float tells no frames apart
+_FARTHEST = 100.0  # that a robot reaches [m]; beyond, the log is not in metres
 _CUT = 20  # where times and places differ in number, so many poses fewer than the shorter are taken, as published
 
 
@@ -136,31 +138,11 @@ def _files(folder: Path, start: str, suffix: str) -> list[Path]:
 
 def _read_log(raw: Path, radar: str, remarks: _Remarks) -> Trajectory:
     """The robot's log, all files of it one after the other, in the world frame."""
-    band = radar[:2]
-    names = f"times_{band}", f"tx_{band}_locs"
-    parts, places = [], []
-    for path in _files(raw, "antenna", ".npz"):
-        try:
-            arrays = read_arrays(path, names=names)
-        except UnknownNameError as error:
-            raise DamagedFileError(f"{printable(path)}: {error}") from error
-        times, locations = (arrays[name] for name in names)
-        if times.ndim != 1 or locations.ndim != 2 or locations.shape[1] < 3:
-            raise DamagedFileError(
-                f"{printable(path)}: {names[0]} has shape {times.shape}, {names[1]} {locations.shape}; expected (n,) "
-                "and (n, 7): x, y, z, and a quaternion"
-            )
-        count = len(times)
-        if count != len(locations):
-            count = max(0, min(count, len(locations)) - _CUT)
-            remarks.notes.append(
-                f"{path.name}: {len(times)} times and {len(locations)} places; the first {count} are taken"
-            )
-        parts.append(np.column_stack([times[:count], locations[:count, :3]]))
-        places += [(path, i) for i in range(count)]
-    if not places:
-        raise FileError(f"{printable(raw)} holds no robot log; expected antenna*.npz with {names[0]} and {names[1]}")
-    table = np.concatenate(parts).astype(np.float64)
+    parts = [(path, _log_part(path, radar, remarks)) for path in _files(raw, "antenna", ".npz")]
+    if not sum(len(part) for _, part in parts):
+        raise FileError(f"{printable(raw)} holds no robot log; expected antenna*.npz with its poses")
+    table = np.concatenate([part for _, part in parts])
+    places = [(path, i) for path, part in parts for i in range(len(part))]
     repeated = np.flatnonzero((np.diff(table, axis=0) == 0).all(axis=1)) + 1
     if len(repeated):
         remarks.notes.append(f"robot log: {len(repeated)} poses stand twice, the same time and place")
@@ -170,12 +152,34 @@ def _read_log(raw: Path, radar: str, remarks: _Remarks) -> Trajectory:
         before, after = kept[wrong[0]], kept[wrong[0] + 1]
         path, entry = places[after]
         raise DamagedFileError(
-            f"{printable(path)}, {names[0]}[{entry}]: {table[after, 0]:.6f} s follows {table[before, 0]:.6f} s; "
+            f"{printable(path)}, times_{radar[:2]}[{entry}]: {table[after, 0]:.6f} s follows {table[before, 0]:.6f} s; "
             "expected times that increase"
         )
     if len(kept) < 2:
         raise DamagedFileError(f"{printable(raw)}: the robot log has a single pose; expected two at least")
     return Trajectory(times=table[kept, 0], positions=table[kept, 1:] - BASE_ORIGIN)
+
+
+def _log_part(path: Path, radar: str, remarks: _Remarks) -> np.ndarray:
+    """(n, 4) times [s] and places [m, robot base] of one file of the log."""
+    names = f"times_{radar[:2]}", f"tx_{radar[:2]}_locs"
+    try:
+        times, locations = read_arrays(path, names=names).values()
+    except UnknownNameError as error:
+        raise DamagedFileError(f"{printable(path)}: {error}") from error
+    numbers = all(array.dtype.kind in "iuf" for array in (times, locations))
+    if not numbers or times.ndim != 1 or locations.ndim != 2 or locations.shape[1] < 3:
+        what = ", ".join(f"{name} is {a.dtype} {a.shape}" for name, a in zip(names, (times, locations), strict=True))
+        raise DamagedFileError(f"{printable(path)}: {what}; expected numbers (n,) and (n, 7): x, y, z, quaternion")
+    count = len(times)
+    if count != len(locations):
+        count = max(0, min(count, len(locations)) - _CUT)
+        remarks.notes.append(f"{path.name}: {len(times)} times, {len(locations)} places; the first {count} are taken")
+    part = np.column_stack([times[:count], locations[:count, :3]]).astype(np.float64)
+    farthest = np.abs(part[:, 1:]).max(initial=0)
+    if farthest > _FARTHEST:
+        raise DamagedFileError(f"{printable(path)}: {names[1]} reaches {farthest:.4g}; expected places in metres")
+    return part
 
 
 def _read_list(raw: Path, remarks: _Remarks) -> list[_Listed]:
@@ -217,7 +221,7 @@ def _listed(number: Any, time: Any) -> _Listed | None:
         listed = _Listed(int(number), float(time))
     except (TypeError, ValueError, OverflowError):
         return None
-    return listed if np.isfinite(listed.created) else None
+    return listed if abs(listed.created) < _LATEST else None
 
 
 def _raw_files(raw: Path, radar: str, remarks: _Remarks) -> dict[int, Path]:
