@@ -61,8 +61,8 @@ def test_a_world_becomes_an_experiment(run, tmp_path):
     assert mask.pixels.sum() > 500
     assert np.array_equal(mask.pose, frame.pose)
     assert load(tmp_path / "truth/24_ghz.footprint.h5").inside.sum() == pytest.approx(np.pi * 8.5**2, rel=0.1)
-    masks = np.load(tmp_path / "truth/camera.masks.npz")
-    assert np.array_equal(masks["0_golf_ball.visible"], mask.pixels)
+    with np.load(tmp_path / "truth/camera.masks.npz") as masks:
+        assert np.array_equal(masks["0_golf_ball.visible"], mask.pixels)
     assert World.from_toml(tmp_path / "truth/world.toml").objects[0].object == "golf_ball"
 
 

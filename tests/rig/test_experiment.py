@@ -18,7 +18,7 @@ from millisight.rig.virtual.rig import VirtualRig, experiment_info
 from millisight.rig.virtual.world import Scan, World
 
 MIDDLE = np.array([0.08, 0.08, -0.25])
-POINTS = MIDDLE + np.random.default_rng(0).uniform(-0.02, 0.02, (8, 3)) * [1, 1, 0.3]
+POINTS = MIDDLE + np.random.default_rng(0).uniform(-0.02, 0.02, (5, 3)) * [1, 1, 0.3]
 ARM = ArmSettings(
     speed=0.5,
     acceleration=4.0,

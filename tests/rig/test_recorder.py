@@ -126,7 +126,8 @@ def test_both_radars_and_the_camera_in_one_scan(tmp_path):
     assert frame.pose[:3, 2] == pytest.approx([0, 0, -1])
     for folder, shift in (("77_ghz", 0.0), ("24_ghz", 0.10)):
         raw = radar_folder(out, folder, processed=False)
-        places = np.load(raw / "antenna.npz")[f"tx_{folder[:2]}_locs"]
+        with np.load(raw / "antenna.npz") as tables:
+            places = tables[f"tx_{folder[:2]}_locs"]
         assert places.shape[1] == 7
         at_rest = places[-1, :3]
         assert at_rest == pytest.approx([0.42 + 0.10, -0.23 + 0.10 + shift, 0.23], abs=1e-6)

@@ -162,7 +162,7 @@ def _full(folder):
         "[[walls]]\nlower = [0, 0, -1]\nupper = [1, 1, -0.9]\n"
         "[scan]\nsize = [0.3, 0.4]\n[arm]\nclock_drift = 50e-6\n"
         '[[radars]]\npreset = "iwr1443"\nrx_axis = "y"\n[[radars]]\npreset = "position2go"\nleakage_db = 3\n'
-        "[camera]\nholes = false\n[optics]\nbounces = 2\n"
+        "[camera]\nholes = false\n[optics]\nbounces = 1\n"
     )
     return path
 
