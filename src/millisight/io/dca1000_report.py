@@ -103,7 +103,8 @@ def _estimate(counts: np.ndarray, known: dict[str, int], origin: dict[str, str],
         known["receivers"], origin["receivers"] = 4, "assumed"
     receivers, samples = known["receivers"], known.get("samples")
     estimate = identify_order(counts, receivers=receivers, samples=samples)
-    repeated = repeated_samples(counts, receivers=receivers)
+    order = estimate.order if estimate.order != UNKNOWN else "two-lane"
+    repeated = repeated_samples(counts, order, receivers=receivers)
     if samples is None and repeated:
         known["samples"], origin["samples"] = repeated, "worked out from the data's repetition"
     # Transmitters that take turns repeat later; two-lane receivers that see the same, earlier.

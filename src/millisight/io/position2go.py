@@ -78,7 +78,7 @@ def read_position2go(
 
 
 def write_position2go(path: str | os.PathLike[str], samples: ArrayLike) -> None:
-    """Write (F, C, R, N) complex samples in the radar's text form, so that complex64 comes back bit for bit.
+    """Write (F, C, R, N) complex samples in the radar's text form, with the nine digits that complex64 needs.
 
     Raises
     ------
@@ -91,8 +91,10 @@ def write_position2go(path: str | os.PathLike[str], samples: ArrayLike) -> None:
         raise InputError(
             f"samples are {frames.dtype} of shape {frames.shape}; expected complex (frames, chirps, receivers, samples)"
         )
+    with np.errstate(over="ignore"):
+        frames = frames.astype(np.complex64)
     if not np.isfinite(frames).all():
-        raise InputError("samples hold NaN or infinite values; mend or leave out their frames")
+        raise InputError("samples hold NaN, or values that float32 cannot; mend or leave out their frames")
     rows = np.stack([np.real(frames), np.imag(frames)], axis=-2).reshape(-1, frames.shape[-1])
     with atomic_path(path) as temporary, open(temporary, "w", encoding="ascii") as file:
         for row in rows:

@@ -133,14 +133,19 @@ def estimate_order(counts: np.ndarray, *, receivers: int = 4, samples: int | Non
     """
     if samples is not None:
         return _estimate(counts, receivers, samples)
-    samples = repeated_samples(counts, receivers=receivers) or 256
+    samples = repeated_samples(counts, "two-lane", receivers=receivers) or 256
     estimate = _estimate(counts, receivers, samples)
-    # Receivers that all see the same repeat within a two-lane chirp: then N is R times what it seems.
+    if estimate.order == "four-lane":
+        return replace(estimate, samples=repeated_samples(counts, "four-lane", receivers=receivers) or samples)
+    # Receivers that all see the same repeat within a two-lane chirp: then N is R times what it seems, and the shorter
+    # chirps look interleaved.
     longer = _estimate(counts, receivers, samples * receivers)
-    if UNKNOWN in (estimate.order, longer.order) or longer.order == estimate.order:
+    if estimate.order in (UNKNOWN, longer.order) or (estimate.order == "two-lane" and longer.order == UNKNOWN):
         return estimate
-    reason = f"{longer.order} with {longer.samples} samples fits like {estimate.order} with {samples}"
-    return replace(estimate, order=UNKNOWN, margin_db=0.0, next_best=longer.order, reason=reason)
+    if max(longer.scores.values()) < max(estimate.scores.values()) - 2 * MIN_MARGIN_DB:
+        return estimate
+    reason = f"{estimate.order} with {samples} samples a chirp is {longer.order} with {longer.samples}; give samples"
+    return replace(estimate, order=UNKNOWN, reason=reason)
 
 
 def _estimate(counts: np.ndarray, receivers: int, samples: int) -> OrderEstimate:
@@ -154,7 +159,7 @@ def _estimate(counts: np.ndarray, receivers: int, samples: int) -> OrderEstimate
     reason = ""
     if scores[best] < MIN_SCORE_DB:
         reason = "no pairing gives a one-sided spectrum: noise, silence, or another format"
-    elif _real_score(counts, receivers, samples) > scores[best] - MIN_MARGIN_DB:
+    elif _real_score(counts, best, receivers, samples) > scores[best] - MIN_MARGIN_DB:
         reason = "the values look like real samples, not like pairs of I and Q"
     elif margin < MIN_MARGIN_DB:
         reason = f"{best} and {second} fit alike"
@@ -194,9 +199,9 @@ def _receivers_end(counts: np.ndarray, receivers: int, samples: int) -> bool:
     return bool(between.mean() > inside.mean() * (1 + 4 / np.sqrt(between.size)))
 
 
-def repeated_samples(counts: np.ndarray, *, receivers: int) -> int | None:
+def repeated_samples(counts: np.ndarray, order: str, *, receivers: int) -> int | None:
     """An even N of a chirp, from the lag at which the data repeats itself (chirps hardly differ), or None."""
-    step = 4 * receivers
+    step = values_per_chirp(order, receivers=receivers, samples=2)
     counts = np.asarray(counts[: 1 << 19], dtype=np.float64)
     counts = counts[: len(counts) // step * step].reshape(-1, step)
     if len(counts) < 64:
@@ -212,8 +217,8 @@ def repeated_samples(counts: np.ndarray, *, receivers: int) -> int | None:
     near = later[first : first + (first + 8) // 16 + 1]  # the top of the first hill as high as any
     lag = 8 + first + int(np.argmax(near))
     # Chirps go on repeating; what repeats within a chirp fades.
-    again = likeness[lag : 4 * lag : lag]
-    return 2 * lag if len(again) == 3 and again.min() > max(0.2 * likeness[0], 0.8 * again.max()) else None
+    again = likeness[[k * lag for k in (1, 2, 4, 8) if k * lag < len(likeness)]]
+    return 2 * lag if len(again) > 2 and again.min() > max(0.2 * likeness[0], 0.8 * again.max()) else None
 
 
 def _some_chirps(counts: np.ndarray, values: int) -> np.ndarray:
@@ -243,28 +248,26 @@ def _complex_reading(counts: np.ndarray, order: str, receivers: int, samples: in
     )
 
 
-def _real_score(counts: np.ndarray, receivers: int, samples: int) -> float:
+def _real_score(counts: np.ndarray, order: str, receivers: int, samples: int) -> float:
     """As `one_sided_db`, for real samples: how unlike the lines are to those in the mirrored place.
 
-    Pairs (I, Q) read as two real samples a time step split each line in two, about a quarter of the rate; real
-    samples read as pairs do the like, so that the two readings are rivals on equal terms.
+    Pairs (I, Q) read as two real samples of one receiver split each line in two, about a quarter of the rate; real
+    samples read as pairs do the like, so that the two readings are rivals on equal terms. Where such a pair would be
+    of two receivers, it looks one-sided by chance of angle only, and an order's own words read so split no line
+    either: then the real reading has to be the better one by far.
     """
-    best = 0.0
-    for interleaved in (False, True):
-        chirps = _some_chirps(counts, receivers * samples)
-        half = samples // 4
-        if not len(chirps) or half <= _GUARD + 1:
-            return 0.0
-        series = (
-            chirps.reshape(len(chirps), samples, receivers).swapaxes(1, 2)
-            if interleaved
-            else chirps.reshape(len(chirps), receivers, samples)
-        )
+    half, top = samples // 4, samples // 2
+    chirps = _some_chirps(counts, receivers * samples)
+    if not len(chirps) or half <= _GUARD + 1:
+        return 0.0
+    in_turn = chirps.reshape(len(chirps), receivers, samples)
+    interleaved = chirps.reshape(len(chirps), samples, receivers).swapaxes(1, 2)
+    scores = []
+    for series, handicap in ((in_turn, 0.0), (interleaved, 10.0 if _LANES[order] % receivers else 0.0)):
         power = _mean_power(series.astype(np.float32), np.fft.rfft)
-        top = samples // 2
         a, b, doubt = _lit_pairs(power[:, _GUARD:half], power[:, top - _GUARD : top - half : -1], len(chirps))
-        best = max(best, _ratio_db(np.maximum(a, b).sum(), np.minimum(a, b).sum(), doubt))
-    return best
+        scores.append(_ratio_db(np.maximum(a, b).sum(), np.minimum(a, b).sum(), doubt) - handicap)
+    return max(scores)
 
 
 def mean_spectrum(

@@ -196,17 +196,17 @@ def _frame_chirps(
     """The chirpCfg line of each chirp of a loop, and the one waveform that they all have."""
     last = _MAX_CHIRPS - 1
     profiles = {line.integer("id", 0, 15): line for line in profile_lines}
-    lines = {
-        i: line
-        for line in chirp_lines
-        for i in range(line.integer("first", 0, last), line.integer("last", line.integer("first", 0, last), last) + 1)
-    }
+    lines: list[_Command | None] = [None] * _MAX_CHIRPS
+    for line in chirp_lines:
+        start = line.integer("first", 0, last)
+        stop = line.integer("last", start, last) + 1
+        lines[start:stop] = [line] * (stop - start)
     first = frame.integer("firstChirp", 0, last)
-    chosen = range(first, frame.integer("lastChirp", first, last) + 1)
-    undefined = [i for i in chosen if i not in lines]
-    if undefined:
-        raise FormatError(f"{frame.place}: the frame uses chirp {undefined[0]}, which no chirpCfg defines")
-    chirps = [lines[i] for i in chosen]
+    stop = frame.integer("lastChirp", first, last) + 1
+    chirps = [line for line in lines[first:stop] if line is not None]
+    if len(chirps) < stop - first:
+        undefined = first + lines[first:stop].index(None)
+        raise FormatError(f"{frame.place}: the frame uses chirp {undefined}, which no chirpCfg defines")
     used = list(dict.fromkeys(chirps))
     waveforms = [_waveform(line, profiles) for line in used]
     for line, waveform in zip(used, waveforms, strict=True):
