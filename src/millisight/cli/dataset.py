@@ -9,7 +9,8 @@ from typing import Annotated, Any
 import typer
 
 from millisight.cli.console import in_options, length, progress, say
-from millisight.datasets.mito import Dataset, Experiment, ObjectFolder, Simulation, find
+from millisight.datasets.inventory import Dataset, Experiment, ObjectFolder, Simulation
+from millisight.datasets.mito import find
 from millisight.errors import UnknownNameError
 from millisight.io.mito_names import CAMERA_FRAME, CAMERA_MASK, IMAGE, RADAR_MASK, RADARS, RAW, SIGHTS
 

@@ -8,7 +8,8 @@ from typing import Any
 from millisight.capture.camera import CameraFrame, CameraMask
 from millisight.capture.capture import Capture
 from millisight.capture.scan import RawScan
-from millisight.datasets.mito import Experiment, Item, Simulation, find_object
+from millisight.datasets.inventory import Experiment, Item, Simulation
+from millisight.datasets.mito import find_object
 from millisight.errors import FileError, MillisightError
 from millisight.files import printable
 from millisight.imaging.image import SarImage

@@ -14,8 +14,9 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from millisight.datasets.inventory import Dataset, Item
 from millisight.datasets.manifest import Entry, Manifest, Source, checksum, read_manifest, write_manifest
-from millisight.datasets.mito import Dataset, Item, find
+from millisight.datasets.mito import find
 from millisight.datasets.workers import each
 from millisight.errors import FileError, InputError
 from millisight.files import atomic_path, make_folder, printable, same_file, write_text

@@ -6,8 +6,9 @@ from contextlib import closing
 from pathlib import Path
 from typing import NamedTuple
 
+from millisight.datasets.inventory import Dataset, Item
 from millisight.datasets.manifest import MANIFEST_NAME, Entry, checksum, read_manifest
-from millisight.datasets.mito import Dataset, Item, find
+from millisight.datasets.mito import find
 from millisight.datasets.workers import each
 from millisight.io.hdf5 import load, open_capture
 from millisight.io.mito_files import read_published

@@ -81,9 +81,10 @@ def read_experiment(
     """
     raw = _raw_folder(checked_path(folder), radar)
     info = read_info(raw.parents[3] / INFO_NAME)
+    used = experiment_radar(radar, info)
     remarks = _Remarks()
     log = _read_log(raw, radar, remarks)
-    rows = _read_rows(raw, radar, experiment_radar(radar, info), info["aperture size"], remarks, progress)
+    rows = _read_rows(raw, radar, used, info["aperture size"], remarks, progress)
     outside = sum(int((~inside_log(row.times, log)).sum()) for row in rows)
     if outside:
         frames = sum(len(row.times) for row in rows)
@@ -96,12 +97,7 @@ def read_experiment(
         "image_grid": published_box(radar, info["background"]),
     }
     settings = {"chirp": f"first of {CHIRPS[radar]}", "conjugated": True, "orientations": "not used"}
-    return RawScan(
-        radar=experiment_radar(radar, info),
-        rows=rows,
-        log=log,
-        metadata=with_step(metadata, "read_experiment", **settings),
-    )
+    return RawScan(radar=used, rows=rows, log=log, metadata=with_step(metadata, "read_experiment", **settings))
 
 
 class _Remarks:
