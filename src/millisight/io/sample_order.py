@@ -144,7 +144,7 @@ def estimate_order(counts: np.ndarray, *, receivers: int = 4, samples: int | Non
         return estimate
     if max(longer.scores.values()) < max(estimate.scores.values()) - 2 * MIN_MARGIN_DB:
         return estimate
-    reason = f"{estimate.order} with {samples} samples a chirp is {longer.order} with {longer.samples}; give samples"
+    reason = f"{estimate.order} at {samples} samples a chirp, {longer.order} at {longer.samples}; give samples"
     return replace(estimate, order=UNKNOWN, reason=reason)
 
 
