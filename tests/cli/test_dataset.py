@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 import millisight as ms
 from millisight.cli.app import app
-from millisight.errors import UnknownNameError
+from millisight.errors import InputError, UnknownNameError
 from miniature import BOX, EMPTY, MUG, fault_folder
 from small_hub import Hub
 
@@ -212,6 +212,12 @@ def test_a_dataset_is_downloaded(monkeypatch, tmp_path):
         assert "failed: 1" in err.splitlines()
         assert f"  {BOX}/a.stl: " in err
     assert (tmp_path / MUG / "simulation/0_0_0/x.pkl").read_bytes() == files[f"{MUG}/simulation/0_0_0/x.pkl"]
+
+
+def test_without_the_hubs_library_it_says_what_to_install(monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, "huggingface_hub", None)
+    with pytest.raises(InputError, match=r'pip install "millisight\[hub\]"'):
+        run("download", tmp_path)
 
 
 def test_errors_are_one_line(tmp_path):

@@ -11,7 +11,7 @@ import typer
 from millisight.cli.console import in_options, length, progress, say
 from millisight.datasets.inventory import Dataset, Experiment, ObjectFolder, Simulation
 from millisight.datasets.mito import find
-from millisight.errors import UnknownNameError
+from millisight.errors import InputError, UnknownNameError
 from millisight.io.mito_names import CAMERA_FRAME, CAMERA_MASK, IMAGE, RADAR_MASK, RADARS, RAW, SIGHTS
 
 app = typer.Typer(
@@ -161,10 +161,12 @@ def download(
     """
     from millisight.datasets.download import download as download_dataset
 
+    settings = {"repository": repo, "revision": revision, "dry_run": dry_run, "workers": workers}
     with progress("download") as report:
-        done = download_dataset(
-            output, objects or [], repository=repo, revision=revision, dry_run=dry_run, workers=workers, progress=report
-        )
+        try:
+            done = download_dataset(output, objects or [], progress=report, **settings)
+        except ImportError as error:
+            raise InputError(str(error)) from error
     say(f"{done.repository} at {done.commit}: {len(done.files)} files, {done.size / 1e6:.1f} MB; "
         f"{done.there} files were there already")  # fmt: skip
     if dry_run:

@@ -67,8 +67,8 @@ def download(
 ) -> Download:
     """Download the published dataset into the folder `out`: processed files, as the hub has no others.
 
-    Files that are there already are not fetched again, so that an interrupted download goes on where it stopped; a
-    connection that breaks within a file is taken up within it. A file that cannot be fetched stops no other.
+    Files that are there already are not fetched again, so that an interrupted download goes on where it stopped. A
+    connection that breaks is taken up, in large files where it broke. A file that cannot be fetched stops no other.
 
     Parameters
     ----------

@@ -68,6 +68,9 @@ def read_published(path: str | os.PathLike[str]) -> Published:
 def write_published(path: str | os.PathLike[str], record: Any, extras: Mapping[str, Any] | None = None) -> None:
     """The inverse of `read_published`: the pickle from which it reads this record and these extras.
 
+    Where both hold an array, the extras' is written, since it is the one as stored: leave extras out of a record that
+    was changed.
+
     Raises
     ------
     InputError
