@@ -1,12 +1,18 @@
 """Virtual worlds: their files, how they are built, and the impossible ones."""
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from millisight.errors import CoverageError, FileError, FormatError, InputError, MillisightError
+from millisight.rig.virtual.arm import ArmSettings
+from millisight.rig.virtual.radar import RadarSettings
+from millisight.rig.virtual.rig import plan_of
 from millisight.rig.virtual.stage import build
 from millisight.rig.virtual.world import Carton, Cloth, Scan, Support, Wall, World, WorldObject
 from millisight.rig.virtual.worldfile import world_from_table
@@ -16,8 +22,8 @@ SCAN = Scan(size=(0.3, 0.3), row_spacing=0.01)
 EXAMPLES = sorted((Path(__file__).parents[2] / "examples" / "worlds").glob("*.toml"))
 
 
-def world_of(*objects, **settings):
-    return World(**{"objects": objects or (CUBE,), "scan": SCAN, **settings})
+def world_of(*objects, **others):
+    return World(**{"objects": objects or (CUBE,), "scan": SCAN, **others})
 
 
 def boxes(stage):
@@ -114,9 +120,9 @@ IMPOSSIBLE = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("settings", "error", "words"), IMPOSSIBLE)
-def test_impossible_worlds_are_refused_by_name(settings, error, words):
-    world = World(**{"scan": SCAN, **settings})
+@pytest.mark.parametrize(("others", "error", "words"), IMPOSSIBLE)
+def test_impossible_worlds_are_refused_by_name(others, error, words):
+    world = World(**{"scan": SCAN, **others})
     with pytest.raises(error, match=words):
         build(world)
 
@@ -197,6 +203,38 @@ def test_bad_files_name_the_place(tmp_path, text, words):
     with pytest.raises(FormatError, match=words) as caught:
         World.from_toml(path)
     assert "bad.toml" in str(caught.value)
+
+
+def test_worlds_too_large_for_any_disk_are_refused():
+    for huge in ({"arm": ArmSettings(speed=1e-9)}, {"arm": ArmSettings(log_rate=1e12)},
+                     {"radars": (RadarSettings(frame_period=1e-12),)}):  # fmt: skip
+        with pytest.raises(InputError, match="frames or poses"):
+            plan_of(world_of(**huge))
+    with pytest.raises(InputError, match="layers is 1000000; expected 100 at most"):
+        Cloth(layers=1_000_000)
+    with pytest.raises(InputError, match="objects has 101 entries"):
+        World(objects=(CUBE,) * 101)
+
+
+RECORDS = (World, WorldObject, Support, Carton, Cloth, Wall, Scan, ArmSettings, RadarSettings)
+KEYS = st.sampled_from([field.name for cls in RECORDS for field in dataclasses.fields(cls)])
+PLAIN = st.one_of(st.none(), st.booleans(), st.integers(), st.floats(), st.text(max_size=5), st.sampled_from(["mug"]))
+VALUES = PLAIN | st.lists(PLAIN, max_size=4)
+TABLES = st.recursive(
+    st.dictionaries(KEYS, VALUES, max_size=3),
+    lambda inner: st.dictionaries(KEYS, VALUES | inner | st.lists(inner, max_size=3), max_size=4),
+    max_leaves=6,
+)
+
+
+@settings(max_examples=400, deadline=None)
+@given(TABLES)
+def test_whatever_stands_in_a_world_is_a_world_or_an_error_that_names_it(table):
+    try:
+        made = world_from_table(table)
+    except FormatError as error:
+        made = str(error)
+    assert isinstance(made, World) or made.startswith("world: ")
 
 
 def test_files_that_are_none(tmp_path):

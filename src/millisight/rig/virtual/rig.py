@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from millisight.capture.trajectory import Trajectory
-from millisight.errors import UnknownNameError
+from millisight.errors import InputError, UnknownNameError
 from millisight.io.mito_layout import experiment_folder
 from millisight.io.mito_setup import BASE_ORIGIN, FRAME_PERIODS
 from millisight.rig.plan import ScanPlan
@@ -25,6 +25,7 @@ from millisight.scene.objects import CATALOGUE
 # Keys of the devices' random numbers: one that is added changes none of the others.
 _ARM, _CAMERA, _RADAR = 1, 2, 3
 _ABOVE = 0.10  # of the camera over the aperture [m]
+_MOST_FRAMES = 1e8
 _SAMPLED = 60  # frames
 _VALUE_BYTES = {"77_ghz": 2, "24_ghz": 6}  # int16, and text
 
@@ -142,7 +143,13 @@ def experiment_folder_of(world: World, root: str | os.PathLike[str], number: int
 
 
 def plan_of(world: World) -> ScanPlan:
-    """The scan of a world in the base frame, with time for its slowest row."""
+    """The scan of a world in the base frame, with time for its slowest row.
+
+    Raises
+    ------
+    InputError
+        It would take more frames than any disk holds.
+    """
     scan = world.scan
     rows = [
         (Pose(position=np.add(BASE_ORIGIN, (x, y0, 0.0))), Pose(position=np.add(BASE_ORIGIN, (x, y1, 0.0))))
@@ -153,11 +160,17 @@ def plan_of(world: World) -> ScanPlan:
         rows[1::2] = [(end, start) for start, end in rows[1::2]]
     middle = np.array([*scan.middle, _ABOVE]) - world.camera.offset
     photo = middle if world.camera.at is None else np.array(world.camera.at)
-    return ScanPlan(
-        rows=tuple(rows),
-        row_time=2 * world.arm.settle + world.arm.duration(scan.size[1]),
-        photo=Pose(position=photo + BASE_ORIGIN),
-    )
+    row_time = 2 * world.arm.settle + world.arm.duration(scan.size[1])
+    plan = ScanPlan(rows=tuple(rows), row_time=row_time, photo=Pose(position=photo + BASE_ORIGIN))
+    paces = {f"the {radar.folder} radar": float(radar.frame_period or 0) for radar in world.radars}
+    for what, period in (*paces.items(), ("the log", 1 / world.arm.log_rate)):
+        count = len(rows) * row_time / period
+        if not count <= _MOST_FRAMES:
+            raise InputError(
+                f"{what} would take {count:.3g} frames or poses, one each {period:g} s; expected {_MOST_FRAMES:.0e} at "
+                "most: a faster arm, fewer rows, or a longer period"
+            )
+    return plan
 
 
 def experiment_info(world: World) -> dict[str, Any]:

@@ -154,7 +154,7 @@ def _staged(world: World, number: int) -> StagedObject:
     lower, upper = _bounds(parts)
     middle = (lower + upper) / 2
     at = world.scan.middle if thing.at is None else thing.at
-    top = float(world.support.top or 0.0)
+    top = world.support.height
     height = at[2] if len(at) == 3 else top + (upper[2] - lower[2]) / 2
     shift = np.array([at[0], at[1], height]) - middle
     return StagedObject(number, thing.name, _moved(parts, translation=shift))
@@ -196,7 +196,7 @@ def _support_parts(world: World) -> tuple[ObjectPart, ...]:
     )
     x, y = (places.min(axis=0) + places.max(axis=0)) / 2 if support.at is None else support.at
     sx, sy = np.divide(support.size or (0.0, 0.0), 2)
-    top = float(support.top or 0.0)
+    top = support.height
     if support.kind == "styrofoam":
         mesh = block(np.array([x - sx, y - sy, top - _BLOCK]), np.array([x + sx, y + sy, top]))
         return (_part("styrofoam", mesh, "styrofoam"),)
@@ -228,7 +228,7 @@ def _carton_panels(world: World, objects: tuple[StagedObject, ...]) -> tuple[Pan
     bounds = np.array([thing.bounds for thing in objects])
     lower = bounds[:, 0].min(axis=0) - carton.clearance
     upper = bounds[:, 1].max(axis=0) + carton.clearance
-    lower[2] = world.support.top
+    lower[2] = world.support.height
     if carton.size is not None:
         middle, size = (lower + upper) / 2, np.array(carton.size)
         lower[:2], upper[:2] = middle[:2] - size[:2] / 2, middle[:2] + size[:2] / 2
@@ -264,7 +264,7 @@ def _check_places(world: World, objects: tuple[StagedObject, ...]) -> None:
     scan = world.scan
     for thing in objects:
         name, (lower, upper) = place_name(world, thing.number), thing.bounds
-        top = float(world.support.top or 0.0)
+        top = world.support.height
         if lower[2] < top - _TOUCH:
             raise InputError(
                 f"{name} reaches {1000 * (top - lower[2]):.0f} mm through the {world.support.kind}'s upper face at "

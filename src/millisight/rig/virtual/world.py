@@ -22,6 +22,7 @@ from millisight.scene.material import LAYERED, material_named
 from millisight.scene.objects import CATALOGUE
 
 _TOPS = {"tripod": -0.30, "styrofoam": -0.48}
+_MOST = 100  # objects, walls, layers of cloth
 PATTERNS = ("serpentine", "one-way")
 
 
@@ -87,10 +88,15 @@ class Support:
         size = (0.08, 0.08) if self.kind == "tripod" else (0.30, 0.30)
         put(
             self,
-            top=checked_number(_TOPS[self.kind] if self.top is None else self.top, name="top", unit="m"),
+            top=checked_number(self.height, name="top", unit="m"),
             size=checked_numbers(self.size or size, name="size", count=2, unit="m", above=0),
             at=None if self.at is None else checked_numbers(self.at, name="at", count=2, unit="m"),
         )
+
+    @property
+    def height(self) -> float:
+        """Of its upper face [m]."""
+        return float(_TOPS[self.kind] if self.top is None else self.top)
 
 
 @record
@@ -137,9 +143,11 @@ class Cloth:
 
     def __post_init__(self) -> None:
         _check_stack(self.stack)
+        if checked_integer(self.layers, name="layers") > _MOST:
+            raise InputError(f"layers is {self.layers}; expected {_MOST} at most")
         put(
             self,
-            layers=checked_integer(self.layers, name="layers"),
+            layers=int(self.layers),
             gap=checked_number(self.gap, name="gap", unit="m", above=0),
             overhang=checked_number(self.overhang, name="overhang", unit="m", minimum=0),
         )
@@ -259,6 +267,9 @@ class World:
 
     def __post_init__(self) -> None:
         radars = tuple(checked_record(r, RadarSettings, name="a radar") for r in self.radars)
+        for name in ("objects", "walls"):
+            if len(getattr(self, name)) > _MOST:
+                raise InputError(f"{name} has {len(getattr(self, name))} entries; expected {_MOST} at most")
         folders = [radar.folder for radar in radars]
         if not radars or len(set(folders)) < len(folders):
             raise InputError(f"the radars' files go to {folders}; expected one radar, or one of each band")

@@ -25,8 +25,6 @@ def read_world(path: str | os.PathLike[str]) -> World:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
     except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
         raise FormatError(f"{printable(path)} is no TOML: {error}") from error
-    if "folder" in table:
-        raise FormatError(f"{printable(path)}: folder: unknown key; paths of mesh files start at the file's own folder")
     return world_from_table(table, folder=str(path.parent), source=printable(path))
 
 
@@ -44,6 +42,8 @@ def world_from_table(table: Mapping[str, Any], *, folder: str = ".", source: str
     FormatError
         A key or a value cannot be right; the message names the place.
     """
+    if "folder" in table:
+        raise FormatError(f"{source}: folder: unknown key; paths of mesh files start at the file's own folder")
     return _made(World, {**table, "folder": folder}, source, "")
 
 
