@@ -5,14 +5,16 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check
 EXTRAS := xarray,hub,cluster
 TESTS ?=
+COUNT ?= 100000
 
-.PHONY: help setup setup-train demo test lint bench clean
+.PHONY: help setup setup-train demo test fuzz lint bench clean
 
 help:
 	@echo "make setup        everything but torch, into $(VENV)"
 	@echo "make setup-train  setup, and torch"
 	@echo "make demo         the main job: simulate and image three objects, into demo/index.html"
 	@echo "make test         all tests and doctests (TESTS=path or -k name for some)"
+	@echo "make fuzz         100 000 damaged files against every reader (COUNT=)"
 	@echo "make lint         formatting, style, types, layers"
 	@echo "make bench        the benchmarks and their tables"
 
@@ -35,6 +37,9 @@ demo: setup
 
 test: setup
 	$(BIN)/python -m pytest $(TESTS)
+
+fuzz: setup
+	$(BIN)/python tests/fuzz/parsers.py --count $(COUNT)
 
 lint: setup
 	$(BIN)/ruff format --check .

@@ -4,7 +4,7 @@ from importlib.metadata import version
 
 import typer
 
-from millisight.cli import dataset, demo, image, info, simulate
+from millisight.cli import collect, dataset, demo, image, info, simulate
 
 app = typer.Typer(
     invoke_without_command=True,
@@ -12,13 +12,15 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,  # with it, whatever stands in square brackets is lost: defaults, units
     context_settings={"help_option_names": ["-h", "--help"]},
-    help="See through boxes with millimetre waves: simulate what a radar measures of a mesh, and image it.\n\n"
+    help="See through boxes with millimetre waves: simulate what a radar measures of a mesh, read what yours measured, "
+    "and image it.\n\n"
     "Start with: millisight demo",
 )
 app.command("demo")(demo.demo)
 app.command("simulate")(simulate.simulate)
 app.command("image")(image.image)
 app.command("info")(info.info)
+app.command("collect")(collect.collect)
 app.add_typer(dataset.app, name="dataset")
 
 

@@ -72,10 +72,13 @@ def in_options(message: str) -> str:
 
 
 @contextmanager
-def progress(label: str) -> Iterator[Progress]:
-    """A call-back for long work: a bar with the time left on a terminal, now and then a plain line elsewhere."""
+def progress(label: str, *, compiles: bool = True) -> Iterator[Progress]:
+    """A call-back for long work: a bar with the time left on a terminal, now and then a plain line elsewhere.
+
+    `compiles`: whether the work runs kernels, which are compiled when they are first used.
+    """
     started = time.monotonic()
-    label_now = label if kernels_cached() else f"{label} (first use: compiling, about half a minute)"
+    label_now = label if not compiles or kernels_cached() else f"{label} (first use: compiling, about half a minute)"
     if sys.stderr.isatty():
         from rich.console import Console
         from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn

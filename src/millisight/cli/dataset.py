@@ -96,7 +96,7 @@ def verify(root: Root, objects: Objects = None, workers: Workers = None) -> None
     from millisight.datasets.verify import verify as verify_dataset
 
     dataset = find(root).only(objects or [])
-    with progress("verify") as report:
+    with progress("verify", compiles=False) as report:
         results = verify_dataset(dataset, workers=workers, progress=report)
     for one in results:
         for text in one.problems:
@@ -134,7 +134,7 @@ def convert(
 
     dataset = find(root).only(objects or [])
     distance = None if min_distance is None else length(min_distance, option="--min-distance")
-    with progress("convert") as report:
+    with progress("convert", compiles=False) as report:
         done = convert_dataset(dataset, output, min_distance=distance, workers=workers, progress=report)
     for path, text in done.notes:
         say(f"note: {path}: {text}")
@@ -162,7 +162,7 @@ def download(
     from millisight.datasets.download import download as download_dataset
 
     settings = {"repository": repo, "revision": revision, "dry_run": dry_run, "workers": workers}
-    with progress("download") as report:
+    with progress("download", compiles=False) as report:
         try:
             done = download_dataset(output, objects or [], progress=report, **settings)
         except ImportError as error:

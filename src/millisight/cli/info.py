@@ -190,14 +190,16 @@ def _record_lines(path: Path) -> list[str]:
     from millisight.io.hdf5 import load, open_capture, provenance
 
     origin = provenance(path)
-    made = f"made: {origin['created']} by millisight {origin['code_version']}, schema {origin['schema_version']}"
-    command = f"command: {origin['command']}"
+    by = f"millisight {origin['code_version']}, schema {origin['schema_version']}"
+    made = [f"made: {origin['created']} by {by}", f"command: {origin['command']}"]
+    if origin["created"] == "unknown":  # left out, so that equal content gives equal bytes
+        made = [f"made: by {by}"]
     if origin["record"] == "Capture":
         with open_capture(path) as capture:
-            return [*_capture_lines(capture), made, command]
+            return [*_capture_lines(capture), *made]
     record = load(path)
     lines = _image_lines(record) if isinstance(record, SarImage) else [f"record: {origin['record']}"]
-    return [*lines, made, command]
+    return [*lines, *made]
 
 
 def _capture_lines(capture: Capture) -> list[str]:

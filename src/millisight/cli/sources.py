@@ -68,7 +68,7 @@ class Source:
             return
         from millisight.io.description import read
 
-        with progress(label) as report:
+        with progress(label, compiles=False) as report:
             content = read(self.path, data=data, progress=report)
         yield _placed(content, label) if isinstance(content, RawScan) else Opened(content)
 
@@ -119,5 +119,5 @@ def _under(path: Path, radar: str | None) -> list[Source]:
 
 def _placed(scan: RawScan, label: str) -> Opened:
     """The scan's frames at the poses of the robot's log."""
-    with progress(label) as report:
+    with progress(label, compiles=False) as report:
         return Opened(scan.to_capture(progress=report), scan.log)
