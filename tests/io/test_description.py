@@ -237,6 +237,97 @@ def test_recorders_files_in_several_rows(tmp_path):
         )
 
 
+SWEEP = (
+    '[radar]\npreset = "iwr1443"\n[frames]\nfile = "row_*.bin"\nsamples = 512\nphase_sign = 1\n'
+    '[positions]\nlog = "robot.csv"\norigin = [0.4, -0.2, 0]\n[times]\nstart = [10, 11]\nperiod = 0.01\n'
+)
+
+
+def swept(folder):
+    """Two rows of 30 frames each of a DCA1000 recording, 2 mm apart, a robot's log beside them, and what is true."""
+    log_times = np.arange(9.9, 11.5, 0.02)
+    log = np.stack([0.4 + 0.2 * (log_times - 10.5), -0.2 + 0.01 * log_times, 0.3 + 0 * log_times], axis=1)
+    log[:, 2] += 0.001 * np.sin(5 * log_times)
+    columns = np.column_stack([log_times, log])
+    np.savetxt(folder / "robot.csv", columns, delimiter=",", header="time,x,y,z", comments="", fmt="%.17g")
+    times = np.concatenate([start + 0.01 * np.arange(30) for start in (10, 11)])
+    from scipy.interpolate import CubicSpline
+
+    positions = CubicSpline(log_times, log)(times) - [0.4, -0.2, 0]
+    raw = raw_scan(ms.Radar.preset("iwr1443"), positions, 1000)
+    for row in range(2):
+        write_dca1000(folder / f"row_{row}.bin", raw[30 * row : 30 * row + 30])
+    return times, positions, raw.conj().astype(np.complex64)
+
+
+def test_a_robots_log_places_the_frames(tmp_path):
+    times, positions, frames = swept(tmp_path)
+    scan = read_scan(described(tmp_path, SWEEP))
+    assert [row.source for row in scan.rows] == ["row_0.bin", "row_1.bin"]
+    capture = read_capture(tmp_path / "scan.toml")
+    assert len(capture.trajectory) == 60
+    assert np.allclose(capture.trajectory.times, times)
+    assert np.allclose(capture.trajectory.positions, positions, atol=1e-9)
+    assert np.array_equal(capture.frames, frames)
+    late = read_capture(tmp_path / "scan.toml", clock=ms.capture.clock.ClockCorrection(offset=0.05))
+    assert np.allclose(late.trajectory.positions[5], positions[10], atol=2e-5)
+    calibrated = read_capture(
+        described(tmp_path, SWEEP + "[calibration]\nsubtract_mean = true\nsamples = [100, 400]\n")
+    )
+    assert [entry["step"] for entry in calibrated.metadata["history"]] == [
+        "read_capture", "place_frames", "subtract_mean", "crop_samples",
+    ]  # fmt: skip
+    assert np.allclose(calibrated.frames, (frames - frames.mean(axis=0))[..., 100:400], atol=1e-3)
+    for old, new, message in (
+        ("start = [10, 11]", "start = 10", "2 times, of the first frame of each file, not 1"),
+        ('"robot.csv"', '{ file = "robot.csv", times = "t" }', "it of arrays alone"),
+        ("[times]\nstart = [10, 11]\nperiod = 0.01\n", "", "no table .times. says when"),
+    ):
+        with pytest.raises(ms.errors.MillisightError, match=message):
+            read_capture(described(tmp_path, SWEEP.replace(old, new)))
+    write_dca1000(tmp_path / "one.bin", raw_scan(ms.Radar.preset("iwr1443"), positions[:1], 1000))
+    still = SWEEP.split("[positions]")[0].replace("row_*", "one") + "[positions]\nraster = {}\n"
+    with pytest.raises(InputError, match="no log of a robot.*leave clock out"):
+        read_capture(described(tmp_path, still), clock=ms.capture.clock.ClockCorrection(offset=0.1))
+
+
+def test_calibration_takes_its_steps_in_order(tmp_path):
+    frames = small_scan()[2]
+    rng = np.random.default_rng(0)
+    empty = (rng.normal(size=frames.shape) + 1j * rng.normal(size=frames.shape)).astype(np.complex64)
+    gains = np.array([[1, 2, 0.5], [1j, -1, 3]])
+    phases = np.linspace(0, 3, 8)
+    recorded = frames * np.exp(-1j * phases) * gains[:, :, None] + empty
+    np.savez(tmp_path / "frames.npz", data=recorded.conj(), empty=empty.conj(), one=empty[:1].conj())
+    np.savetxt(tmp_path / "positions.csv", 1e3 * small_scan()[1])
+    np.savetxt(tmp_path / "phase.txt", [24e9 + 25e6 * np.arange(8), np.degrees(phases)])
+    text = RADAR + FRAMES.replace("-1", "1").replace('"frames.npy"', '"frames.npz"\narray = "data"') + POINTS
+    text += """
+[calibration]
+background = { array = "empty", frame = "same" }
+gains = { amplitudes = [[1, 2, 0.5], [1, 1, 3]], phases = [[0, 0, 0], [1.5707963267948966, 3.141592653589793, 0]] }
+phase = { frequencies = { file = "phase.txt", index = 0 }, values = { file = "phase.txt", index = 1, unit = "deg" } }
+"""
+    capture = read_capture(described(tmp_path, text))
+    steps = [entry["step"] for entry in capture.metadata["history"]]
+    assert steps == ["read_capture", "subtract_background", "divide_gains", "add_phase"]
+    assert np.allclose(capture.frames, frames, atol=2e-6)
+    plain = read_capture(described(tmp_path, text.split("gains")[0].replace('"empty", frame = "same"', '"one"')))
+    assert np.allclose(plain.frames, recorded - empty[:1], atol=1e-5)
+    both = read_capture(described(tmp_path, text + "subtract_mean = true\nsamples = [2, 7]\n"))
+    assert np.allclose(both.frames, (frames - frames.mean(axis=0))[..., 2:7], atol=5e-6)
+    assert np.isclose(both.radar.waveform.start_frequency, 24.05e9)
+    for old, new, message in (
+        ('array = "empty", frame = "same"', 'array = "one", frame = "same"', "scene has 12 poses, the empty one 1"),
+        ("amplitudes = [[1, 2, 0.5], [1, 1, 3]]", "amplitudes = [1, 2]", "amplitudes is .*expected one number or 6"),
+        ('values = { file = "phase.txt"', 'values = { file = "positions.csv"', r"phases has shape \(3,"),
+        ("background", "backgrounds", "Did you mean 'background'"),
+    ):  # fmt: skip
+        assert old in text
+        with pytest.raises(ms.errors.MillisightError, match=message):
+            read_capture(described(tmp_path, text.replace(old, new)))
+
+
 def test_what_a_description_says_of_the_image(tmp_path):
     np.save(tmp_path / "frames.npy", small_scan()[2])
     np.savetxt(tmp_path / "positions.csv", 1e3 * small_scan()[1])
@@ -423,3 +514,61 @@ def test_the_file_of_a_radar_at_rest_decodes_but_cannot_be_imaged():
     assert one_sided.min() > 15
     with pytest.raises(InputError, match=r"iwr1443_still.toml has no table \[positions\].*nothing can be imaged"):
         read_capture(EXAMPLES / "iwr1443_still.toml", data=data)
+
+
+def conjugated(capture):
+    return ms.Capture(radar=capture.radar, trajectory=capture.trajectory, frames=capture.frames.conj())
+
+
+def test_the_letter_r_is_readable():
+    """Real waves: the strokes of the measured letter stand out from its ground, only in focus and with our sign."""
+    data = shared("captures", "letter_r_22ghz.npy").parent
+    capture = read_capture(EXAMPLES / "letter_r.toml", data=data)
+    plane = ms.VoxelGrid.regular(**capture.metadata["image_grid"])
+
+    def contrast(capture, z):
+        """The brightest 8 % of the pixels over the rest, in mean magnitude."""
+        values = np.sort(ms.form_image(capture, ms.VoxelGrid(x=plane.x, y=plane.y, z=[z])).magnitude.ravel())
+        assert len(values) > 10_000
+        cut = int(0.92 * len(values))
+        return values[cut:].mean() / values[:cut].mean()
+
+    in_focus = contrast(capture, -0.2)
+    assert in_focus > 5
+    assert in_focus > 1.3 * contrast(capture, -0.3)
+    assert in_focus > 1.3 * contrast(capture, -0.12)
+    assert in_focus > 1.3 * contrast(conjugated(capture), -0.2)
+
+    # An upright R: its stem is one bright column on the left, its bowl closes on the right of the upper half alone.
+    bright = ms.form_image(capture, plane).magnitude[:, :, 0]
+    bright = bright > 0.4 * bright.max()
+    columns, rows = np.nonzero(bright.any(axis=1))[0], np.nonzero(bright.any(axis=0))[0]
+    letter = bright[columns[0] : columns[-1] + 1, rows[0] : rows[-1] + 1]
+    width, height = letter.shape
+    assert 0.05 < width * 0.002 < 0.15
+    assert letter[: width // 4].any(axis=0).mean() > 0.9
+    right = letter[2 * width // 3 :]
+    assert right[:, 2 * height // 3 :].any(axis=0).mean() > 0.8
+    assert not right[:, height // 4 : height // 2 - 3].any(axis=0).all()
+
+
+def test_the_flaw_in_the_foam_is_sharp_at_its_depth():
+    """The edges of a square of 8 cm stand out at z = -0.08 to -0.12 m, where it is, and at no other depth."""
+    data = shared("captures", "foam_22_26ghz.npy").parent
+    capture = read_capture(EXAMPLES / "foam.toml", data=data)
+    assert capture.frames.shape == (187 * 144, 1, 1, 11)
+    x, y = np.arange(0.15, 0.27, 0.0015), np.arange(0.16, 0.285, 0.0015)
+    beyond = np.maximum(abs(x[:, None] - 0.21) - 0.040, abs(y - 0.2205) - 0.0385)  # the border of the square [m]
+
+    def sharpness(capture, z):
+        """The steepness of |I| along the border of the square over that elsewhere."""
+        image = ms.form_image(capture, ms.VoxelGrid(x=x, y=y, z=[z]), method="backprojection")
+        steepness = np.hypot(*np.gradient(image.magnitude[:, :, 0], 0.0015))
+        return steepness[abs(beyond) < 0.006].mean() / steepness[abs(beyond) > 0.012].mean()
+
+    depths = [-0.05, -0.07, -0.09, -0.10, -0.12, -0.15, -0.17]
+    found = dict(zip(depths, [sharpness(capture, z) for z in depths], strict=True))
+    assert max(found, key=lambda z: found[z]) in (-0.09, -0.10)
+    assert found[-0.09] > 1.7
+    assert all(found[-0.09] > 1.6 * found[z] for z in (-0.05, -0.07, -0.15, -0.17))
+    assert found[-0.09] > 1.4 * sharpness(conjugated(capture), -0.09)

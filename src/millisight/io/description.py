@@ -153,7 +153,7 @@ def _shipped(path: Path) -> "Description":
     shapes = array_shapes(path)
     for entry in sorted(_SHIPPED.iterdir(), key=lambda entry: entry.name):
         content = tomllib.loads(entry.read_text(encoding="utf-8"))
-        if _fits(shapes, content["match"]["arrays"]):
+        if _fits(shapes, content.pop("match")["arrays"]):
             return Description(content, Files(path, None, path), Path(entry.name))
     there = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
     raise FormatError(

@@ -16,20 +16,37 @@ from millisight.files import printable
 from millisight.imaging.form import METHODS
 from millisight.imaging.grid import VoxelGrid
 from millisight.imaging.windows import WINDOWS
-from millisight.io import description_frames, description_positions, description_radar
+from millisight.io import description_calibration, description_frames, description_positions, description_radar
+from millisight.io.description_calibration import Calibration
 from millisight.io.description_frames import FrameReader, Frames
 from millisight.io.description_tables import Files, Table
-from millisight.records import with_step
+from millisight.records import record, with_step
 
 _TABLES = {
     "radar": description_radar.KEYS,
     "frames": description_frames.KEYS,
     "positions": description_positions.KEYS,
     "times": description_positions.TIMES_KEYS,
+    "calibration": description_calibration.KEYS,
     "image": ("lower", "upper", "spacing", "method", "window"),
-    "match": ("arrays",),
 }
 Progress = Callable[[int, int], None]
+
+
+@record
+class CalibratedScan(RawScan):
+    """A scan whose captures are calibrated.
+
+    Attributes
+    ----------
+    calibrate : makes the calibrated capture of one as recorded
+    """
+
+    calibrate: Callable[[Capture], Capture]
+
+    def to_capture(self, **settings: Any) -> Capture:
+        """The frames at the poses that the log gives their times, as for any `RawScan`, and then calibrated."""
+        return self.calibrate(RawScan.to_capture(self, **settings))
 
 
 class Description:
@@ -58,6 +75,8 @@ class Description:
         self._config = description_radar.read_config(self._tables["radar"])
         self._reader = FrameReader(self._tables["frames"], self._config)
         self._image = self._read_image()
+        table = self._tables.get("calibration")
+        self._calibration = None if table is None else Calibration(table, self._reader)
 
     @cached_property
     def log(self) -> Trajectory | None:
@@ -99,7 +118,8 @@ class Description:
             poses = Trajectory(times=poses.times[kept], positions=poses.positions[kept], orientations=turned)
             frames = frames[kept]
         metadata = self._metadata(read[0].settings, lost=int((~kept).sum()))
-        return Capture(radar=self.radar(frames.shape), trajectory=poses, frames=frames, metadata=metadata)
+        capture = Capture(radar=self.radar(frames.shape), trajectory=poses, frames=frames, metadata=metadata)
+        return capture if self._calibration is None else self._calibration(capture)
 
     def scan(self, log: Trajectory, progress: Progress | None) -> RawScan:
         """The scan, its positions from the robot's `log`. Each file is read once now, and again when it is used.
@@ -120,7 +140,8 @@ class Description:
             for path, (_, lost, _), t in zip(self._reader.paths, looked, times, strict=True)
         ]
         shape, _, settings = looked[0]
-        return RawScan(radar=self.radar(shape), rows=tuple(rows), log=log, metadata=self._metadata(settings))
+        parts = {"radar": self.radar(shape), "rows": tuple(rows), "log": log, "metadata": self._metadata(settings)}
+        return RawScan(**parts) if self._calibration is None else CalibratedScan(**parts, calibrate=self._calibration)
 
     def _read(self, progress: Progress | None) -> Iterator[Frames]:
         """The frames of each file in turn."""

@@ -70,15 +70,18 @@ class FrameReader:
         if table.get("chirp") != "mean":
             table.integer("chirp", 0, minimum=0)
 
-    def read(self, path: Path) -> Frames:
-        """The frames of one of `paths`.
+    def read(self, path: Path, array: str | None = None) -> Frames:
+        """The frames of one of `paths`, or of another file like them, where the array may have another name.
 
         Raises
         ------
         FileError, UnknownNameError
             The file cannot be read, or does not fit the table.
         """
-        values, lost, settings = self._recorded(path) if self._format != "arrays" else (self._array(path), None, {})
+        if self._format == "arrays":
+            values, lost, settings = self._array(path, array), None, {}
+        else:
+            values, lost, settings = self._recorded(path)
         axes = list(self._axes)
         if values.ndim != len(axes):
             raise self._table.error("axes", f"{values.ndim} of them, since {printable(path)} has shape {values.shape}")
@@ -134,9 +137,9 @@ class FrameReader:
             raise self._table.error("axes", '"pose" among them, since the frames of several files follow one another')
         return axes, {axis.removeprefix("-") for axis in written if axis.startswith("-")}
 
-    def _array(self, path: Path) -> np.ndarray:
+    def _array(self, path: Path, name: str | None) -> np.ndarray:
         """The array that a file holds, or several of one shape along a new first axis."""
-        names = self._table.texts("array") if "array" in self._table else [None]
+        names = [name] if name is not None or "array" not in self._table else self._table.texts("array")
         arrays = [array_in(path, name) for name in names]
         shapes = {array.shape for array in arrays}
         if len(shapes) > 1:

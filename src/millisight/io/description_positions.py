@@ -5,12 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from millisight.capture.trajectory import Trajectory
-from millisight.io.description_tables import Table
+from millisight.io.description_tables import TEXT_SUFFIXES, Table
 
 KEYS = ("raster", "points", "orientations", "log", "origin")
 TIMES_KEYS = ("start", "period", "array")
 _RASTER_KEYS = ("step", "center", "start", "counts", "along", "serpentine")
-_LOG_KEYS = ("file", "times", "positions")
+_LOG_KEYS = ("file", "times", "positions", "orientations", "unit")
 _INTERVAL = 1e-3  # between frames whose times nobody needs [s]
 
 
@@ -25,8 +25,11 @@ def read_log(table: Table) -> Trajectory | None:
         log = read_robot_log(table.files.one(table.text("log")))
     else:
         about = table.table("log", _LOG_KEYS)
-        names = {key: about.text(key) for key in ("times", "positions") if key in about}
-        log = read_robot_log(table.files.one(about.text("file")), **names)
+        path = about.file()
+        names = {key: about.text(key) for key in ("times", "positions", "orientations") if key in about}
+        if names and path.suffix.lower() in TEXT_SUFFIXES:
+            raise about.error(next(iter(names)), "it of arrays alone: a text names its columns in its first line")
+        log = read_robot_log(path, **names, scale=about.unit("m"))
     return Trajectory(times=log.times, positions=log.positions - _origin(table), orientations=log.orientations)
 
 

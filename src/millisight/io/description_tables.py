@@ -217,6 +217,19 @@ class Table:
             values = self.array(key, "")
             return as_array(values, name=key, shape=values.shape, dtype=np.int64)
 
+    def unit(self, unit: str) -> float:
+        """How many of the SI unit `unit` make one of the unit that `unit` names."""
+        factors = _UNITS[unit]
+        return factors[self.text("unit", among=list(factors))] if "unit" in self else 1.0
+
+    def file(self) -> Path:
+        """The file that `file` names, or else the one of the frames."""
+        if "file" in self:
+            return self.files.one(self.text("file"))
+        if self.files.subject is None:
+            raise self.error("file", "the name of a file: the frames do not lie in a single one")
+        return self.files.subject
+
     def table(self, key: str, known: Sequence[str], name: str | None = None) -> "Table":
         """A table inside this one, for messages called `name`."""
         return Table(self._values.get(key), name or f"{self.name} {key}", self.source, self.files, known)
@@ -224,12 +237,7 @@ class Table:
     def _referred(self, key: str, unit: str) -> tuple[np.ndarray, float]:
         """The numbers that a reference leads to, and the factor that makes them SI units."""
         reference = self.table(key, _REFERENCE)
-        if "file" in reference:
-            path = self.files.one(reference.text("file"))
-        elif self.files.subject is not None:
-            path = self.files.subject
-        else:
-            raise reference.error("file", "the name of a file: the frames do not lie in a single one")
+        path = reference.file()
         columns = reference._list("columns") if "columns" in reference else None
         if columns is not None and path.suffix.lower() in TEXT_SUFFIXES:
             values = read_table(path).columns(columns)
@@ -238,8 +246,7 @@ class Table:
             values = values if columns is None else reference._picked(values, -1, "columns", columns)
         if "index" in reference:
             values = reference._picked(values, 0, "index", reference.integer("index", minimum=0))
-        factors = _UNITS[unit]
-        return values, factors[reference.text("unit", among=list(factors))] if "unit" in reference else 1.0
+        return values, reference.unit(unit)
 
     def _list(self, key: str) -> list[Any]:
         value = self._values[key]
