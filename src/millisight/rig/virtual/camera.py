@@ -16,6 +16,7 @@ from millisight.imaging.grid import PixelGrid
 from millisight.io.mito_setup import BASE_ORIGIN
 from millisight.perception.segmentation import Mask
 from millisight.records import checked_number, checked_numbers, checked_record, put, record
+from millisight.rig.virtual.casting import Caster
 from millisight.rig.virtual.looks import CLEAR, SHINY, look_of
 
 if TYPE_CHECKING:
@@ -143,10 +144,7 @@ def object_pixels(stage: "Stage", pose: np.ndarray, number: int | None = None) -
     """
     intrinsics = Intrinsics.published()
     directions = _directions(pose, intrinsics)
-    meshes = [part.mesh for o in stage.objects if number in (None, o.number) for part in o.parts]
-    from millisight.rig.virtual.casting import Caster
-
-    seen = Caster(meshes).first(pose[:3, 3], directions).mesh >= 0
+    seen = _meets_objects(stage, number, pose[:3, 3], directions)
     return seen.reshape(intrinsics.height, intrinsics.width)
 
 
@@ -161,14 +159,18 @@ def visible_pixels(stage: "Stage", pose: np.ndarray, number: int | None = None) 
 
 def footprint(stage: "Stage", pixels: PixelGrid, number: int | None = None) -> Mask:
     """The pixels of a radar image, seen along z, over which object `number` (None: any) lies."""
-    from millisight.rig.virtual.casting import Caster
-
-    meshes = [part.mesh for o in stage.objects if number in (None, o.number) for part in o.parts]
     x, y = (axis.ravel() for axis in np.meshgrid(pixels.x, pixels.y, indexing="ij"))
     rays = np.stack([x, y, np.full(len(x), 1.0)], axis=1)
     down = np.broadcast_to([0.0, 0.0, -1.0], rays.shape)
-    inside = Caster(meshes).first(rays, down).mesh >= 0 if meshes else np.zeros(len(x), dtype=bool)
-    return Mask(grid_xy=pixels, inside=inside.reshape(pixels.shape))
+    return Mask(grid_xy=pixels, inside=_meets_objects(stage, number, rays, down).reshape(pixels.shape))
+
+
+def _meets_objects(stage: "Stage", number: int | None, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    """(n,) bool: whether rays meet object `number`, or any with None, were nothing else there."""
+    meshes = [part.mesh for thing in stage.objects if number in (None, thing.number) for part in thing.parts]
+    if not meshes:
+        return np.zeros(len(directions), dtype=bool)
+    return Caster(meshes).first(origins, directions).mesh >= 0
 
 
 def camera_mask(frame: CameraFrame, pixels: np.ndarray) -> CameraMask:
@@ -209,9 +211,8 @@ def _shade(stage: "Stage", view: View) -> np.ndarray:
     gloss = np.array([*(look.gloss for look in looks), 0.0])
     lamp = np.clip(view.normals @ _LIGHT, 0.0, None)
     lit = np.flatnonzero(lamp > 0)
-    shaded = np.isfinite(stage.caster.first(view.points[lit] + 1e-4 * view.normals[lit],
-                                            np.broadcast_to(_LIGHT, (len(lit), 3))).distance)  # fmt: skip
-    lamp[lit[shaded]] = 0.0
+    starts = view.points[lit] + 1e-4 * view.normals[lit]
+    lamp[lit[stage.caster.first(starts, np.broadcast_to(_LIGHT, starts.shape)).mesh >= 0]] = 0.0
     facing = np.clip(-np.einsum("ni,ni->n", view.normals, view.directions), 0.0, 1.0)
     halfway = _LIGHT - view.directions
     halfway /= np.linalg.norm(halfway, axis=1, keepdims=True)
