@@ -51,5 +51,5 @@ def write_truth(rig: VirtualRig, folder: str | os.PathLike[str]) -> Path:
             masks[f"{thing.number}_{thing.name}.visible"] = visible_pixels(stage, rig.camera.pose, thing.number)
         with atomic_path(folder / "camera.masks.npz") as temporary, open(temporary, "wb") as file:
             np.savez_compressed(file, **masks)
-    rig.world.to_toml(folder / "world.toml")
+    rig.world.seen_from(folder).to_toml(folder / "world.toml")
     return folder

@@ -5,7 +5,7 @@ speak the robot's base frame, of which `io.mito_setup.BASE_ORIGIN` is the origin
 """
 
 import os
-from dataclasses import field
+from dataclasses import field, replace
 from pathlib import Path
 from typing import Any
 
@@ -299,7 +299,7 @@ class World:
         return read_world(path)
 
     def to_toml(self, path: str | os.PathLike[str]) -> None:
-        """Write the TOML file from which `from_toml` reads this world.
+        """Write the TOML file from which `from_toml` reads this world; mesh files are called as they are here.
 
         Raises
         ------
@@ -308,6 +308,14 @@ class World:
         from millisight.rig.virtual.worldfile import write_world
 
         write_world(path, self)
+
+    def seen_from(self, folder: str | os.PathLike[str]) -> "World":
+        """The same world with its mesh files called as from another folder, for a file of it there."""
+        objects = tuple(
+            replace(thing, mesh=os.path.relpath(os.path.join(self.folder, thing.mesh), folder)) if thing.mesh else thing
+            for thing in self.objects
+        )
+        return replace(self, objects=objects, folder=os.fspath(folder))
 
     @property
     def sight(self) -> str:

@@ -6,11 +6,10 @@ import tomllib
 import types
 import typing
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 from millisight.errors import FormatError, MillisightError, UnknownNameError
-from millisight.files import check_readable, checked_path, printable, write_text
+from millisight.files import check_readable, printable, write_text
 from millisight.rig.virtual.world import World
 
 _LARGEST = 1 << 20  # bytes
@@ -49,19 +48,7 @@ def world_from_table(table: Mapping[str, Any], *, folder: str = ".", source: str
 
 def write_world(path: str | os.PathLike[str], world: World) -> None:
     """See `World.to_toml`."""
-    path = checked_path(path)
-    write_text(path, "\n".join(_lines(_seen_from(world, path.parent), "")) + "\n")
-
-
-def _seen_from(world: World, folder: Path) -> World:
-    """The same world with its mesh files as they are called from another folder."""
-    objects = tuple(
-        thing
-        if thing.mesh is None
-        else dataclasses.replace(thing, mesh=os.path.relpath(os.path.join(world.folder, thing.mesh), folder))
-        for thing in world.objects
-    )
-    return dataclasses.replace(world, objects=objects, folder=str(folder))
+    write_text(path, "\n".join(_lines(world, "")) + "\n")
 
 
 def _made(cls: type, table: Any, source: str, place: str) -> Any:
