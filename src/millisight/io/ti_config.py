@@ -95,7 +95,7 @@ class _Command:
             value = float(text)
         except ValueError:
             value = math.nan
-        if not minimum <= value < math.inf:
+        if not math.isfinite(value) or value < minimum:
             limit = f" of at least {minimum:g}" if minimum > -math.inf else ""
             raise FormatError(f"{self.place}: {field} of {self.name} is {text[:40]!r}; expected a number{limit}")
         return value
