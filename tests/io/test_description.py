@@ -1,6 +1,8 @@
 """A description and the files it names give the capture that was meant, whatever the files' format, axes and units."""
 
 import pickle
+import re
+import tomllib
 from pathlib import Path
 
 import h5py
@@ -14,7 +16,8 @@ from millisight.io.description import description_in, read_capture, read_frames,
 from millisight.io.position2go import write_position2go
 from oracles import point_frames, point_image, shared
 
-EXAMPLES = Path(__file__).resolve().parents[2] / "examples" / "captures"
+ROOT = Path(__file__).resolve().parents[2]
+EXAMPLES, HOW_TO = ROOT / "examples" / "captures", ROOT / "docs" / "how-to"
 
 
 def small_scan():
@@ -348,7 +351,7 @@ def test_what_a_description_says_of_the_image(tmp_path):
     with pytest.raises(FileError, match=r"frames.npy: no such file; say with --data"):
         read_capture(moved)
     assert description_in(tmp_path) == path
-    assert description_in(EXAMPLES.parent.parent / "docs") is None
+    assert description_in(ROOT / "docs") is None
     with pytest.raises(FileError, match=r"several descriptions, foam.toml, .*pass the one"):
         description_in(EXAMPLES)
 
@@ -395,14 +398,24 @@ GOOD = RADAR + FRAMES + POINTS
         ("step = 25e6", "step = 25e6\nsamples = 9", FormatError, "samples is '9'; expected 8 samples as in the frames"),
         ("step = 25e6", "step = -25e6", FormatError, r"\[radar\]: slope is -2.5e\+07"),
         ("step = 25e6", 'step = "25 MHz"', FormatError, r"step is '25 MHz'; expected numbers \[Hz\]"),
-        ("start_frequency = 24e9\nstep = 25e6", 'preset = "iwr1433"', FormatError, "scan.toml.*Did you mean 'iwr1443'"),
+        (
+            "start_frequency = 24e9\nstep = 25e6",
+            'preset = "iwr1433"',
+            UnknownNameError,
+            "preset in .*scan.toml, .radar.: 'iwr1433'. Did you mean 'iwr1443'",
+        ),
         ("start_frequency = 24e9\nstep", "frequencies = [1, 2, 4, 5, 6, 7, 8, 9]\nstep", FormatError, "evenly spaced"),
         ("frames.npy", "frame.npy", FileError, "frame.npy: no such file"),
         ("frames.npy", "f*.npz", FileError, r"no file in .* is meant by 'f\*.npz'"),
-        ("positions.csv", "short.csv", FormatError, r"points is .*for each of the 12 frames.*not \(1, 3\)"),
+        (
+            "positions.csv",
+            "short.csv",
+            FormatError,
+            r"points is .*expected \(12, 3\), one for each frame, and not shape \(1, 3\)",
+        ),
         ("positions.csv", "words.csv", FileError, r"words.csv, line 2 has 'y'; expected a finite number"),
         ("positions.csv", "ragged.csv", FileError, r"ragged.csv, line 3 has 2 columns; expected 3 as before"),
-        ('unit = "mm"', 'unit = "inch"', FormatError, "unit is 'inch'; expected one of 'm', 'cm'"),
+        ('unit = "mm"', 'unit = "inch"', UnknownNameError, r"unit in .*points: 'inch'. Known: cm, m, mm"),
         ('unit = "mm"', 'columns = ["x", "q"]', UnknownNameError, "column in .*positions.csv: 'q'"),
         ('unit = "mm"', "index = 99", FormatError, r"index is '99'; expected places in an array of shape \(12, 3\)"),
         ("[positions]", "[positions]\nlog = 'x.csv'", FormatError, "has points and log; expected one of"),
@@ -413,6 +426,7 @@ GOOD = RADAR + FRAMES + POINTS
             FormatError,
             "origin cannot be read as an array",
         ),
+        (POINTS, RASTER.replace("0.005", "1e308"), FormatError, "counts; expected|NaN or infinite"),
         ("[positions]", "[positions]\norientations = [0, 0, 1]", FormatError, "a quaternion x, y, z, w"),
         ("[positions]", "[positions]\norientations = [0, 0, 0, 2]", FormatError, "expected unit quaternions"),
         ("[positions]", "[times]\nstart = 0\n[positions]", FormatError, r"\[times\] has no period"),
@@ -421,8 +435,8 @@ GOOD = RADAR + FRAMES + POINTS
         (
             "[positions]",
             "[image]\nmethod = 'fft'\n[positions]",
-            FormatError,
-            "expected one of 'fast', 'backprojection'",
+            UnknownNameError,
+            r"method in .*scan.toml, \[image\]: 'fft'. Did you mean 'fast'",
         ),
         ("[frames]", "[frames", FormatError, "scan.toml is not a description in TOML: .*line 9"),
         (
@@ -514,6 +528,33 @@ def test_the_file_of_a_radar_at_rest_decodes_but_cannot_be_imaged():
     assert one_sided.min() > 15
     with pytest.raises(InputError, match=r"iwr1443_still.toml has no table \[positions\].*nothing can be imaged"):
         read_capture(EXAMPLES / "iwr1443_still.toml", data=data)
+
+
+def pages_blocks(page):
+    """The TOML blocks of a how-to page."""
+    text = (HOW_TO / f"{page}.md").read_text(encoding="utf-8")
+    return [tomllib.loads(block) for block in re.findall(r"```toml\n(.*?)```", text, flags=re.DOTALL)]
+
+
+def test_the_pages_show_what_works(tmp_path):
+    """The first example of the page on your own scanner, on the file it speaks of; the others are the examples' own."""
+    import scipy.io
+
+    place = np.array([0.02, -0.04, -0.3])
+    raster = ms.Trajectory.raster(size=(59 * 0.004, 39 * 0.004), step=0.004, center=(0, 0, 0))
+    assert len(raster) == 2400
+    antennas, frequencies = raster.positions[:, None], np.linspace(24e9, 26e9, 11)
+    field = point_frames(place[None], [1.0], antennas, antennas, frequencies).conj().reshape(60, 40, 11)
+    scipy.io.savemat(tmp_path / "scan.mat", {"S": field.transpose(2, 0, 1), "f": frequencies / 1e9})
+    text = (HOW_TO / "your-own-scanner.md").read_text(encoding="utf-8")
+    capture = read_capture(described(tmp_path, re.findall(r"```toml\n(.*?)```", text, flags=re.DOTALL)[0]))
+    image = ms.form_image(capture, ms.VoxelGrid.regular(**capture.metadata["image_grid"]))
+    assert np.allclose(image.peak, place, atol=0.003)
+    assert np.isclose(image.magnitude.max(), 1, atol=0.05)
+    for page, name in (("letter-r", "letter_r"), ("foam", "foam"), ("dca1000", "iwr1443_still")):
+        example = tomllib.loads((EXAMPLES / f"{name}.toml").read_text(encoding="utf-8"))
+        shown = pages_blocks(page)[0]
+        assert {table: example[table] for table in shown} == shown
 
 
 def conjugated(capture):

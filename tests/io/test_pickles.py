@@ -16,7 +16,7 @@ import pytest
 from millisight.errors import DamagedFileError, FileError
 from millisight.io.pickles import read_pickle
 
-FUZZ = int(os.environ.get("MILLISIGHT_FUZZ", 500))
+MUTATIONS = 300
 
 
 def read(tmp_path, data):
@@ -195,7 +195,7 @@ BOMBS = {
     "twice a list, 60 times over": b"]" + b"".join(b"q%c](h%ch%ce" % (i, i, i) for i in range(60)) + b".",
     "a list a hundred thousand deep": b"]" * 100_000 + b"a" * 99_999 + b".",
     "a tuple a hundred thousand deep, as a key": b"})" + b"\x85" * 100_000 + b"Ns.",
-    "three million values": b"](" + b"N" * 3_000_000 + b"e.",
+    "too many values": b"](" + b"N" * 1_100_000 + b"e.",
     "an array of 2**62 values": state(b"(\x8a\x08" + b"\x00" * 7 + b"\x3ft", FLOAT, b"C\x08abcdefgh"),
     "an array of 2**50 empty texts": state(
         b"(\x8a\x08" + b"\x00" * 6 + b"\x04\x00t", FLOAT.replace(b"f8", b"U0"), b"C\x00"
@@ -233,7 +233,7 @@ def test_mutated_pickles_end_in_values_or_in_an_error_of_ours(tmp_path):
     rng = np.random.default_rng(0)
     wholes = [pickle.dumps(plain_values(), protocol=protocol) for protocol in range(6)]
     beyond = 0
-    for _ in range(FUZZ):
+    for _ in range(MUTATIONS):
         data = bytearray(wholes[rng.integers(6)])
         for _ in range(rng.integers(1, 4)):
             place = int(rng.integers(2, len(data)))
@@ -253,4 +253,4 @@ def test_mutated_pickles_end_in_values_or_in_an_error_of_ours(tmp_path):
         except FileError as error:
             reached = int(re.search(r"some\.pkl.* byte (\d+)", str(error))[1])
         beyond += reached > 100
-    assert beyond > FUZZ / 2
+    assert beyond > MUTATIONS / 2

@@ -131,7 +131,7 @@ def _may_describe(path: Path) -> bool:
         return True  # so that its error is told
 
 
-def _opened(path: str | os.PathLike[str], data: str | os.PathLike[str] | None) -> "Description":
+def _opened(path: str | os.PathLike[str], data: str | os.PathLike[str] | None) -> Description:
     """The description that a path leads to."""
     path = checked_path(path)
     folder = None if data is None else checked_path(data)
@@ -148,7 +148,7 @@ def _opened(path: str | os.PathLike[str], data: str | os.PathLike[str] | None) -
     return _shipped(path)
 
 
-def _shipped(path: Path) -> "Description":
+def _shipped(path: Path) -> Description:
     """The shipped description whose [match] fits the arrays of a file."""
     shapes = array_shapes(path)
     for entry in sorted(_SHIPPED.iterdir(), key=lambda entry: entry.name):

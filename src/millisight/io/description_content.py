@@ -175,7 +175,7 @@ class Description:
         if corners:
             grid = {"lower": table.array("lower", "m", (3,)), "upper": table.array("upper", "m", (3,))}
             spacing = table.numbers("spacing", "m", 3)
-            with table.errors():
+            with table.errors(), np.errstate(over="ignore", invalid="ignore"):
                 VoxelGrid.regular(grid["lower"], grid["upper"], spacing)
             told["image_grid"] = {key: values.tolist() for key, values in (grid | {"spacing": spacing}).items()}
         known = {"method": METHODS, "window": ("none", *WINDOWS)}

@@ -1,5 +1,6 @@
 """[positions] and [times] of a description: where the radar was at each frame, and when."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -30,7 +31,8 @@ def read_log(table: Table) -> Trajectory | None:
         if names and path.suffix.lower() in TEXT_SUFFIXES:
             raise about.error(next(iter(names)), "it of arrays alone: a text names its columns in its first line")
         log = read_robot_log(path, **names, scale=about.unit("m"))
-    return Trajectory(times=log.times, positions=log.positions - _origin(table), orientations=log.orientations)
+    with table.errors(), _unbounded():
+        return Trajectory(times=log.times, positions=log.positions - _origin(table), orientations=log.orientations)
 
 
 def read_poses(table: Table, times: np.ndarray | None, scan: dict[str, int]) -> Trajectory:
@@ -46,22 +48,20 @@ def read_poses(table: Table, times: np.ndarray | None, scan: dict[str, int]) -> 
     FormatError
         The table cannot be right, or does not fit the frames.
     """
-    count = int(np.prod(list(scan.values())))
-    if table.only_one("raster", "points", "log") == "raster":
-        positions = _raster(table.table("raster", _RASTER_KEYS), scan)
-    else:
-        positions = table.array("points", "m")
-        if positions.shape != (count, 3):
-            raise table.error(
-                "points", f"one for each of the {count} frames, so shape ({count}, 3), not {positions.shape}"
-            )
+    count = math.prod(scan.values())
     orientations = None
-    if "orientations" in table:
-        orientations = table.array("orientations", "")
-        if orientations.shape not in ((4,), (count, 4)):
-            raise table.error("orientations", f"a quaternion x, y, z, w, or one for each of the {count} frames")
-        orientations = np.broadcast_to(orientations, (count, 4))
-    with table.errors():
+    with table.errors(), _unbounded():
+        if table.only_one("raster", "points", "log") == "raster":
+            positions = _raster(table.table("raster", _RASTER_KEYS), scan)
+        else:
+            positions = table.array("points", "m")
+            if positions.shape != (count, 3):
+                raise table.error("points", f"({count}, 3), one for each frame, and not shape {positions.shape}")
+        if "orientations" in table:
+            orientations = table.array("orientations", "")
+            if orientations.shape not in ((4,), (count, 4)):
+                raise table.error("orientations", f"a quaternion x, y, z, w, or one for each of the {count} frames")
+            orientations = np.broadcast_to(orientations, (count, 4))
         return Trajectory(
             times=_INTERVAL * np.arange(count) if times is None else times,
             positions=positions - _origin(table),
@@ -85,7 +85,13 @@ def read_times(table: Table, counts: Sequence[int]) -> list[np.ndarray]:
     starts = table.array("start", "s").reshape(-1)
     if len(starts) != len(counts):
         raise table.error("start", f"{len(counts)} times, of the first frame of each file, not {len(starts)}")
-    return [start + period * np.arange(count) for start, count in zip(starts, counts, strict=True)]
+    with _unbounded():
+        return [start + period * np.arange(count) for start, count in zip(starts, counts, strict=True)]
+
+
+def _unbounded() -> np.errstate:
+    """Within the block what overflows becomes infinite without a word: the records refuse it."""
+    return np.errstate(over="ignore", invalid="ignore")
 
 
 def _origin(table: Table) -> np.ndarray:
@@ -103,7 +109,8 @@ def _raster(table: Table, scan: dict[str, int]) -> np.ndarray:
         if count > 1 and not steps[number]:
             raise table.error("step", "the distance of neighbouring positions along x and y [m], one number or two")
         index = np.arange(count) - (0 if corner else (count - 1) / 2)
-        places[..., number] = np.expand_dims(index * steps[number], tuple({*range(len(counts))} - {place}))
+        along = [-1 if other == place else 1 for other in range(len(counts))]
+        places[..., number] = (index * steps[number]).reshape(along)
     if table.flag("serpentine"):
         if len(counts) < 2:
             raise table.error("serpentine", "two axes of the scan, x and y, where rows run to and fro")
@@ -121,8 +128,8 @@ def _counts(table: Table, scan: dict[str, int]) -> dict[str, int]:
         return scan
     if scan["pose"] == 1 and "counts" not in table:
         return {}
-    counts = table.wholes("counts")
-    if counts.shape != (2,) or counts.min() < 1 or counts.prod() != scan["pose"]:
+    counts = table.wholes("counts").tolist()
+    if np.shape(counts) != (2,) or min(counts) < 1 or counts[0] * counts[1] != scan["pose"]:
         raise table.error("counts", f"the positions along x and y, {scan['pose']} in all")
-    slow, fast = "yx" if table.text("along", "y", among=("x", "y")) == "x" else "xy"
-    return {axis: int(counts["xy".index(axis)]) for axis in (slow, fast)}
+    axes = "yx" if table.text("along", "y", among=("x", "y")) == "x" else "xy"
+    return {axis: counts["xy".index(axis)] for axis in axes}

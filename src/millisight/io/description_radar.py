@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from millisight.capture.radar import AntennaArray, Radar, Waveform
+from millisight.capture.radar import AntennaArray, Radar, Waveform, radar_names
 from millisight.io.description_tables import Table
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def read_radar(table: Table, config: "TiConfig | None", shape: tuple[int, ...], 
     """
     with table.errors():
         rx_axis = table.text("rx_axis", among=("x", "y")) if "rx_axis" in table else None
-        preset = Radar.preset(table.text("preset"), rx_axis=rx_axis) if "preset" in table else None
+        preset = Radar.preset(table.text("preset", among=radar_names()), rx_axis=rx_axis) if "preset" in table else None
         if preset is None and rx_axis is not None:
             raise table.error("rx_axis", "it beside preset only; elsewhere rx_positions say it")
         antennas = {"tx_positions": np.zeros((1, 3)), "rx_positions": np.zeros((1, 3))}

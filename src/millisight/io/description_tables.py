@@ -132,10 +132,10 @@ class Table:
 
     @contextmanager
     def errors(self) -> Iterator[None]:
-        """Within the block, errors of the records and of names tell where in the description they come from."""
+        """Within the block, errors of the records tell where in the description they come from."""
         try:
             yield
-        except (InputError, UnknownNameError) as error:
+        except InputError as error:
             raise FormatError(f"{self.place}: {error}") from error
 
     def only_one(self, *keys: str) -> str:
@@ -157,9 +157,10 @@ class Table:
     def text(self, key: str, default: str | None = None, *, among: Sequence[str] = ()) -> str:
         """A text, one of `among` where they are given."""
         value = self._values.get(key, default)
-        expected = f"one of {', '.join(map(repr, among))}" if among else "a text"
-        if not isinstance(value, str) or (among and value not in among):
-            raise self.error(key, expected)
+        if not isinstance(value, str):
+            raise self.error(key, f"one of {', '.join(map(repr, among))}" if among else "a text")
+        if among and value not in among:
+            raise UnknownNameError(f"{key} in {self.place}:", value, among)
         return value
 
     def texts(self, key: str, expected: str = "a text, or a list of texts") -> list[str]:
@@ -201,8 +202,10 @@ class Table:
             value, factor = self._referred(key, unit)
         elif not isinstance(value, int | float | list) or isinstance(value, bool):
             raise self.error(key, f"numbers{f' [{unit}]' if unit else ''}, or a reference to an array")
-        with self.errors():
-            return as_array(value, name=key, shape=shape or _shape(value), unit=unit) * factor
+        with self.errors(), np.errstate(over="ignore"):
+            shape = _shape(value) if shape is None else shape
+            values = as_array(value, name=key, shape=shape, unit=unit) * factor
+            return as_array(values, name=key, shape=shape, unit=unit)
 
     def numbers(self, key: str, unit: str, count: int) -> np.ndarray:
         """(count,) numbers in the SI unit `unit`; a single one stands for all."""

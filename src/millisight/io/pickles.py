@@ -18,7 +18,7 @@ from millisight.errors import DamagedFileError, FormatError
 from millisight.files import check_readable, printable
 from millisight.io.arrays import array_of_bytes, checked_shape, plain_dtype
 
-_MOST_STEPS = 2_000_000  # so a pickle of empty sets, 216 bytes each, ends below half a gigabyte
+_MOST_STEPS = 1_000_000  # so a pickle of empty sets, 216 bytes each, ends at a quarter of a gigabyte
 _LONGEST_INTEGER = 512  # bits
 _DEEPEST = 100
 _EXPANSION, _LEAST_LIMIT = 16, 1 << 26  # how large the content may be, shared parts counted each time they occur
