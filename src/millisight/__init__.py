@@ -15,11 +15,18 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from millisight.capture.camera import CameraFrame as CameraFrame
+    from millisight.capture.camera import CameraMask as CameraMask
+    from millisight.capture.camera import Intrinsics as Intrinsics
     from millisight.capture.capture import Capture as Capture
+    from millisight.capture.clock import ClockCorrection as ClockCorrection
+    from millisight.capture.clock import retime as retime
     from millisight.capture.noise import add_noise as add_noise
     from millisight.capture.radar import AntennaArray as AntennaArray
     from millisight.capture.radar import Radar as Radar
     from millisight.capture.radar import Waveform as Waveform
+    from millisight.capture.scan import RawScan as RawScan
+    from millisight.capture.scan import ScanRow as ScanRow
     from millisight.capture.simulate import simulate as simulate
     from millisight.capture.trajectory import Trajectory as Trajectory
     from millisight.imaging.exact import image_at as image_at
@@ -28,6 +35,8 @@ if TYPE_CHECKING:
     from millisight.imaging.grid import VoxelGrid as VoxelGrid
     from millisight.imaging.image import SarImage as SarImage
     from millisight.imaging.image import combine as combine
+    from millisight.io.description import read_capture as read_capture
+    from millisight.io.description import read_scan as read_scan
     from millisight.io.hdf5 import load as load
     from millisight.io.hdf5 import open_capture as open_capture
     from millisight.io.hdf5 import save as save
@@ -40,13 +49,19 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "AntennaArray": "capture.radar",
+    "CameraFrame": "capture.camera",
+    "CameraMask": "capture.camera",
     "Capture": "capture.capture",
+    "ClockCorrection": "capture.clock",
+    "Intrinsics": "capture.camera",
     "Mask": "perception.segmentation",
     "Material": "scene.material",
     "PixelGrid": "imaging.grid",
     "Prediction": "perception.classification",
     "Radar": "capture.radar",
+    "RawScan": "capture.scan",
     "SarImage": "imaging.image",
+    "ScanRow": "capture.scan",
     "Scene": "scene.scene",
     "SceneObject": "scene.scene",
     "Trajectory": "capture.trajectory",
@@ -59,6 +74,9 @@ _HOMES = {
     "image_at": "imaging.exact",
     "load": "io.hdf5",
     "open_capture": "io.hdf5",
+    "read_capture": "io.description",
+    "read_scan": "io.description",
+    "retime": "capture.clock",
     "save": "io.hdf5",
     "simulate": "capture.simulate",
 }
