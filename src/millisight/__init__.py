@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from millisight.imaging.grid import VoxelGrid as VoxelGrid
     from millisight.imaging.image import SarImage as SarImage
     from millisight.imaging.image import combine as combine
+    from millisight.imaging.synchronise import estimate_clock as estimate_clock
     from millisight.io.description import read_capture as read_capture
     from millisight.io.description import read_scan as read_scan
     from millisight.io.hdf5 import load as load
@@ -70,6 +71,7 @@ _HOMES = {
     "Waveform": "capture.radar",
     "add_noise": "capture.noise",
     "combine": "imaging.image",
+    "estimate_clock": "imaging.synchronise",
     "form_image": "imaging.form",
     "image_at": "imaging.exact",
     "load": "io.hdf5",

@@ -55,8 +55,7 @@ def formats(folder: Path) -> list[Format]:
     from millisight.io.packets import assemble_packets, read_packets
     from millisight.io.pickles import read_pickle
     from millisight.io.position2go import read_position2go
-
-    # from millisight.io.robot_log import read_robot_log
+    from millisight.io.robot_log import read_robot_log
     from millisight.io.ti_config import read_ti_config
 
     def bin_file(path: Path) -> None:
@@ -85,7 +84,7 @@ def formats(folder: Path) -> list[Format]:
         Format("camera pickle", make.pickled(4), read_pickle, 2),
         Format("old pickle", make.pickled(0), read_pickle, 1),
         Format("description", DESCRIPTION.encode(), lambda p: read_capture(p, data=folder), 0, text=True),
-        # Format("robot log", LOG.encode(), read_robot_log, 16, text=True),
+        Format("robot log", LOG.encode(), read_robot_log, 16, text=True),
         Format("experiment info", INFO.encode(), read_info, 1, text=True),
         Format("manifest", make.manifest(), manifest, 0, text=True),
         Format("hdf5", make.hdf5(), load, 8),
