@@ -53,7 +53,7 @@ def each(
     numbered = list(enumerate(things))
     if workers == 1 or len(numbered) < 2:
         for number, thing in numbered:
-            yield Outcome(number, *_attempt(function, thing))
+            yield Outcome(number, *attempt(function, thing))
         return
     unsure: list[tuple[int, T]] = []
     yield from _pooled(function, numbered, workers, unsure)
@@ -77,7 +77,7 @@ def _pooled(
             with _ctrl_c_held():  # the processes are started here
                 # Two things for each: enough that none waits, few to repeat if the pool breaks.
                 while waiting and len(running) < 2 * workers:
-                    running[pool.submit(_attempt, function, waiting[0][1])] = waiting[0]
+                    running[pool.submit(attempt, function, waiting[0][1])] = waiting[0]
                     waiting.popleft()
             for future in wait(running, return_when=FIRST_COMPLETED).done:
                 yield Outcome(running[future][0], *future.result())
@@ -104,7 +104,8 @@ def _ctrl_c_held() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _attempt(function: Callable[[T], Any], thing: T) -> tuple[Any, str]:
+def attempt(function: Callable[[T], Any], thing: T) -> tuple[Any, str]:
+    """The function's result, or else why there is none."""
     try:
         return function(thing), ""
     except MillisightError as error:
