@@ -74,16 +74,15 @@ polynomial = inline(_polynomial, fastmath=True)
 
 
 @kernel(fastmath=True, error_model="numpy")
-def surface_echoes(channels, antennas, light, legs, table, starts, centers, cones, surface, coherent, diffuse,
-                   carrier, half_band, first_bin, width, bins):  # fmt: skip
+def surface_echoes(channels, antennas, light, legs, table, starts, centers, cones, surface, coherent, terms,
+                   diffuse, carrier, half_band, first_bin, width, bins):  # fmt: skip
     """Add the echoes of all patches: Kirchhoff's integral over what both antennas see (see `optics`).
 
-    cones (G, 5): mean normal of a cluster, sine of the largest angle to it, radius [m]; clusters that face away, or
-    that nobody sees, are passed over. coherent (S, J, 2, 9), diffuse (S, 9): see `surface.fitted`.
+    cones (G, 5): mean normal of a cluster, sine of the largest angle to it, radius [m]; clusters that face away are
+    passed over. coherent (S, 3, 2, 9), terms (S,), diffuse (S, 9): see `surface.fitted`.
     """
     carrier32, slope32 = _f32(carrier), _f32(half_band)
     wave_number = _f32(2 * math.pi * carrier)
-    terms = coherent.shape[1]
     for c in prange(len(channels)):
         t, r = channels[c, 0], channels[c, 1]
         light_t, light_r = light[t], light[r]
@@ -106,18 +105,19 @@ def surface_echoes(channels, antennas, light, legs, table, starts, centers, cone
             gx, gy, gz = legs[t, g, 2] + legs[r, g, 2], legs[t, g, 3] + legs[r, g, 3], legs[t, g, 4] + legs[r, g, 4]
             kx, ky, kz = legs[t, g, 5] + legs[r, g, 5], legs[t, g, 6] + legs[r, g, 6], legs[t, g, 7] + legs[r, g, 7]
             tilt = complex(legs[t, g, 8] + legs[r, g, 8], legs[t, g, 9] + legs[r, g, 9])
-            for j in range(terms):
+            for j in range(terms[surface[g]]):
                 law_re, law_im, rough = coherent[surface[g], j, 0], coherent[surface[g], j, 1], diffuse[surface[g]]
                 random = _ONE if j == 0 else _ZERO
                 r0 = r1 = r2 = r3 = r4 = r5 = r6 = _ZERO
                 i0 = i1 = i2 = i3 = i4 = i5 = i6 = _ZERO
-                # No store in this loop, so that it becomes vector code.
-                for p in range(starts[g], starts[g + 1]):
+                # Vector code, since nothing is stored, and since unsigned indices cannot count from an array's end.
+                for p in range(np.uint64(starts[g]), np.uint64(starts[g + 1])):
                     x, y, z = table[0, p], table[1, p], table[2, p]
                     nx, ny, nz = table[3, p], table[4, p], table[5, p]
                     px, py, pz, qx, qy, qz = ax - x, ay - y, az - z, bx - x, by - y, bz - z
-                    p_long, q_long = _distance(px, py, pz), _distance(qx, qy, qz)
-                    p_over, q_over = _ONE / p_long, _ONE / q_long
+                    p_square, q_square = px * px + py * py + pz * pz, qx * qx + qy * qy + qz * qz
+                    p_over, q_over = _ONE / math.sqrt(p_square), _ONE / math.sqrt(q_square)
+                    p_long, q_long = p_square * p_over, q_square * q_over
                     cos_t, cos_r = (px * nx + py * ny + pz * nz) * p_over, (qx * nx + qy * ny + qz * nz) * q_over
                     # |a - x| - |a| = (x² - 2 a x) / (|a - x| + |a|), without cancellation.
                     square = x * x + y * y + z * z
@@ -188,4 +188,4 @@ def _add_tilted(series, tilt, power, total):
     for k in range(ORDER - power):
         for m in range(ORDER - power - k):
             total[m + k + power] += series[m] * factor
-        factor = factor * tilt / (k + 1)
+        factor = factor * (tilt * (1.0 / (k + 1)))

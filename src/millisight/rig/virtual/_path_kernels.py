@@ -14,6 +14,12 @@ _wrapped = inline(wave.wrapped)
 _cosine = inline(wave.cosine)
 _sine = inline(wave.sine)
 
+FULL_SLOPE, NO_SLOPE = 0.4, 0.8
+"""Slope of the path over the second face up to which a double bounce counts in full, and from which not at all."""
+
+MOST_PHASE = 4.3
+"""On a patch, off that of its centroid, for which its series is made; a slant may stretch a tube of rays beyond."""
+
 _PLANE = 1e-6  # nearer to a sheet than this [m], a place lies in it and not behind it
 
 
@@ -140,78 +146,70 @@ def _fringe(angle, n):
 
 
 @kernel(error_model="numpy")
-def bounce_echoes(channels, antennas, legs, first, second, centroids, corners, normals, areas, cluster, centers,
-                  surface, coherent, carrier, half_band, first_bin, width, bins):  # fmt: skip
-    """Add echoes of waves that patch first[i] mirrors onto the plane of patch second[i]: see `bounce.py`."""
+def bounce_echoes(channels, antennas, legs, pairs, clusters, centers, surface, coherent, carrier, half_band, first_bin,
+                  width, bins):  # fmt: skip
+    """Add echoes of waves that one patch mirrors onto another's plane: see `bounce`.
+
+    pairs (M, 20): centroid of the first patch; its normal; normal of the second; from the first's centroid to two of
+    its corners; its area; its height over the second's plane; its place in its cluster. clusters (M, 2): of both.
+    """
     for c in prange(len(channels)):
         t, r = channels[c, 0], channels[c, 1]
-        for i in range(len(first)):
-            a, b = first[i], second[i]
-            n, m = normals[a], normals[b]
+        for i in range(len(pairs)):
+            s = pairs[i]
             # From the transmitter to the first patch, and on in the mirrored direction w.
-            x, y, z = _between(antennas[t], centroids[a])
+            x, y, z = _between(antennas[t], s)
             one = _distance(x, y, z)
-            x, y, z = x / one, y / one, z / one
-            cos_a = -(x * n[0] + y * n[1] + z * n[2])
+            over = 1 / one
+            cos_a = -over * _along(s, 3, x, y, z)
             if cos_a <= 0:
                 continue
-            wx, wy, wz = x + 2 * cos_a * n[0], y + 2 * cos_a * n[1], z + 2 * cos_a * n[2]
-            cos_b = -(wx * m[0] + wy * m[1] + wz * m[2])
-            if cos_b < 0.02:
+            wx, wy, wz = x * over + 2 * cos_a * s[3], y * over + 2 * cos_a * s[4], z * over + 2 * cos_a * s[5]
+            cos_b = -_along(s, 6, wx, wy, wz)
+            if cos_b < 0.02 or s[16] <= 0:
                 continue
-            x, y, z = _between(centroids[b], centroids[a])
-            two = (x * m[0] + y * m[1] + z * m[2]) / cos_b
-            if two <= 0:
-                continue
-            hx, hy, hz = centroids[a, 0] + two * wx, centroids[a, 1] + two * wy, centroids[a, 2] + two * wz
-            vx, vy, vz = _between((hx, hy, hz), antennas[r])
+            slant = 1 / cos_b
+            two = s[16] * slant
+            # Where it meets the second plane, and from there to the receiver, in direction v.
+            hit = s[0] + two * wx, s[1] + two * wy, s[2] + two * wz
+            vx, vy, vz = _between(hit, antennas[r])
             three = _distance(vx, vy, vz)
-            vx, vy, vz = vx / three, vy / three, vz / three
-            cos_s = vx * m[0] + vy * m[1] + vz * m[2]
+            back = 1 / three
+            vx, vy, vz = vx * back, vy * back, vz * back
+            cos_s = _along(s, 6, vx, vy, vz)
             if cos_s <= 0:
                 continue
+            # How fast the path changes over the second plane.
             onto = cos_b + cos_s
-            slope = _distance(wx - vx + onto * m[0], wy - vy + onto * m[1], wz - vz + onto * m[2])
-            if slope >= 0.8:
+            gx, gy, gz = wx - vx + onto * s[6], wy - vy + onto * s[7], wz - vz + onto * s[8]
+            slope = _distance(gx, gy, gz)
+            if slope >= NO_SLOPE:
                 continue
             # The tube of rays has grown on its way, and falls on the second face at a slant.
-            growth = (one + two) / one
-            area = areas[a] * cos_a * growth * growth / cos_b
-            phases = (
-                _slip(corners, centroids, a, 0, m, wx, wy, wz, vx, vy, vz, cos_b),
-                _slip(corners, centroids, a, 1, m, wx, wy, wz, vx, vy, vz, cos_b),
-            )
+            growth = 1 + two * over
+            area = s[15] * cos_a * growth * growth * slant
+            # Displaced by e on the first face, a ray falls e + w (e m) / cos_b aside on the second, times its growth.
             turn = -2 * math.pi * carrier * growth
-            if max(abs(phases[0]), abs(phases[1]), abs(phases[0] + phases[1])) * abs(turn) > 4.3:
-                continue  # more than a patch may, which only few do below that slope
-            form_re, form_im = form_factor(np.float32(turn * phases[0]), np.float32(turn * phases[1]))
-            obliquity = (cos_b + cos_s) / 2
-            law_a, law_b = coherent[surface[cluster[a]], 0], coherent[surface[cluster[b]], 0]
+            along_w = _dot(gx, gy, gz, wx, wy, wz) * slant
+            p = turn * (_along(s, 9, gx, gy, gz) + along_w * _along(s, 9, s[6], s[7], s[8]))
+            q = turn * (_along(s, 12, gx, gy, gz) + along_w * _along(s, 12, s[6], s[7], s[8]))
+            if max(abs(p), abs(q), abs(p + q)) > MOST_PHASE:
+                continue
+            form_re, form_im = form_factor(np.float32(p), np.float32(q))
+            obliquity = onto / 2
+            law_a, law_b = coherent[surface[clusters[i, 0]], 0], coherent[surface[clusters[i, 1]], 0]
             at_a, at_b = np.float32(2 * cos_a - 1), np.float32(2 * obliquity - 1)
             mirror = complex(polynomial(law_a[0], at_a), polynomial(law_a[1], at_a))
-            mirror *= complex(polynomial(law_b[0], at_b), polynomial(law_b[1], at_b))
-            leg_t, leg_r = legs[t, cluster[a]], legs[r, cluster[b]]
-            dx, dy, dz = _between(centers[cluster[a]], centroids[a])
-            ex, ey, ez = _between(centers[cluster[b]], (hx, hy, hz))
-            gain = _amplitude_at(leg_t, dx, dy, dz) * _amplitude_at(leg_r, ex, ey, ez)
-            cycles = _cycles_at(leg_t, dx, dy, dz) + _cycles_at(leg_r, ex, ey, ez)
-            if slope > 0.4:
-                gain *= (1 + math.cos(math.pi * (slope / 0.4 - 1))) / 2
-            value = 1j * gain * carrier * area * obliquity / ((one + two) * three) * mirror * complex(form_re, form_im)
-            _deposit(value, one + two + three, cycles, _tilt(leg_t, leg_r), carrier, half_band, first_bin, width,
-                     bins[c])  # fmt: skip
-
-
-@inline
-def _slip(corners, centroids, a, k, m, wx, wy, wz, vx, vy, vz, cos_b):
-    """How much longer the path is through corner k of patch a than through its centroid, rays being parallel.
-
-    Displaced by e on the first face, a ray falls e + w (e m) / cos_b aside on the second, whose normal is m; there the
-    path grows along w - v, with v the direction to the receiver.
-    """
-    x, y, z = _between(centroids[a], corners[a, k])
-    part = (x * m[0] + y * m[1] + z * m[2]) / cos_b
-    return (wx - vx) * (x + part * wx) + (wy - vy) * (y + part * wy) + (wz - vz) * (z + part * wz)
+            mirror *= complex(polynomial(law_b[0], at_b), polynomial(law_b[1], at_b)) * complex(form_re, form_im)
+            leg_t, leg_r = legs[t, clusters[i, 0]], legs[r, clusters[i, 1]]
+            ex, ey, ez = _between(centers[clusters[i, 1]], hit)
+            gain = _amplitude_at(leg_t, s[17], s[18], s[19]) * _amplitude_at(leg_r, ex, ey, ez)
+            if slope > FULL_SLOPE:
+                gain *= (1 + math.cos(math.pi * (slope - FULL_SLOPE) / (NO_SLOPE - FULL_SLOPE))) / 2
+            size = gain * carrier * area * obliquity * back / (one + two)
+            cycles = _cycles_at(leg_t, s[17], s[18], s[19]) + _cycles_at(leg_r, ex, ey, ez)
+            _deposit(complex(-size * mirror.imag, size * mirror.real), one + two + three, cycles, _tilt(leg_t, leg_r),
+                     carrier, half_band, first_bin, width, bins[c])  # fmt: skip
 
 
 @inline
@@ -224,6 +222,11 @@ def _between(start, stop):
 def _along(s, k, x, y, z):
     """(x, y, z) along the vector that starts at s[k]."""
     return s[k] * x + s[k + 1] * y + s[k + 2] * z
+
+
+@inline
+def _dot(ax, ay, az, bx, by, bz):
+    return ax * bx + ay * by + az * bz
 
 
 @inline
@@ -248,7 +251,8 @@ def _deposit(value, path, cycles, tilt, carrier, half_band, first_bin, width, bi
     over = path - b * width
     late = _wrapped(carrier * over + cycles)
     value = value * complex(_cosine(late), -_sine(late))
-    slope = tilt - 1j * half_band * over
+    re, im, slope_re, slope_im = value.real, value.imag, tilt.real, tilt.imag - half_band * over
     for m in range(ORDER):
-        bins[b - first_bin, m] += value
-        value = value * slope / (m + 1)
+        bins[b - first_bin, m] += complex(re, im)
+        share = 1.0 / (m + 1)
+        re, im = share * (re * slope_re - im * slope_im), share * (re * slope_im + im * slope_re)

@@ -6,8 +6,8 @@ of rays, weaker by the first reflection and by its growing width; what leaves fr
 tube's footprint. Both orders of a pair of faces are found, each from its own first patch. Which patches make a pair
 is settled once for all antennas in a cell of space; lengths and angles are each channel's own.
 
-A pair counts in full where the path changes by less than 0.4 over the length on the second face, as it does about a
-mirror's direction, and not at all from 0.8 on, where neighbours cancel.
+A pair counts where the path hardly changes over the second face, as it does about a mirror's direction; elsewhere
+neighbours cancel but for what the ends of a face leave over, and that is dropped.
 
 The amplitude is that of a wave polarised along or across the fold between the faces. At 45 degrees to it, a conductor's
 fold turns the polarisation and a linearly polarised radar sees nothing; that is not followed.
@@ -15,10 +15,11 @@ fold turns the polarisation and a linearly polarised radar sees nothing; that is
 
 import numpy as np
 
+from millisight.rig.virtual._path_kernels import NO_SLOPE
 from millisight.rig.virtual.rays import LIFT, Rays
 
 _SLANT = 0.05  # cosine of incidence under which a face mirrors nothing onward
-_SLOPE = 1.0  # of the path on the second face: 0.8, and what changes over a cell
+_OVER_A_CELL = 0.2  # by which the slope of a path changes at most
 
 
 def bounce_pairs(
@@ -41,7 +42,7 @@ def bounce_pairs(
     back /= np.linalg.norm(back, axis=1, keepdims=True)
     down, up = np.einsum("ni,ni->n", mirrored[kept], onto), np.einsum("ni,ni->n", back, onto)
     slope = mirrored[kept] - back - (down - up)[:, None] * onto
-    kept = kept[(down < -_SLANT) & (up > 0) & (np.linalg.norm(slope, axis=1) < _SLOPE)]
+    kept = kept[(down < -_SLANT) & (up > 0) & (np.linalg.norm(slope, axis=1) < NO_SLOPE + _OVER_A_CELL)]
     kept = kept[~rays.blocked(start[kept], place)]
     kept = kept[~rays.blocked(hit[kept] + LIFT * normals[second[kept]], place)]
     return first[kept], second[kept]

@@ -13,6 +13,7 @@ from millisight.rig.virtual.rays import Rays
 
 _CELLS = 8  # in the distance to the targets
 
+
 class Sight:
     """The views of targets that block one another.
 
@@ -48,17 +49,16 @@ class Sight:
         """(A, V) uint8: how much of each target antennas (A, 3) see, 255: all."""
         if self._each:
             return np.stack([self._view(antenna) for antenna in antennas])
-        light = np.zeros((len(antennas), len(self._targets)), dtype=np.uint8)
         cells = self._cells(antennas)
-        for cell in np.unique(cells, axis=0):
-            here = np.flatnonzero((cells == cell).all(axis=1))
-            place = (antennas[here] - self._anchor) / self._side - cell
-            weights = np.where(self._flat, 1.0, np.where(self._steps[:, None] == 1, place, 1 - place)).prod(axis=2).T
-            shares = np.floor(FULL * weights).astype(np.uint8)
-            # They add up to 255, so that what all corners see is seen in full.
-            shares[np.arange(len(here)), shares.argmax(axis=1)] += (FULL - shares.sum(axis=1)).astype(np.uint8)
-            for share, step in zip(shares.T, self._steps, strict=True):
-                light[here] += share[:, None] & self._corner(cell + step)  # a view is 0 or, all bits set, 255
+        places = ((antennas - self._anchor) / self._side - cells)[:, None]
+        weights = np.where(self._flat, 1.0, np.where(self._steps == 1, places, 1 - places)).prod(axis=2)
+        shares = np.floor(FULL * weights).astype(np.uint8)
+        # They add up to 255, so that what all corners see is seen in full.
+        shares[np.arange(len(shares)), shares.argmax(axis=1)] += (FULL - shares.sum(axis=1)).astype(np.uint8)
+        light = np.zeros((len(antennas), len(self._targets)), dtype=np.uint8)
+        for row, cell, share in zip(light, cells, shares, strict=True):
+            for part, step in zip(share, self._steps, strict=True):
+                row += part & self._corner(cell + step)  # a view is 0 or, all bits set, 255
         return light
 
     def _cells(self, places: np.ndarray) -> np.ndarray:

@@ -14,6 +14,8 @@ from millisight.scene.material import Material
 DEGREE = 8
 """Of the polynomials in the cosine of incidence that stand for a surface in the kernels."""
 
+_LINEAR_FROM, _SQUARE_FROM = 0.02, 0.3
+
 
 @record
 class Surface:
@@ -66,10 +68,14 @@ class Surface:
         """(2 k σ cos θ)², the variance of the phase that heights give the reflected wave."""
         return (2 * _wave_number(frequency) * self.roughness * checked_cosine(cosine)) ** 2
 
-    @property
-    def disperses(self) -> bool:
-        """Whether the reflection changes within a radar's band: waves run to and fro in layers."""
-        return bool(self.layers)
+    def terms(self, half_band: float) -> int:
+        """How many powers of the frequency, from -1 to 1 over `half_band` [Hz] to either side, tell the reflection.
+
+        It changes as waves run to and fro in the layers; in proportion to their phase, then to its square.
+        """
+        to_and_fro = 2 * sum(abs(permittivity) ** 0.5 * thickness for permittivity, thickness in self.layers)
+        phase = 2 * np.pi * half_band / SPEED_OF_LIGHT * to_and_fro
+        return 1 + int(phase > _LINEAR_FROM) + int(phase > _SQUARE_FROM)
 
 
 def permittivity_at(material: Any, frequency: float) -> complex:
@@ -100,7 +106,7 @@ def polynomials(values: np.ndarray, cosines: np.ndarray) -> np.ndarray:
     return coefficients.reshape(DEGREE + 1, *values.shape[1:])
 
 
-def fitted(surfaces: Sequence[Surface], center: float, half_band: float) -> tuple[np.ndarray, np.ndarray]:
+def fitted(surfaces: Sequence[Surface], center: float, half_band: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The surfaces as the kernels take them: what they return at every angle and frequency of a band.
 
     Parameters
@@ -110,17 +116,19 @@ def fitted(surfaces: Sequence[Surface], center: float, half_band: float) -> tupl
 
     Returns
     -------
-    coherent : (S, J, DEGREE + 1) complex64: `coherent` is the sum over j of polynomial j in 2 cos θ - 1 times ν^j, with
-        ν the frequency from -1 to 1 across the band. J is 1 where no surface disperses
+    coherent : (S, 3, DEGREE + 1) complex64: `coherent` is the sum over j of polynomial j in 2 cos θ - 1 times ν^j, with
+        ν the frequency from -1 to 1 across the band
+    terms : (S,) how many j count, see `Surface.terms`
     diffuse : (S, DEGREE + 1) float32: polynomial of `diffuse` at the band's centre
     """
     cosines = (1 + np.cos(np.pi * (np.arange(64) + 0.5) / 64)) / 2
-    terms = 3 if half_band and any(s.disperses for s in surfaces) else 1
-    nodes = np.array([0.0]) if terms == 1 else np.array([-1.0, 0.0, 1.0])
-    in_powers = np.linalg.inv(np.vander(nodes, terms, increasing=True))
-    coherent, diffuse = [], []
-    for surface in surfaces:
+    terms = np.array([surface.terms(half_band) for surface in surfaces])
+    coherent = np.zeros((len(surfaces), 3, DEGREE + 1), dtype=np.complex64)
+    diffuse = np.zeros((len(surfaces), DEGREE + 1), dtype=np.float32)
+    for i, surface in enumerate(surfaces):
+        nodes = np.linspace(-1, 1, terms[i]) if terms[i] > 1 else np.array([0.0])
+        in_powers = np.linalg.inv(np.vander(nodes, terms[i], increasing=True))
         band = surface.coherent(center + half_band * nodes, cosines[:, None])
-        coherent.append(polynomials(band @ in_powers.T, cosines).T)
-        diffuse.append(polynomials(surface.diffuse(center, cosines), cosines))
-    return np.array(coherent, dtype=np.complex64), np.array(diffuse, dtype=np.float32)
+        coherent[i, : terms[i]] = polynomials(band @ in_powers.T, cosines).T
+        diffuse[i] = polynomials(surface.diffuse(center, cosines), cosines)
+    return coherent, terms, diffuse

@@ -96,7 +96,8 @@ class Targets:
         self._corners, self._centroids, self._normals = patches.corners, patches.centroids, patches.normals
         self._areas, self._cluster, self._centers = patches.areas, patches.cluster, patches.centers
         self._table, self._cones = _patch_table(patches, band, _phasors(surfaces, patches, rng)), _cones(patches)
-        self._coherent, self._diffuse = _laws(surfaces, band)
+        coherent, self._terms, self._diffuse = fitted(surfaces, band.center, band.half)
+        self._coherent = np.stack([np.real(coherent), np.imag(coherent)], axis=2)
         self._sheets, self._sheet_tables = sheet_tables(sheets, band.center, band.half)
         self._exponents = np.zeros(2) if antenna is None else antenna.exponents
 
@@ -130,10 +131,17 @@ class Targets:
             )
 
     def bounces_from(self, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(M,) first and (M,) second patches of double bounces for antennas about `place` (3,) [m]."""
+        """Double bounces for antennas about `place` (3,) [m]: (M, 20) and (M, 2), see `_path_kernels.bounce_echoes`."""
         solid = self._solid
         first, second = bounce_pairs(place, self._centroids[solid], self._normals[solid], self.rays)
-        return solid[first], solid[second]
+        first, second = solid[first], solid[second]
+        start, normal = self._centroids[first], self._normals[second]
+        columns = (
+            start, self._normals[first], normal, self._corners[first, 0] - start, self._corners[first, 1] - start,
+            self._areas[first], np.einsum("mi,mi->m", start - self._centroids[second], normal),
+            start - self._centers[self._cluster[first]],
+        )  # fmt: skip
+        return np.column_stack(columns), self._cluster[np.column_stack([first, second])]
 
     def frames(
         self,
@@ -149,7 +157,7 @@ class Targets:
         antennas : (P, T + R, 3) transmitters, then receivers [m]
         axes : (P, 3, 3) the radar's x, y and -z
         light : (P (T + R), V) how much of `places` each antenna sees
-        pairs : of double bounces, or None
+        pairs : see `bounces_from`, or None
         """
         poses, count = antennas.shape[:2]
         transmitters = len(self._radar.array.tx_positions)
@@ -165,7 +173,7 @@ class Targets:
         scale = self._band.carrier, self._band.slope, lowest, self._band.width
         _kernels.surface_echoes(
             channels, flat, light, legs, self._table, self._starts, self._centers, self._cones, self._surface,
-            self._coherent, self._diffuse, *scale, bins,
+            self._coherent, self._terms, self._diffuse, *scale, bins,
         )  # fmt: skip
         if len(self._edges):
             _path_kernels.edge_echoes(
@@ -173,9 +181,8 @@ class Targets:
             )
         if pairs is not None:
             _path_kernels.bounce_echoes(
-                channels, flat, legs, *pairs, self._centroids, self._corners, self._normals, self._areas,
-                self._cluster, self._centers, self._surface, self._coherent, *scale, bins,
-            )  # fmt: skip
+                channels, flat, legs, *pairs, self._centers, self._surface, self._coherent, *scale, bins
+            )
         samples = product(bins.reshape(len(bins), -1), self._bin_matrix(lowest, bins.shape[1]))
         return samples.reshape(poses, transmitters, count - transmitters, -1)
 
@@ -235,12 +242,6 @@ def _cones(patches: Patches) -> np.ndarray:
     """(G, 5) see `_kernels.surface_echoes`."""
     away = np.linalg.norm(patches.centroids - patches.centers[patches.cluster], axis=1)
     return np.column_stack([patches.cones, np.maximum.reduceat(away, patches.starts[:-1])])
-
-
-def _laws(surfaces: Sequence[Surface], band: Band) -> tuple[np.ndarray, np.ndarray]:
-    """(S, J, 2, 9) and (S, 9) float32: `surface.fitted`, real and imaginary part apart."""
-    coherent, diffuse = fitted(surfaces, band.center, band.half)
-    return np.ascontiguousarray(np.stack([np.real(coherent), np.imag(coherent)], axis=2)), diffuse
 
 
 def _edge_table(
