@@ -43,6 +43,16 @@ def test_a_whole_object_at_once(mug, tmp_path):
     code, out, err = run("image", mug, "--grid", "2cm", "-o", "images", "--resume", cwd=tmp_path)
     assert code == 0, err
     assert "imaged 1 of 8 captures, 7 done before" in out
+    (tmp_path / "pictures" / f"{MUG}.0_0_90.exp1.los.24_ghz.png").unlink()
+    arguments = ["image", mug / "robot_collected" / "0_0_90" / "exp1", "--radar", "24_ghz", "-o", "images", "--resume"]
+    code, out, err = run(*arguments, "--grid", "2cm", "--plot", "pictures", cwd=tmp_path)
+    assert code == 0, err
+    assert "imaged 0 of 2 captures, 2 done before" in out
+    assert (tmp_path / "pictures" / f"{MUG}.0_0_90.exp1.los.24_ghz.png").exists()
+    code, out, err = run(*arguments, "--grid", "3cm", cwd=tmp_path)  # other options, another image
+    assert code == 0, err
+    assert "imaged 2 of 2 captures" in out
+    kept = {name: time for name, time in kept.items() if ".exp1." not in name or ".24_ghz." not in name}
     now = {path.name: path.stat().st_mtime_ns for path in (tmp_path / "images").iterdir()}
     assert set(now) == set(images)
     assert {name: now[name] for name in kept} == kept
@@ -59,18 +69,42 @@ def test_a_bad_experiment_does_not_stop_the_rest(mug, miniature, tmp_path):
     assert len(list((tmp_path / "images").iterdir())) == 1
 
 
+def test_what_is_odd_about_an_experiment_is_said(miniature, tmp_path):
+    gap = fault_folder(miniature.faults, "zero_gap")
+    code, out, err = run("image", gap, "--grid", "2cm", "-o", "i.h5", cwd=tmp_path)
+    assert code == 0, err
+    assert "1 lost" in out
+    assert "warning: adc_data1700000001.bin: 1 of 14 frames lost, wholly or in part" in out
+
+
+def test_a_converted_dataset_is_imaged_too(mug, miniature, tmp_path):
+    code, _, err = run("dataset", "convert", miniature.healthy, "--object", MUG, "-o", "converted", cwd=tmp_path)
+    assert code == 0, err
+    arguments = ["--radar", "77_ghz", "--grid", "2cm", "-o"]
+    code, out, err = run("image", tmp_path / "converted" / MUG, *arguments, "a", cwd=tmp_path)
+    assert code == 0, err
+    assert "imaged 4 of 4 captures" in out
+    code, _, err = run("image", mug, *arguments, "b", cwd=tmp_path)
+    assert code == 0, err
+    names = sorted(path.name for path in (tmp_path / "b").iterdir())
+    assert sorted(path.name for path in (tmp_path / "a").iterdir()) == names
+    for name in names:
+        np.testing.assert_array_equal(ms.load(tmp_path / "a" / name).values, ms.load(tmp_path / "b" / name).values)
+
+
 def test_a_background_is_subtracted_from_every_frame(mug, miniature, tmp_path):
     los = next(mug.glob("robot_collected/*/exp1/los"))
     arguments = ["image", los, "--radar", "24_ghz", "--grid", "2cm"]
     code, _, err = run(*arguments, "-o", "with.h5", cwd=tmp_path)
     assert code == 0, err
     empty = miniature.healthy / "000_background"
+    raw = mug / "robot_collected" / "0_0_90" / "exp1" / "nlos" / "unprocessed" / "radars" / "24_ghz"
     code, _, err = run(*arguments, "--background", empty, "-o", "without.h5", cwd=tmp_path)
     assert code == 0, err
     before, after = ms.load(tmp_path / "with.h5"), ms.load(tmp_path / "without.h5")
     assert "subtract_background" in [step["step"] for step in after.metadata["history"]]
     assert np.abs(before.values - after.values).max() > 0.01 * before.magnitude.max()
-    line = refused(*arguments[:2], "--radar", "77_ghz", "--background", empty, "-o", "x.h5", cwd=tmp_path)
+    line = refused("image", los, "--radar", "77_ghz", "--background", raw, "-o", "x.h5", cwd=tmp_path)
     assert "holds no capture of the 77_ghz radar" in line
 
 
@@ -127,6 +161,40 @@ def test_a_plain_folder_with_a_description(described, tmp_path):
     assert "cube.npz" in refused("image", "scan", "-o", "i.h5", cwd=tmp_path)
     code, _, err = run("image", "scan", "--data", "elsewhere", "-o", "i.h5", cwd=tmp_path)
     assert code == 0, err
+
+
+def test_a_forgotten_unit_and_a_wrong_order_are_warned_of(described, mug, tmp_path):
+    folder, _ = described
+    text = DESCRIPTION.replace("step = [0.01, 0.01]", "step = [10, 10]")
+    (folder / "scan.toml").write_text(text)
+    code, out, err = run("image", "scan", "-o", "i.h5", cwd=tmp_path)
+    assert code == 0, err
+    assert "warning: the aperture is 100 m large; is the unit of the positions right?" in out
+    raw = next(mug.glob("robot_collected/*/exp1/los/unprocessed/radars/77_ghz/radar_data/*.bin"))
+    (folder / "scan.toml").write_text(WRONG_ORDER.format(path=raw))
+    code, out, err = run("image", "scan", "-o", "i.h5", cwd=tmp_path)
+    assert code == 0, err
+    assert f"warning: {raw.name}: order two-lane interleaved (declared) does not fit" in out
+
+
+WRONG_ORDER = """
+[radar]
+preset = "iwr1443"
+
+[frames]
+file = "{path}"
+samples = 512
+order = "two-lane interleaved"
+phase_sign = 1
+
+[positions]
+raster = {{ step = 0.002, counts = [1, 14] }}
+
+[image]
+lower = [0, 0, -0.3]
+upper = [0.01, 0.01, -0.3]
+spacing = 0.01
+"""
 
 
 def test_what_holds_no_capture_is_refused(tmp_path, described):

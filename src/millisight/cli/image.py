@@ -33,6 +33,12 @@ class _Settings:
     outline: str | None
     db: bool
 
+    @property
+    def asked(self) -> dict[str, Any]:
+        """What decides the image's values, as its metadata hold it."""
+        values = {name: getattr(self, name) for name in ("grid", "method", "window", "clock")}
+        return {**values, "background": [source.name for source in self.background]}
+
 
 @dataclass(frozen=True, slots=True)
 class _Outputs:
@@ -142,6 +148,12 @@ def image(
         db=db,
     )
     found = sources(captures, radar)
+    empties = {(source.path, source.radar) for source in settings.background}
+    found = [source for source in found if (source.path, source.radar) not in empties]
+    if settings.background and not {source.radar for source in found} & {radar for _, radar in empties}:
+        raise InputError(
+            "--background holds no capture of a radar that is to be imaged; pass one, or choose with --radar"
+        )
     if len(found) == 1:
         outputs = _Outputs(output or _image_path(found[0], None), plot, slices)
         check_outputs(outputs.image, figures=(plot, slices), source=found[0].path)
@@ -172,11 +184,11 @@ def _image_all(
             None if plot is None else plot / f"{source.name}.png",
             None if slices is None else slices / f"{source.name}.slices.png",
         )
-        if resume and outputs.image.exists():
-            passed_over += 1
-            continue
         say(label)
         try:
+            if resume and _done(outputs, settings):
+                passed_over += 1
+                continue
             check_outputs(outputs.image, figures=(outputs.plot, outputs.slices), source=source.path)
             _image_one(source, outputs, settings, label=f"[{number}/{len(found)}] ")
         except (MillisightError, MemoryError, OSError) as error:
@@ -195,16 +207,47 @@ def _image_one(source: Source, outputs: _Outputs, settings: _Settings, *, label:
     from millisight.io.hdf5 import save
 
     with source.opened(settings.data, f"{label}read") as opened:
+        for note in (*opened.notes, *_oddities(opened.capture)):
+            say(note)
         capture = _without_background(opened.capture, source, settings)
         mesh = None if settings.outline is None else outline_mesh(settings.outline, capture)
         voxels = parse_grid(settings.grid, capture)
         capture = _on_time(Opened(capture, opened.log), voxels, settings.clock, label)
         say(f"grid: {' x '.join(map(str, voxels.shape))} voxels, {capture.channels} channels")
         formed = _form(capture, voxels, settings, label)
-    save(outputs.image, formed)
+    save(outputs.image, SarImage(grid=formed.grid, values=formed.values, metadata=_told(formed, settings)))
     say(f"peak: {formed.magnitude.max():.4g} at {', '.join(f'{p * 100:.1f}' for p in formed.peak)} cm")
     say(f"wrote {outputs.image}")
     _draw(formed, mesh, outputs, "db" if settings.db else "linear")
+
+
+def _told(formed: SarImage, settings: _Settings) -> dict[str, Any]:
+    return {**formed.metadata, "asked": settings.asked}
+
+
+def _done(outputs: _Outputs, settings: _Settings) -> bool:
+    """Whether an earlier run made this image with these options; pictures that are missing are drawn from it."""
+    from millisight.io.hdf5 import load
+
+    if not outputs.image.exists():
+        return False
+    image = load(outputs.image)
+    if not isinstance(image, SarImage) or image.metadata.get("asked") != settings.asked:
+        return False
+    missing = (path if path is not None and not path.exists() else None for path in (outputs.plot, outputs.slices))
+    _draw(image, None, _Outputs(outputs.image, *missing), "db" if settings.db else "linear")
+    return True
+
+
+def _oddities(capture: Capture) -> list[str]:
+    """Warnings of what is possible, but more often a unit that was forgotten."""
+    found = []
+    frequency, extent = capture.radar.waveform.center_frequency, float(capture.trajectory.extent.max())
+    if not 1e8 <= frequency <= 1e12:
+        found.append(f"warning: the centre frequency is {frequency:.3g} Hz; is its unit right?")
+    if extent > 10:
+        found.append(f"warning: the aperture is {extent:.3g} m large; is the unit of the positions right?")
+    return found
 
 
 def _form(capture: Capture, voxels: VoxelGrid, settings: _Settings, label: str) -> SarImage:
@@ -227,7 +270,8 @@ def _without_background(capture: Capture, source: Source, settings: _Settings) -
         if empty.radar == source.radar:
             with empty.opened(settings.data, "read background") as opened:
                 return subtract_background(capture, opened.capture, frame="first")
-    raise InputError(f"--background holds no capture of the {source.radar} radar; pass one, or choose with --radar")
+    say(f"background: none of the {source.radar} radar; nothing is subtracted")
+    return capture
 
 
 def _on_time(opened: Opened, voxels: VoxelGrid, clock: str, label: str) -> Capture:

@@ -1,5 +1,7 @@
 """`millisight info`: what a file holds, in a few lines."""
 
+import math
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -33,7 +35,7 @@ def info(
         typer.Argument(
             metavar="FILE",
             help="HDF5 files of millisight; raw radar files (DCA1000 .bin, TI .cfg, Position2Go .txt); arrays (.npy, "
-            ".npz, .mat); descriptions (.toml); mesh files.",
+            ".npz, .mat, .csv, .pkl); descriptions (.toml); mesh files.",
         ),
     ],
     samples: Annotated[int | None, typer.Option(help="Of .bin files: samples of a chirp and receiver.")] = None,
@@ -151,9 +153,38 @@ def _description_lines(path: Path, data: Path | None) -> list[str]:
 
 
 def _array_lines(path: Path) -> list[str]:
-    from millisight.io.arrays import array_shapes
+    from millisight.io.arrays import array_shapes, read_arrays
 
-    return [f"array {name}: {' x '.join(map(str, shape)) or 'a number'}" for name, shape in array_shapes(path).items()]
+    shapes = array_shapes(path)
+    short = [name for name, shape in shapes.items() if math.prod(shape) <= _FEW]
+    values = read_arrays(path, names=short, finite=False) if short else {}
+    told = {name: f" = {', '.join(map(str, array.ravel().tolist()))}" for name, array in values.items()}
+    return [
+        f"array {name}: {' x '.join(map(str, shape)) or 'a number'}{told.get(name, '')}"
+        for name, shape in shapes.items()
+    ]
+
+
+def _table_lines(path: Path) -> list[str]:
+    from millisight.io.text_table import read_table
+
+    table = read_table(path)
+    rows, columns = table.values.shape
+    return [f"table: {rows} rows x {columns} columns" + (f": {', '.join(table.names)}" if table.names else "")]
+
+
+def _pickle_lines(path: Path) -> list[str]:
+    """What a pickle holds; nothing in it is run."""
+    from millisight.io.pickles import read_pickle
+
+    content = read_pickle(path)
+    if not isinstance(content, dict):
+        return [f"pickle: {type(content).__name__}"]
+    shapes = {key: getattr(value, "shape", None) for key, value in content.items()}
+    return [
+        f"{key}: {type(content[key]).__name__ if shape is None else ' x '.join(map(str, shape)) or 'a number'}"
+        for key, shape in shapes.items()
+    ]
 
 
 def _config_lines(path: Path) -> list[str]:
@@ -173,16 +204,26 @@ def _config_lines(path: Path) -> list[str]:
 def _position2go_lines(path: Path) -> list[str]:
     from millisight.io.position2go import read_position2go
 
-    frames, chirps, receivers, samples = read_position2go(path).samples.shape
+    try:
+        frames, chirps, receivers, samples = read_position2go(path).samples.shape
+    except FileError:
+        with suppress(FileError):  # other texts hold tables
+            return _table_lines(path)
+        raise
     return [f"Position2Go: {frames} frames x {chirps} chirps x {receivers} RX x {samples} samples"]
 
 
+_FEW = 4  # values of an array, which are told
 _READERS = {
     "npy": _array_lines,
     "npz": _array_lines,
     "mat": _array_lines,
+    "csv": _table_lines,
+    "tsv": _table_lines,
+    "dat": _table_lines,
     "cfg": _config_lines,
     "txt": _position2go_lines,
+    "pkl": _pickle_lines,
 }
 
 

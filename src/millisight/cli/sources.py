@@ -18,10 +18,11 @@ _DESCRIBED = (".toml", ".npz", ".npy", ".mat")
 
 @dataclass(frozen=True, slots=True)
 class Opened:
-    """A capture, and the robot's log where its poses come from one."""
+    """A capture, the robot's log where its poses come from one, and what is odd about the files."""
 
     capture: Capture
     log: Trajectory | None = None
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,13 +65,13 @@ class Source:
             from millisight.io.hdf5 import open_capture
 
             with open_capture(self.path) as capture:
-                yield Opened(capture)
+                yield Opened(capture, _log_beside(self.path))
             return
         from millisight.io.description import read
 
         with progress(label, compiles=False) as report:
             content = read(self.path, data=data, progress=report)
-        yield _placed(content, label) if isinstance(content, RawScan) else Opened(content)
+        yield _placed(content, label) if isinstance(content, RawScan) else Opened(content, notes=_notes(content))
 
 
 def sources(paths: list[Path], radar: str | None = None) -> list[Source]:
@@ -108,6 +109,7 @@ def _under(path: Path, radar: str | None) -> list[Source]:
         return [Source(described, path.resolve().name, None, path)]
     experiments = experiments_under(path)
     found = [Source(raw.folder, raw.name, raw.radar, Path()) for raw in experiments if radar in (None, raw.radar)]
+    found += _converted(path, radar)
     if not found:
         wanted = "" if not experiments else f" of the {radar} radar"
         raise FileError(
@@ -117,7 +119,43 @@ def _under(path: Path, radar: str | None) -> list[Source]:
     return found
 
 
+def _converted(folder: Path, radar: str | None) -> list[Source]:
+    """The captures that `millisight dataset convert` made of raw experiments, at or under a folder."""
+    from millisight.io.mito_names import RAW_CAPTURE
+
+    found = []
+    for path in sorted(folder.rglob(RAW_CAPTURE)):
+        parts = path.resolve().parts
+        places = [part for part in parts[-9:-1] if part not in ("robot_collected", "unprocessed", "radars")]
+        if radar in (None, places[-1]):
+            found.append(Source(path, ".".join(places[-5:]), None, Path()))
+    return found
+
+
 def _placed(scan: RawScan, label: str) -> Opened:
     """The scan's frames at the poses of the robot's log."""
     with progress(label, compiles=False) as report:
-        return Opened(scan.to_capture(progress=report), scan.log)
+        capture = scan.to_capture(progress=report)
+    placing = next(step for step in reversed(capture.metadata["history"]) if step["step"] == "place_frames")
+    left_out = {
+        "lost": placing["lost"],
+        "outside the robot's log": placing["outside_log"],
+        "repeats": placing["repeats"],
+    }
+    told = ", ".join(f"{count} {why}" for why, count in left_out.items() if count)
+    kept = f"kept {placing['kept']} of {placing['frames']} frames" + (f": {told}" if told else "")
+    return Opened(capture, scan.log, (kept, *_notes(scan)))
+
+
+def _notes(record: Capture | RawScan) -> tuple[str, ...]:
+    """What the reader found odd, as it stands in the metadata."""
+    return tuple(f"warning: {note}" for name in ("left_out", "notes") for note in record.metadata.get(name, ()))
+
+
+def _log_beside(path: Path) -> Trajectory | None:
+    """The robot's log of a converted capture."""
+    from millisight.io.hdf5 import load
+    from millisight.io.mito_names import RAW_CAPTURE, RAW_LOG
+
+    log = path.with_name(RAW_LOG)
+    return load(log) if path.name == RAW_CAPTURE and log.is_file() else None

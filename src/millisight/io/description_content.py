@@ -184,6 +184,8 @@ class Description:
 
     def _metadata(self, settings: dict[str, Any], **counts: int) -> dict[str, Any]:
         metadata = {"source": self._title, "description": printable(self._source.name), **self._image}
+        if self._reader.notes:
+            metadata["notes"] = self._reader.notes
         files = [printable(path.name) for path in self._reader.paths]
         phase_sign = self._tables["frames"].get("phase_sign")
         return with_step(metadata, "read_capture", files=files, phase_sign=phase_sign, **settings, **counts)

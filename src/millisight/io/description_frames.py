@@ -57,6 +57,7 @@ class FrameReader:
         self._table, self._config = table, config
         self.paths = self._find()
         self._order = None if config is None else config.order  # of a DCA1000 file's samples; None: not known yet
+        self.notes: list[str] = []  # what is odd about the files
         by_suffix = _BY_SUFFIX.get(self.paths[0].suffix.lower(), "arrays")
         self._format = table.text("format", by_suffix, among=FORMATS)
         self._axes, self._backwards = self._read_axes()
@@ -181,6 +182,8 @@ class FrameReader:
             with table.errors():
                 raw = read_dca1000(path, **sizes, order=self._order, sample_swap=swap)
             self._order = raw.order  # one recording has one order: found in its first file, it holds for the others
+            if path == self.paths[0]:
+                self.notes = _contradictions(path, sizes, raw.order, swap)
         return raw.samples, raw.lost, {key: value for key, value in raw.metadata.items() if key != "source"}
 
     def _complex(self, values: np.ndarray, axes: list[str], path: Path) -> np.ndarray:
@@ -217,3 +220,13 @@ class FrameReader:
         if chirp >= values.shape[place]:
             raise self._table.error("chirp", f'"mean" or a number below {values.shape[place]}, that of the chirps')
         return values.take(chirp, place)
+
+
+def _contradictions(path: Path, sizes: dict[str, Any], order: str | None, swap: bool) -> list[str]:
+    """What a DCA1000 file says against the order and sizes it was read by, as `millisight info` tells."""
+    from millisight.io.dca1000_report import describe_raw
+
+    lines = describe_raw(path, **sizes, order=order, sample_swap=swap)
+    return [
+        f"{printable(path.name)}: {line.removeprefix('warning: ')}" for line in lines if line.startswith("warning:")
+    ]

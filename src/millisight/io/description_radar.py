@@ -70,6 +70,9 @@ def read_radar(table: Table, config: "TiConfig | None", shape: tuple[int, ...], 
 def _waveform(table: Table, config: "TiConfig | None", preset: Radar | None, samples: int) -> Waveform:
     """The chirp, of the frames' number of samples unless something says otherwise."""
     if "frequencies" in table:
+        for key in ("start_frequency", "stop_frequency", "step", "slope"):
+            if key in table:
+                table.only_one("frequencies", key)
         return _listed(table)
     stated: dict[str, Any] = {}
     base = config.waveform if config is not None else preset.waveform if preset is not None else None
