@@ -6,6 +6,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check
 EXTRAS := xarray,hub,cluster
 TESTS ?=
 COUNT ?= 100000
+WORKERS ?= 2
 
 .PHONY: help setup setup-train demo test fuzz lint bench clean
 
@@ -13,7 +14,7 @@ help:
 	@echo "make setup        everything but torch, into $(VENV)"
 	@echo "make setup-train  setup, and torch"
 	@echo "make demo         the main job: simulate and image three objects, into demo/index.html"
-	@echo "make test         all tests and doctests (TESTS=path or -k name for some)"
+	@echo "make test         all tests and doctests (TESTS=path or -k name for some, WORKERS=2 processes)"
 	@echo "make fuzz         100 000 damaged files against every reader (COUNT=)"
 	@echo "make lint         formatting, style, types, layers"
 	@echo "make bench        the benchmarks and their tables"
@@ -36,7 +37,7 @@ demo: setup
 	$(BIN)/millisight demo --output demo
 
 test: setup
-	$(BIN)/python -m pytest $(TESTS)
+	$(BIN)/python -m pytest -n $(WORKERS) $(TESTS)
 
 fuzz: setup
 	$(BIN)/python tests/fuzz/parsers.py --count $(COUNT)

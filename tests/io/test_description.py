@@ -404,7 +404,18 @@ GOOD = RADAR + FRAMES + POINTS
             UnknownNameError,
             "preset in .*scan.toml, .radar.: 'iwr1433'. Did you mean 'iwr1443'",
         ),
-        ("start_frequency = 24e9\nstep", "frequencies = [1, 2, 4, 5, 6, 7, 8, 9]\nstep", FormatError, "evenly spaced"),
+        (
+            "start_frequency = 24e9\nstep = 25e6",
+            "frequencies = [1, 2, 4, 5, 6, 7, 8, 9]",
+            FormatError,
+            "evenly spaced",
+        ),
+        (
+            "start_frequency = 24e9\n",
+            "frequencies = [1, 2]\n",
+            FormatError,
+            "has frequencies and step; expected one of",
+        ),
         ("frames.npy", "frame.npy", FileError, "frame.npy: no such file"),
         ("frames.npy", "f*.npz", FileError, r"no file in .* is meant by 'f\*.npz'"),
         (
