@@ -22,6 +22,7 @@ F, ξ and the form of sheets and antennas are those of the band's centre; all am
 """
 
 from collections.abc import Callable, Sequence
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -33,14 +34,14 @@ from millisight.geometry import rotation_from_quaternion
 from millisight.records import checked_integer, checked_number, checked_record, put, record
 from millisight.rig.virtual.antenna import Antenna
 from millisight.rig.virtual.occluders import Sheet
-from millisight.rig.virtual.sight import Sight
+from millisight.rig.virtual.sight import Cell, Sight
 from millisight.rig.virtual.surface import Surface, permittivity_at
-from millisight.rig.virtual.targets import Targets
+from millisight.rig.virtual.targets import Pairs, Targets
 from millisight.scene.material import Material
 from millisight.scene.mesh import TriangleMesh
 
-# Targets times antennas in one go: a byte each for what is seen.
-_LIGHT = 30_000_000
+# In one go: targets times antennas, a byte each for what is seen; and poses, some 100 kB each for their bins.
+_LIGHT, _POSES = 100_000_000, 1000
 
 
 @record
@@ -75,67 +76,116 @@ class Part:
         return Surface(backing=1.0, layers=((permittivity, self.wall),), roughness=rough)
 
 
-def echoes(
-    parts: Sequence[Part],
-    radar: Radar,
-    trajectory: Trajectory,
-    *,
-    edges: bool = True,
-    bounces: int = 2,
-    occluders: Sequence[Sheet] = (),
-    antenna: Antenna | None = None,
-    rng: int | np.random.Generator | None = None,
-    progress: Callable[[int, int], None] | None = None,
-) -> np.ndarray:
-    """(P, T, R, N) complex64 frames of parts and sheets, in the units of this module [1/m] and with primer (3)'s sign.
+class EchoModel:
+    """Parts and sheets made ready for one radar, to be asked for frames again and again, row by row of a scan.
 
     Parameters
     ----------
     parts : what casts shadows and reflects; may be empty
-    radar, trajectory : what measures, and from where; the radar's path offset is in
+    radar : what measures
+    plan : about where it will measure from: tells which antennas share their views
     edges : whether sharp edges diffract (`edges`)
     bounces : 1, or 2 with double reflections (`bounce`)
     occluders : sheets, which let through, delay and reflect, but cast no shadow
     antenna : pattern; None: none
     rng : seed or generator of the rough parts' random phases; needed only where something is rough
-    progress : called with (poses done, poses in all)
 
     Raises
     ------
     InputError
         An argument cannot be right, or something is rough and `rng` is missing.
-    CoverageError
-        An antenna is on a surface, or nearly so.
     """
-    parts = tuple(checked_record(part, Part, name="a part") for part in parts)
-    occluders = tuple(checked_record(sheet, Sheet, name="an occluder") for sheet in occluders)
-    checked_record(radar, Radar, name="radar")
-    checked_record(trajectory, Trajectory, name="trajectory")
-    if checked_integer(bounces, name="bounces") > 2:
-        raise InputError(f"bounces is {bounces}; expected 1 or 2")
-    poses, waveform = len(trajectory), radar.waveform
-    shape = (poses, len(radar.array.tx_positions), len(radar.array.rx_positions), waveform.samples_per_chirp)
-    frames = np.zeros(shape, dtype=np.complex64)
-    if not parts and not occluders:
-        return frames
-    solids = [(part.mesh, part.surface(waveform.center_frequency)) for part in parts]
-    targets = Targets(solids, occluders, radar, edges=edges, antenna=antenna, rng=rng)
-    placed = [trajectory.placed(radar.array.tx_positions), trajectory.placed(radar.array.rx_positions)]
-    antennas, axes = np.concatenate(placed, axis=1), _axes(trajectory)
-    targets.check_clearance(antennas.reshape(-1, 3))
-    sight = Sight(targets.rays, targets.places, targets.directions, antennas)
-    step = max(1, _LIGHT // (antennas.shape[1] * len(targets.places)))
-    done = 0
-    for block in sight.blocks():
-        pairs = targets.bounces_from(antennas[block].mean(axis=(0, 1))) if bounces == 2 else None
-        for start in range(0, len(block), step):
-            some = block[start : start + step]
-            light = sight.light(antennas[some].reshape(-1, 3))
-            frames[some] = targets.frames(antennas[some], axes[some], light, pairs)
-            done += len(some)
+
+    def __init__(
+        self,
+        parts: Sequence[Part],
+        radar: Radar,
+        plan: Trajectory,
+        *,
+        edges: bool = True,
+        bounces: int = 2,
+        occluders: Sequence[Sheet] = (),
+        antenna: Antenna | None = None,
+        rng: int | np.random.Generator | None = None,
+    ):
+        parts = tuple(checked_record(part, Part, name="a part") for part in parts)
+        sheets = tuple(checked_record(sheet, Sheet, name="an occluder") for sheet in occluders)
+        self._radar = checked_record(radar, Radar, name="radar")
+        checked_record(plan, Trajectory, name="the trajectory")
+        if checked_integer(bounces, name="bounces") > 2:
+            raise InputError(f"bounces is {bounces}; expected 1 or 2")
+        self._bounces = bounces == 2
+        self._pairs: dict[Cell, Pairs] = {}
+        self._targets: Targets | None = None
+        if parts or sheets:
+            solids = [(part.mesh, part.surface(radar.waveform.center_frequency)) for part in parts]
+            self._targets = Targets(solids, sheets, radar, edges=edges, antenna=antenna, rng=rng)
+            self._sight = Sight(
+                self._targets.rays, self._targets.places, self._targets.directions, self._antennas(plan)
+            )
+
+    def frames(self, trajectory: Trajectory, *, progress: Callable[[int, int], None] | None = None) -> np.ndarray:
+        """(P, T, R, N) complex64 in the units of this module [1/m] and with primer (3)'s sign, path offset and all.
+
+        `progress` is called with (poses done, poses in all).
+
+        Raises
+        ------
+        CoverageError
+            An antenna is on a surface, or nearly so.
+        """
+        array, poses = self._radar.array, len(trajectory)
+        shape = (poses, len(array.tx_positions), len(array.rx_positions), self._radar.waveform.samples_per_chirp)
+        frames = np.zeros(shape, dtype=np.complex64)
+        if self._targets is None:
+            return frames
+        antennas, axes = self._antennas(trajectory), _axes(trajectory)
+        self._targets.check_clearance(antennas.reshape(-1, 3))
+        step = min(_POSES, max(1, _LIGHT // (antennas.shape[1] * len(self._targets.places))))
+        order, cells = self._sight.cells_of(antennas)
+        for start in range(0, poses, step):
+            some = order[start : start + step]
+            light = self._sight.light(antennas[some].reshape(-1, 3))
+            mirrors = self._mirrors(cells[start : start + step]) if self._bounces else []
+            frames[some] = self._targets.frames(antennas[some], axes[some], light, mirrors)
             if progress is not None:
-                progress(done, poses)
-    return frames
+                progress(start + len(some), poses)
+        return frames
+
+    def _antennas(self, trajectory: Trajectory) -> np.ndarray:
+        """(P, T + R, 3) transmitters, then receivers [m]."""
+        array = self._radar.array
+        return np.concatenate([trajectory.placed(array.tx_positions), trajectory.placed(array.rx_positions)], axis=1)
+
+    def _mirrors(self, cells: list[Cell]) -> list[tuple[int, Pairs]]:
+        """For runs of equal cells: how many, and the double bounces seen from there; kept, since rows come back."""
+        runs = []
+        for cell, run in groupby(cells):
+            if cell not in self._pairs and self._targets is not None:
+                self._pairs[cell] = self._targets.bounces_from(self._sight.center(cell))
+            runs.append((len(list(run)), self._pairs[cell]))
+        return runs
+
+
+def echoes(
+    parts: Sequence[Part],
+    radar: Radar,
+    trajectory: Trajectory,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+    **settings: Any,
+) -> np.ndarray:
+    """(P, T, R, N) complex64 frames of parts and sheets, of which an `EchoModel` with these settings is made and asked.
+
+    Examples
+    --------
+    >>> from millisight.scene.objects import build_object
+    >>> cube = Part(mesh=build_object("rubiks_cube"), material=2.7 - 0.02j)
+    >>> path = Trajectory.raster(size=(0.02, 0.02), step=0.01, center=(0, 0, 0.25))
+    >>> echoes([cube], Radar.preset("position2go"), path, bounces=1).shape
+    (9, 1, 2, 256)
+    """
+    return EchoModel(parts, radar, trajectory, **settings).frames(trajectory, progress=progress)
 
 
 def _axes(trajectory: Trajectory) -> np.ndarray:

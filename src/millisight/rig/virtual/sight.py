@@ -13,6 +13,8 @@ from millisight.rig.virtual.rays import Rays
 
 _CELLS = 8  # in the distance to the targets
 
+Cell = tuple[int, ...]
+
 
 class Sight:
     """The views of targets that block one another.
@@ -22,7 +24,7 @@ class Sight:
     rays : what casts shadows
     targets : (V, 3) just above their surfaces [m]
     normals : (2, V, 3) of the one or two faces that they lie on
-    antennas : (P, A, 3) all places that will be asked about, pose by pose [m]
+    antennas : (P, A, 3) about where it will be asked from, pose by pose [m]
     """
 
     def __init__(self, rays: Rays, targets: np.ndarray, normals: np.ndarray, antennas: np.ndarray):
@@ -35,15 +37,20 @@ class Sight:
         self._anchor = (places.min(axis=0) + places.max(axis=0)) / 2
         steps = [[0] if flat else [0, 1] for flat in self._flat]
         self._steps = np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, 3)
-        self._views: dict[tuple[int, ...], np.ndarray] = {}
-        cells, self._homes = np.unique(self._cells(antennas.mean(axis=1)), axis=0, return_inverse=True)
+        self._views: dict[Cell, np.ndarray] = {}
+        cells = np.unique(self._cells(antennas.mean(axis=1)), axis=0)
         corners = np.unique((cells[:, None] + self._steps).reshape(-1, 3), axis=0)
         self._each = len(corners) >= len(places)
 
-    def blocks(self) -> list[np.ndarray]:
-        """The poses, cell by cell."""
-        homes = self._homes.reshape(-1)
-        return np.split(np.argsort(homes, kind="stable"), np.cumsum(np.bincount(homes))[:-1])
+    def cells_of(self, antennas: np.ndarray) -> tuple[np.ndarray, list[Cell]]:
+        """(P,) an order of the poses (P, A, 3) by the cells they are in, and the cell of each in that order."""
+        cells = self._cells(antennas.mean(axis=1))
+        order = np.lexsort(cells.T)
+        return order, [tuple(cell) for cell in cells[order].tolist()]
+
+    def center(self, cell: Cell) -> np.ndarray:
+        """(3,) [m]"""
+        return self._anchor + self._side * np.where(self._flat, 0.0, np.array(cell) + 0.5)
 
     def light(self, antennas: np.ndarray) -> np.ndarray:
         """(A, V) uint8: how much of each target antennas (A, 3) see, 255: all."""
@@ -56,9 +63,11 @@ class Sight:
         # They add up to 255, so that what all corners see is seen in full.
         shares[np.arange(len(shares)), shares.argmax(axis=1)] += (FULL - shares.sum(axis=1)).astype(np.uint8)
         light = np.zeros((len(antennas), len(self._targets)), dtype=np.uint8)
-        for row, cell, share in zip(light, cells, shares, strict=True):
-            for part, step in zip(share, self._steps, strict=True):
-                row += part & self._corner(cell + step)  # a view is 0 or, all bits set, 255
+        part = np.empty(len(self._targets), dtype=np.uint8)
+        for row, cell, some in zip(light, cells, shares, strict=True):
+            for share, step in zip(some, self._steps, strict=True):
+                # A view is 0 or, all bits set, 255.
+                row += np.bitwise_and(self._corner(cell + step), share, out=part)
         return light
 
     def _cells(self, places: np.ndarray) -> np.ndarray:

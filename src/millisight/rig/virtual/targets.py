@@ -1,4 +1,4 @@
-"""All that returns echoes, as the arrays that kernels take, and the frames that it makes for a block of poses."""
+"""All that returns echoes, as the arrays that kernels take, and the frames that it makes for some poses."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -27,6 +27,9 @@ EDGE_DEG = 20.0
 _BIN_PHASE, _CLUSTER_PHASE = 0.3, 0.6
 _WIDEST_CLUSTER = 0.03  # over which an antenna's pattern is as good as linear [m]
 _LEAST_SLOPE = 1.0  # of a single frequency [rad/m]: bins of 0.6 m
+
+Pairs = tuple[np.ndarray, np.ndarray]
+"""(M,) first and (M,) second patches of double bounces."""
 
 
 class Band(NamedTuple):
@@ -130,11 +133,14 @@ class Targets:
                 f"a surface; expected at least {2000 * self._band.cell:.0f} mm: raise the aperture, or lower the object"
             )
 
-    def bounces_from(self, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Double bounces for antennas about `place` (3,) [m]: (M, 20) and (M, 2), see `_path_kernels.bounce_echoes`."""
+    def bounces_from(self, place: np.ndarray) -> Pairs:
+        """Double bounces for antennas about `place` (3,) [m]."""
         solid = self._solid
         first, second = bounce_pairs(place, self._centroids[solid], self._normals[solid], self.rays)
-        first, second = solid[first], solid[second]
+        return solid[first], solid[second]
+
+    def _bounce_table(self, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(M, 20) and (M, 2), see `_path_kernels.bounce_echoes`."""
         start, normal = self._centroids[first], self._normals[second]
         columns = (
             start, self._normals[first], normal, self._corners[first, 0] - start, self._corners[first, 1] - start,
@@ -148,7 +154,7 @@ class Targets:
         antennas: np.ndarray,
         axes: np.ndarray,
         light: np.ndarray,
-        pairs: tuple[np.ndarray, np.ndarray] | None,
+        mirrors: Sequence[tuple[int, Pairs]],
     ) -> np.ndarray:
         """(P, T, R, N) complex64 frames.
 
@@ -157,7 +163,7 @@ class Targets:
         antennas : (P, T + R, 3) transmitters, then receivers [m]
         axes : (P, 3, 3) the radar's x, y and -z
         light : (P (T + R), V) how much of `places` each antenna sees
-        pairs : see `bounces_from`, or None
+        mirrors : for how many poses, one after the other, which double bounces; none: without
         """
         poses, count = antennas.shape[:2]
         transmitters = len(self._radar.array.tx_positions)
@@ -169,7 +175,7 @@ class Targets:
         _path_kernels.fill_legs(
             flat, np.repeat(axes, count, axis=0), self._exponents, self._centers, self._sheets, self._sheet_tables, legs
         )
-        lowest, bins = self._bins(flat, len(channels), far=pairs is not None)
+        lowest, bins = self._bins(flat, len(channels), far=len(mirrors) > 0)
         scale = self._band.carrier, self._band.slope, lowest, self._band.width
         _kernels.surface_echoes(
             channels, flat, light, legs, self._table, self._starts, self._centers, self._cones, self._surface,
@@ -179,10 +185,14 @@ class Targets:
             _path_kernels.edge_echoes(
                 channels, flat, light[:, len(self._centroids) :], legs, self._edges, self._edge_cluster, *scale, bins
             )
-        if pairs is not None:
+        each, start = transmitters * (count - transmitters), 0
+        for run, pairs in mirrors:
+            some = slice(start, start + run * each)
             _path_kernels.bounce_echoes(
-                channels, flat, legs, *pairs, self._centers, self._surface, self._coherent, *scale, bins
-            )
+                channels[some], flat, legs, *self._bounce_table(*pairs), self._centers, self._surface, self._coherent,
+                *scale, bins[some],
+            )  # fmt: skip
+            start = some.stop
         samples = product(bins.reshape(len(bins), -1), self._bin_matrix(lowest, bins.shape[1]))
         return samples.reshape(poses, transmitters, count - transmitters, -1)
 
@@ -210,9 +220,7 @@ class Targets:
         return matrix.reshape(-1, len(frequencies)).astype(np.complex64)
 
 
-def _phasors(
-    surfaces: Sequence[Surface], patches: Patches, rng: int | np.random.Generator | None
-) -> np.ndarray:  # fmt: skip
+def _phasors(surfaces: Sequence[Surface], patches: Patches, rng: int | np.random.Generator | None) -> np.ndarray:
     """(N,) complex normal numbers of mean square 1 for the patches of rough surfaces, 0 for the others."""
     rough = np.array([surface.roughness > 0 for surface in surfaces])[patches.surface][patches.cluster]
     phasors = np.zeros(len(rough), dtype=complex)
@@ -246,7 +254,7 @@ def _cones(patches: Patches) -> np.ndarray:
 
 def _edge_table(
     found: Sequence[Edges], strengths: Sequence[complex], patches: Patches
-) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+) -> tuple[np.ndarray, np.ndarray]:
     """(E, 19) and (E,), see `_path_kernels.edge_echoes`."""
     from scipy.spatial import KDTree
 
