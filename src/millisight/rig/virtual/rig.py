@@ -27,6 +27,8 @@ _ARM, _CAMERA, _RADAR = 1, 2, 3
 _ABOVE = 0.10  # of the camera over the aperture [m]
 _MOST_FRAMES = 1e8
 _SAMPLED = 60  # frames
+_SHARING = 10  # rows that share what the optics keep of one
+_MOST_PLANNED = 200  # poses of a row
 _VALUE_BYTES = {"77_ghz": 2, "24_ghz": 6}  # int16, and text
 
 
@@ -98,10 +100,12 @@ class VirtualRig:
             some = min(moving, _SAMPLED)
             share = (np.arange(some) - some / 2) / moving + 0.5
             places = start.position + share[:, None] * (end.position - start.position) - BASE_ORIGIN + radar.mount
-            # The first call compiles, and a single frame shows what every row costs besides its frames.
-            spent = [_seconds(self._frames, radar.settings, places[:count]) for count in (1, 1, some)]
-            each = max(0.0, spent[2] - spent[1]) / max(1, some - 1)
-            total += len(self.plan.rows) * (spent[1] + each * moving)
+            # The first call makes the model ready, which is then done for the whole scan. What the second casts anew
+            # serves the rows near by, too.
+            _seconds(self._frames, radar.settings, places[:1])
+            first, again = (_seconds(self._frames, radar.settings, places) for _ in range(2))
+            rows = len(self.plan.rows)
+            total += moving / some * (rows * again + max(1.0, rows / _SHARING) * max(0.0, first - again))
         return total
 
     def estimated_bytes(self) -> int:
@@ -191,17 +195,27 @@ def experiment_info(world: World) -> dict[str, Any]:
 def optics_of(stage: Stage) -> Frames:
     """What a perfect radar measures of a stage, by the rig's optics."""
     from millisight.rig.virtual.occluders import Sheet
-    from millisight.rig.virtual.optics import Part, echoes
+    from millisight.rig.virtual.optics import EchoModel, Part
 
     world = stage.world
     parts = tuple(Part(mesh=part.mesh, material=part.material) for part in stage.parts)
     sheets = tuple(Sheet(corner=p.corner, u=p.u, v=p.v, layers=LAYERED[p.stack]) for p in stage.panels)
+    models: dict[RadarSettings, EchoModel] = {}
 
     def frames(settings: RadarSettings, trajectory: Trajectory) -> np.ndarray:
-        # One seed for all rows: a rough surface is the same from wherever it is looked at.
-        return echoes(
-            parts, settings.radar, trajectory, edges=world.optics.edges, bounces=world.optics.bounces,
-            occluders=sheets, antenna=settings.antenna, rng=world.seed,
-        )  # fmt: skip
+        if settings not in models:
+            models[settings] = EchoModel(
+                parts, settings.radar, _planned(world, settings), edges=world.optics.edges,
+                bounces=world.optics.bounces, occluders=sheets, antenna=settings.antenna, rng=world.seed,
+            )  # fmt: skip
+        return models[settings].frames(trajectory)
 
     return frames
+
+
+def _planned(world: World, settings: RadarSettings) -> Trajectory:
+    """About where a radar's transmitter will be, in the radar frame."""
+    along = np.linspace(0, 1, min(_MOST_PLANNED, plan_of(world).frames(settings.frame_period or 1.0)))[:, None]
+    rows = [start.position + along * (end.position - start.position) for start, end in plan_of(world).rows]
+    positions = np.concatenate(rows) - BASE_ORIGIN + np.array(settings.mount)
+    return Trajectory(times=np.arange(len(positions)), positions=positions)

@@ -216,7 +216,7 @@ class Scan:
 
 @record
 class Optics:
-    """Which parts of the radar's physics are computed besides single reflections: see `optics.echoes`.
+    """Which parts of the radar's physics are computed besides single reflections: see `optics`.
 
     Attributes
     ----------
