@@ -15,8 +15,8 @@ from millisight.files import write_text
 CARD_NAME = "README.md"
 
 _RIG = """\
-- **The virtual rig** (`robot_collected/`): physical optics over finely cut surfaces, with complex permittivities, edges,
-  and layered cartons and cloths; a moving arm that strays and logs with noise; radars with leakage, phase noise,
+- **The virtual rig** (`robot_collected/`): physical optics over finely cut surfaces, with complex permittivities,
+  edges, and layered cartons and cloths; a moving arm that strays and logs with noise; radars with leakage, phase noise,
   thermal noise and a 16-bit converter; a ray-cast camera. It was not fitted to measurements. Not in it: two
   polarisations, waves within and through objects, creeping waves, more than {bounces}; the room but for the support and
   what the recipe names.

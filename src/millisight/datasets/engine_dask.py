@@ -51,7 +51,7 @@ def on_cluster(address: str, function: Callable[[T], Any], things: Sequence[T]) 
     with _client(address) as client:
         waiting = deque(enumerate(things))
         numbers: dict[Any, int] = {}
-        done = as_completed()
+        done = as_completed(loop=client.loop)
         ahead, looked = 0, -_LOOK
         try:
             while waiting or numbers:
@@ -71,7 +71,7 @@ def on_cluster(address: str, function: Callable[[T], Any], things: Sequence[T]) 
                         f"the scheduler at {address} has gone; start it again, and go on with the same command"
                     )
                 else:
-                    yield Outcome(number, None, f"the workers that worked on it were lost ({_reason(future)})")
+                    yield Outcome(number, None, _reason(future))
         finally:
             client.cancel(list(numbers))
 
@@ -86,7 +86,7 @@ def _client(address: str) -> Iterator[Any]:
         client = Client(address, timeout=_CONNECT, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
         raise DeviceError(
-            f"there is no Dask scheduler at {address}: {error}; start one, or check the address"
+            f"no Dask scheduler answers at {address}: {error}; start one, or check the address"
         ) from error
     try:
         yield client
@@ -103,5 +103,6 @@ def _on_worker(function: Callable[[T], Any], thing: T) -> tuple[Any, str]:
 
 
 def _reason(future: Any) -> str:
+    """Why there is no outcome, though an error of the job's own would be one."""
     error = future.exception() if future.status == "error" else None
-    return type(error).__name__ if error is not None else str(future.status)
+    return "Dask gave it up: " + " ".join(f"{type(error).__name__} {error}".split() if error else [future.status])

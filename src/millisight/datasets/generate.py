@@ -1,4 +1,4 @@
-"""A dataset from a recipe: planned, checked and told what it costs, then made, on any engine, resumable at any point."""
+"""A dataset from a recipe: planned, checked, its cost told, then made on any engine, and resumable at any point."""
 
 import hashlib
 import importlib.metadata
@@ -6,6 +6,7 @@ import json
 import os
 import secrets
 import shutil
+import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from functools import partial
@@ -36,6 +37,7 @@ TRUTH = "truth"
 _VERSION = 1  # of the generator: another one, and everything is made anew
 _PARTIAL_NAME = ".partial"
 _SHOWN = 5  # problems of a recipe
+_FEW = 10  # jobs that one process has checked before others have started
 
 
 @record
@@ -92,7 +94,6 @@ def planned(
     out: str | os.PathLike[str],
     *,
     meshes: str | os.PathLike[str] | None = None,
-    workspace: str | os.PathLike[str] | None = None,
     engine: Engine | None = None,
     progress: Progress | None = None,
 ) -> Plan:
@@ -101,10 +102,9 @@ def planned(
     Parameters
     ----------
     recipe : Recipe
-    out : the dataset's folder, made where it is missing; what an earlier run left in it is kept where it is right
+    out : the dataset's folder, which is only read; what an earlier run left in it is kept where it is right
     meshes : folder of real scans, which take the places of the catalogue's shapes
-    workspace : where the objects' meshes are written in place of `out`, which is then only read
-    engine : what checks the jobs; None: this process
+    engine : what checks the jobs, on this machine; None: this process
     progress : called with (jobs checked, jobs to check)
 
     Raises
@@ -116,15 +116,18 @@ def planned(
     """
     out = Path(out)
     ledger = Ledger(out, {"generator": _VERSION, "recipe": recipe.name, "seed": recipe.seed})
-    root = make_folder(out if workspace is None else workspace)
-    things = prepare(recipe, root, meshes=meshes)
+    things = prepare(recipe, meshes=meshes)
     jobs = jobs_of(recipe, things)
     texts = _texts(recipe, jobs)
     todo = tuple(job for job in jobs if not ledger.kept(_description_of(job), _sha256(texts[job.key])))
-    costs, problems = _checked(todo, root, engine or Engine("threads", 1, 1), progress)
+    with tempfile.TemporaryDirectory() as workspace:
+        for thing in things.values():
+            thing.write(Path(workspace))
+        here = Engine("threads", 1, 1) if engine is None or len(todo) < _FEW else engine
+        costs, problems = _checked(todo, Path(workspace), here, progress)
     if problems:
         more = f"; and {len(problems) - _SHOWN} more" if len(problems) > _SHOWN else ""
-        raise InputError("impossible: " + "; ".join(problems[:_SHOWN]) + more)
+        raise InputError(f"{recipe.source}: impossible: {'; '.join(problems[:_SHOWN])}{more}")
     return Plan(
         recipe=recipe, out=out, things=things, jobs=jobs, todo=todo, costs=costs, texts=texts, ledger=ledger,
         slowness=slowness() if any(isinstance(job, RigJob) for job in todo) else 1.0,
@@ -177,6 +180,8 @@ def carried_out(plan: Plan, engine: Engine, *, progress: Progress | None = None)
     with plan.ledger.writing():
         shutil.rmtree(plan.out / _PARTIAL_NAME, ignore_errors=True)
         make_folder(plan.out / _PARTIAL_NAME)
+        for thing in plan.things.values():
+            thing.write(plan.out)
         try:
             for phase in (True, False):  # the empty scenes first: others subtract them
                 jobs = [job for job in expensive_first if _is_empty(job) == phase]
@@ -214,8 +219,8 @@ def check_room(plan: Plan, workers: int) -> None:
     free, needed = shutil.disk_usage(place).free, plan.total(workers)
     if free < needed.kept + needed.spool:
         raise FileError(
-            f"{printable(plan.out)}: the disk has {free / 1e9:.1f} GB left, the dataset needs {needed.kept / 1e9:.1f} GB "
-            f"and {needed.spool / 1e9:.1f} GB besides while it is made; free some, or keep less: rig.keep"
+            f"{printable(plan.out)}: the disk has {free / 1e9:.1f} GB left; the dataset needs {needed.kept / 1e9:.1f} "
+            f"GB, and {needed.spool / 1e9:.1f} GB besides while it is made: free some, or keep less (rig.keep)"
         )
 
 
@@ -224,7 +229,7 @@ def _closed(plan: Plan) -> Manifest:
     from millisight.datasets.card import write_card
     from millisight.datasets.splits import write_splits
 
-    meshes = [_entry(plan.out, thing.mesh, "mesh", ()) for thing in plan.things.values()]
+    meshes = [_entry(plan.out, thing.path, "mesh", ()) for thing in plan.things.values()]
     manifest = plan.ledger.close([_description_of(job) for job in plan.jobs], meshes)
     made = [job for job in plan.jobs if _description_of(job) in manifest.entries]
     write_splits(plan.out, plan.recipe, made)

@@ -16,7 +16,7 @@ from millisight.datasets.recipe import Poses, Recipe, Rig, catalogue_name
 from millisight.datasets.rig_job import PHYSICS, RigJob
 from millisight.datasets.simulator_job import Seen, SimulatorJob, cover
 from millisight.datasets.things import Thing
-from millisight.errors import FormatError, InputError
+from millisight.errors import FormatError
 from millisight.geometry import rotation_from_euler_deg
 from millisight.io.mito_layout import experiment_folder
 from millisight.io.mito_names import angles_folder
@@ -59,13 +59,13 @@ class Subject(NamedTuple):
     @property
     def sources(self) -> dict[str, str]:
         """Checksums of the mesh files that are looked at, by path."""
-        return {thing.mesh: thing.sha256 for thing in self.things if thing.source != "built"}
+        return {thing.path: thing.sha256 for thing in self.things if thing.source != "built"}
 
     def bounds(self) -> np.ndarray:
         """(2, 2) of all things along x and y, from the aperture's middle [m]."""
         boxes = []
         for thing, pose in zip(self.things, self.poses, strict=True):
-            half = np.ptp(thing.vertices @ rotation_from_euler_deg(pose.angles_deg).T, axis=0)[:2] / 2
+            half = np.ptp(thing.mesh.vertices @ rotation_from_euler_deg(pose.angles_deg).T, axis=0)[:2] / 2
             boxes += [pose.offset - half, pose.offset + half]
         return np.array([np.min(boxes, axis=0), np.max(boxes, axis=0)])
 
@@ -90,7 +90,9 @@ def jobs_of(recipe: Recipe, things: Mapping[str, Thing]) -> tuple[Job, ...]:
         jobs += _simulations(recipe, subjects)
     for job, count in Counter(job.key for job in jobs).items():
         if count > 1:
-            raise InputError(f"{job} would be made {count} times; state scenes of the same objects with other angles")
+            raise FormatError(
+                f"{recipe.source}: scenes: {job} would be made {count} times; give scenes of equal objects other angles"
+            )
     return tuple(jobs)
 
 
@@ -134,7 +136,7 @@ class _Scans:
         for name, table in {"rig.world": rig.world, **{f"rig.scans[{i}]": t for i, t in enumerate(rig.scans)}}.items():
             for key in ("seed", "objects"):
                 if key in table:
-                    raise FormatError(f"{name}.{key}: the recipe has its own; leave it out here")
+                    raise FormatError(f"{recipe.source}: {name}.{key}: the recipe has its own; leave it out here")
         self._worlds = [
             {background: self._world(i, background) for background in rig.backgrounds}
             for i in range(max(1, len(rig.scans)))
@@ -142,7 +144,9 @@ class _Scans:
         self._radars = [settings for worlds in self._worlds for settings in worlds[rig.backgrounds[0]].radars]
         folders = [settings.folder for settings in self._radars]
         if len(set(folders)) < len(folders):
-            raise FormatError(f"rig.scans: their radars' files go to {folders}; expected one scan of each radar")
+            raise FormatError(
+                f"{recipe.source}: rig.scans: their radars' files go to {folders}; expected one scan of each radar"
+            )
 
     def jobs(self) -> list[Job]:
         empty = [job for background in self._rig.backgrounds for job in self._empty(background)]
@@ -153,8 +157,8 @@ class _Scans:
         fragment = self._rig.scans[number] if self._rig.scans else {}
         table = _merged(self._rig.world, fragment)
         table = _merged(table, {"support": {"kind": background}})
-        place = f"rig.scans[{number}] on rig.world" if self._rig.scans else "rig.world"
-        return world_from_table(table, source=place)
+        place = f"rig.world with rig.scans[{number}]" if self._rig.scans else "rig.world"
+        return world_from_table(table, source=f"{self._recipe.source}: {place}")
 
     def _experiments(self, subject: Subject) -> Iterator[Job]:
         """The scans of a subject in every condition on every background; experiments are numbered through."""
@@ -244,7 +248,7 @@ def _placed(thing: Thing, pose: Pose, middle: np.ndarray) -> WorldObject:
     x, y = np.round(middle + pose.offset, 6).tolist()
     if thing.source == "built":
         return WorldObject(object=thing.name, at=(x, y), rotate_deg=pose.angles_deg)
-    return WorldObject(mesh=thing.mesh, unit="m", material=thing.material, at=(x, y), rotate_deg=pose.angles_deg)
+    return WorldObject(mesh=thing.path, unit="m", material=thing.material, at=(x, y), rotate_deg=pose.angles_deg)
 
 
 def _folders(world: World) -> tuple[str, ...]:
@@ -272,7 +276,7 @@ def _simulations(recipe: Recipe, subjects: Sequence[Subject]) -> Iterator[Job]:
         alone = len(subject.things) == 1
         objects = tuple(
             Seen(
-                thing.name, "" if thing.source == "built" else thing.mesh, thing.material, pose.angles_deg,
+                thing.name, "" if thing.source == "built" else thing.path, thing.material, pose.angles_deg,
                 (0.0, 0.0) if alone else pose.offset,
             )
             for thing, pose in zip(subject.things, subject.poses, strict=True)

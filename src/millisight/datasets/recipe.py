@@ -1,4 +1,4 @@
-"""A recipe: what a generated dataset is to hold, as records whose every value is checked. `recipefile` reads RECIPE.toml.
+"""A recipe: what a generated dataset is to hold, as records that check every value; `recipefile` reads RECIPE.toml.
 
 Lengths in metres, in the radar frame: antennas move about z = 0, what they look at lies below.
 """
@@ -18,24 +18,22 @@ from millisight.scene.objects import CATALOGUE, CATEGORIES, SHAPE_CLASSES
 
 KEEPS = ("raw", "captures", "images")
 BACKGROUNDS = ("tripod", "styrofoam")
-HIDING = ("carton", "cloth")
 MODELS = {"specular": "_specular", "edge": "_edges", "diffuse": "_diffuse"}
 """The simulator's models, and what the names of their images end with."""
 
 _YCB = {entry.ycb_id: name for name, entry in CATALOGUE.items()}
 
 
-def catalogue_name(name: Any) -> str:
+def catalogue_name(name: str) -> str:
     """The catalogue's name of an object, given as that or as in the YCB set: "mug" of "025_mug".
 
     Raises
     ------
     UnknownNameError
     """
-    found = _YCB.get(name, name) if isinstance(name, str) else None
-    if found not in CATALOGUE:
+    if name not in CATALOGUE and name not in _YCB:
         raise UnknownNameError("catalogue object", name, CATALOGUE)
-    return found
+    return _YCB.get(name, name)
 
 
 @record
@@ -262,7 +260,7 @@ class Simulator:
     models : "specular", "edge", "diffuse"
     vertices : to which the meshes are resampled
     size : of the aperture along x and y [m]
-    margin : the aperture reaches this far beyond the object and no further than `size` [m]; None: it is as large as that
+    margin : the aperture reaches this far beyond the object and no further than `size` [m]; None: it is of that size
     step : between positions [wavelengths at the start of the band]
     height : of the aperture over the object's middle [m]
     tau_deg, edge_deg : see ScatteringModel
@@ -328,6 +326,7 @@ class Recipe:
     rig, simulator : captures like real ones, images for training; one of them, or both
     splits : shares of training, validation and test
     folder : where relative paths start
+    source : what messages call the recipe
     """
 
     name: str
@@ -341,6 +340,7 @@ class Recipe:
     simulator: Simulator | None = None
     splits: Shares = field(default_factory=Shares)
     folder: str = "."
+    source: str = "recipe"
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name.strip():

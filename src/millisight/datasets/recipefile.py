@@ -15,7 +15,7 @@ from millisight.files import check_readable, printable
 _LARGEST = 1 << 20  # bytes
 _KEYS = {"shape_class": "class"}
 """What fields are called in the file where Python keeps the word for itself."""
-_NOT_KEYS = {"folder"}
+_NOT_KEYS = {"folder", "source"}
 
 
 def read_recipe(path: str | os.PathLike[str]) -> Recipe:
@@ -54,7 +54,7 @@ def recipe_from_table(table: Mapping[str, Any], *, folder: str = ".", source: st
         A key or a value cannot be right; the message names the place.
     """
     recipe: Recipe = _record(Recipe, table, source, "")
-    return dataclasses.replace(recipe, folder=folder)
+    return dataclasses.replace(recipe, folder=folder, source=source)
 
 
 def _record(cls: type, table: Any, source: str, place: str) -> Any:
@@ -73,11 +73,15 @@ def _record(cls: type, table: Any, source: str, place: str) -> Any:
     required = {_KEYS.get(f.name, f.name): f.name for f in dataclasses.fields(cls) if _is_required(f)}
     for key, name in required.items():
         if name not in values:
-            raise FormatError(f"{source}: {place or 'recipe'}: {key} is missing; expected it here")
+            raise FormatError(f"{_at(source, place)}: {key} is missing; expected it here")
     try:
         return cls(**values)
     except MillisightError as error:
-        raise FormatError(f"{source}: {place or 'recipe'}: {error}") from error
+        raise FormatError(f"{_at(source, place)}: {error}") from error
+
+
+def _at(source: str, place: str) -> str:
+    return f"{source}: {place}" if place else source
 
 
 def _is_required(field: dataclasses.Field) -> bool:

@@ -114,8 +114,8 @@ class SimulatorJob:
         for axis, wide, covered in zip("xy", upper - lower, self.settings.size, strict=False):
             if wide > covered:
                 raise CoverageError(
-                    f"{names}: {wide * 100:.1f} cm wide along {axis}, the aperture only {covered * 100:.1f} cm; enlarge "
-                    "simulator.size, or turn it with angles_deg"
+                    f"{names}: {wide * 100:.1f} cm wide along {axis}, the aperture only {covered * 100:.1f} cm; "
+                    "enlarge simulator.size, or turn it with angles_deg"
                 )
         if upper[2] > -0.01:
             raise InputError(
@@ -154,7 +154,7 @@ class SimulatorJob:
                 root / seen.mesh if seen.mesh else seen.name, unit="m" if seen.mesh else None,
                 rotate_deg=seen.angles_deg, vertices=vertices, material=seen.material or None,
             )  # fmt: skip
-            scenes.append(scene.moved(self._middle + [*seen.offset, 0.0]))
+            scenes.append(scene.moved(self._middle + np.array([*seen.offset, 0.0])))
         return Scene(objects=tuple(thing for scene in scenes for thing in scene.objects))
 
     def _trajectory(self, scene: Scene) -> Trajectory:

@@ -1,7 +1,8 @@
-"""The objects of a recipe: built by the catalogue, scanned, or one's own; each with its mesh in the dataset's folder."""
+"""The objects of a recipe: drawn by the catalogue, scanned, or one's own; each with its mesh in the dataset."""
 
+import hashlib
 import os
-from collections.abc import Callable
+from itertools import permutations, product
 from pathlib import Path
 from typing import NamedTuple
 
@@ -9,8 +10,8 @@ import numpy as np
 
 from millisight.datasets.manifest import checksum
 from millisight.datasets.recipe import MeshFile, Recipe, catalogue_name
-from millisight.errors import FileError, MillisightError
-from millisight.files import atomic_path, make_folder, printable
+from millisight.errors import MillisightError
+from millisight.files import atomic_path, make_folder
 from millisight.scene.load import load_mesh
 from millisight.scene.mesh import TriangleMesh
 from millisight.scene.objects import CATALOGUE, build_object, find_scans
@@ -31,9 +32,9 @@ class Thing(NamedTuple):
     folder : `<id>_<name>` in the dataset
     shape_class, category : of the catalogue; "other", "own" of a file
     source : "built" by the catalogue, "scan" of the real one, or "file"
-    sha256 : of its mesh file `folder`/nontextured.stl
     material : all of it; "" for a built one, whose parts have theirs
-    vertices : (V, 3) of that mesh [m]
+    mesh : [m]
+    sha256 : of its mesh file
     """
 
     name: str
@@ -41,29 +42,29 @@ class Thing(NamedTuple):
     shape_class: str
     category: str
     source: str
-    sha256: str
     material: str
-    vertices: np.ndarray
+    mesh: TriangleMesh
+    sha256: str
 
     @property
-    def mesh(self) -> str:
+    def path(self) -> str:
         """Of its mesh file, relative to the dataset."""
         return f"{self.folder}/{MESH_NAME}"
 
+    def write(self, root: Path) -> None:
+        """Its mesh file into a dataset's folder, where it is not there already."""
+        path = make_folder(root / self.folder) / MESH_NAME
+        if not path.exists() or checksum(path) != self.sha256:
+            with atomic_path(path) as temporary:
+                temporary.write_bytes(_stl(self.mesh))
 
-def prepare(
-    recipe: Recipe,
-    out: Path,
-    *,
-    meshes: str | os.PathLike[str] | None = None,
-    progress: Callable[[int, int], None] | None = None,
-) -> dict[str, Thing]:
-    """Write the meshes of all objects of a recipe into the dataset `out`; by name.
+
+def prepare(recipe: Recipe, *, meshes: str | os.PathLike[str] | None = None) -> dict[str, Thing]:
+    """All objects of a recipe, by name.
 
     Parameters
     ----------
     meshes : folder of real scans, which take the places of the shapes that the catalogue builds
-    progress : called with (objects done, objects in all)
 
     Raises
     ------
@@ -75,50 +76,41 @@ def prepare(
     in_scenes = [placed.object for scene in recipe.scenes for placed in scene.objects]
     wanted = {*recipe.objects.chosen, *(catalogue_name(name) for name in in_scenes if name not in files)}
     names = [*(name for name in CATALOGUE if name in wanted), *files]
-    things = {}
-    for count, name in enumerate(names, 1):
-        if name in files:
-            things[name] = _own(files[name], recipe.folder, out)
-        else:
-            things[name] = _catalogued(name, scans.get(name), out)
-        if progress is not None:
-            progress(count, len(names))
-    return things
+    return {
+        name: _own(files[name], recipe.folder) if name in files else _catalogued(name, scans.get(name))
+        for name in names
+    }
 
 
-def _catalogued(name: str, scan: Path | None, out: Path) -> Thing:
+def _catalogued(name: str, scan: Path | None) -> Thing:
     entry = CATALOGUE[name]
     mesh = build_object(name)
     if scan is not None:
         mesh = lying_like(load_mesh(scan, unit="m"), mesh)
-    sha256 = _write(out / entry.ycb_id / MESH_NAME, mesh)
     source, material = ("built", "") if scan is None else ("scan", entry.material)
-    return Thing(name, entry.ycb_id, entry.shape_class, entry.category, source, sha256, material, mesh.vertices)
+    return Thing(name, entry.ycb_id, entry.shape_class, entry.category, source, material, mesh, _sha256(mesh))
 
 
-def _own(file: MeshFile, folder: str, out: Path) -> Thing:
+def _own(file: MeshFile, folder: str) -> Thing:
     try:
         mesh = load_mesh(Path(folder) / file.path, unit=file.unit)
     except MillisightError as error:
         raise type(error)(f"files: {error}") from error
     mesh = mesh.moved(translation=-mesh.bounds.mean(axis=0))
-    name = f"000_{file.name}"
-    sha256 = _write(out / name / MESH_NAME, mesh)
-    return Thing(file.name, name, file.shape_class, "own", "file", sha256, file.material, mesh.vertices)
+    folder = f"000_{file.name}"
+    return Thing(file.name, folder, file.shape_class, "own", "file", file.material, mesh, _sha256(mesh))
 
 
-def _write(path: Path, mesh: TriangleMesh) -> str:
-    """The mesh as binary STL [m]; returns its checksum."""
+def _sha256(mesh: TriangleMesh) -> str:
+    return hashlib.sha256(_stl(mesh)).hexdigest()
+
+
+def _stl(mesh: TriangleMesh) -> bytes:
+    """The mesh as binary STL [m]."""
     from trimesh import Trimesh
+    from trimesh.exchange.stl import export_stl
 
-    make_folder(path.parent)
-    content = Trimesh(mesh.vertices, mesh.faces, process=False).export(file_type="stl")
-    if not isinstance(content, bytes):
-        raise FileError(f"{printable(path)}: the mesh cannot be written as STL")
-    if not path.exists() or path.read_bytes() != content:
-        with atomic_path(path) as temporary:
-            temporary.write_bytes(content)
-    return checksum(path)
+    return export_stl(Trimesh(mesh.vertices, mesh.faces, process=False))
 
 
 def lying_like(scan: TriangleMesh, shape: TriangleMesh) -> TriangleMesh:
@@ -147,21 +139,8 @@ def lying_like(scan: TriangleMesh, shape: TriangleMesh) -> TriangleMesh:
 
 def _right_angled_turns() -> list[np.ndarray]:
     """The 24 rotations (3, 3) that map the axes onto each other."""
-    turns = [
-        np.array([[sign * (column == axis) for column in range(3)] for axis, sign in zip(axes, signs, strict=True)])
-        for axes in ((0, 1, 2), (1, 2, 0), (2, 0, 1), (0, 2, 1), (2, 1, 0), (1, 0, 2))
-        for signs in (
-            (1, 1, 1),
-            (1, 1, -1),
-            (1, -1, 1),
-            (1, -1, -1),
-            (-1, 1, 1),
-            (-1, 1, -1),
-            (-1, -1, 1),
-            (-1, -1, -1),
-        )
-    ]
-    return [turn.astype(float) for turn in turns if np.linalg.det(turn) > 0]
+    turns = [np.eye(3)[list(axes)] * signs for axes in permutations(range(3)) for signs in product((1, -1), repeat=3)]
+    return [turn for turn in turns if np.linalg.det(turn) > 0]
 
 
 def _spread(mesh: TriangleMesh) -> np.ndarray:

@@ -1,0 +1,436 @@
+"""Datasets from recipes: the same bytes by whatever engine, however often killed; found, verified and converted."""
+
+import hashlib
+import json
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import time
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import millisight as ms
+import small_recipe
+from millisight.datasets import generate
+from millisight.datasets.convert import convert
+from millisight.datasets.engine import Engine, engine_of
+from millisight.datasets.generate import carried_out, planned
+from millisight.datasets.ledger import JOURNAL_NAME, Ledger
+from millisight.datasets.manifest import read_manifest
+from millisight.datasets.mito import find
+from millisight.datasets.rig_job import RigJob
+from millisight.datasets.simulator_job import SimulatorJob
+from millisight.datasets.verify import verify
+from millisight.errors import DeviceError, FileError, InputError, UnknownNameError
+from millisight.imaging.form import form_image
+from millisight.io.hdf5 import load_extras, open_capture
+from millisight.io.mito_layout import read_published
+from millisight.rig.virtual.world import World
+from small_jobs import failing, napping
+
+HERE = Engine("threads", 1, 1)
+JOBS = 4
+BALL = "058_golf_ball/robot_collected/0_0_0/exp1"
+
+
+def make(out, engine=HERE, progress=None, **changes):
+    return carried_out(planned(small_recipe.recipe(**changes), out), engine, progress=progress)
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """The small recipe's dataset, made in this process by one thread; what was said of it; the calls of progress."""
+    out, calls = tmp_path_factory.mktemp("made") / "small", []
+    done = make(out, progress=lambda *count: calls.append(count))
+    assert (done.made, done.kept, done.failures, done.others) == (JOBS, 0, (), ())
+    return out, done, calls
+
+
+def contents(folder):
+    """The bytes of every file that is not hidden."""
+    paths = [p for p in sorted(folder.rglob("*")) if p.is_file() and not p.name.startswith(".")]
+    return {p.relative_to(folder).as_posix(): hashlib.sha256(p.read_bytes()).hexdigest() for p in paths}
+
+
+def test_it_is_a_dataset_of_the_published_layout(made, tmp_path):
+    out, _, _ = made
+    found = find(out)
+    assert [one.folder.name for one in found.objects] == ["058_golf_ball", "tripod_EMPTY", "tripod_background"]
+    kinds = {(part.sight if hasattr(part, "sight") else "", i.kind, i.radar, i.ext)
+             for part in found.objects[0].parts for i in part.items}  # fmt: skip
+    assert kinds == {
+        *((sight, *rest) for sight in ("los", "nlos") for rest in (
+            ("info", "", ""), ("image", "24_ghz", ""), ("radar mask", "24_ghz", ""), ("raw", "24_ghz", ""),
+            ("camera frame", "", ""))),
+        ("los", "camera mask", "", ""),
+        *(("", kind, "24_ghz", ext) for kind in ("image", "radar mask") for ext in ("_specular", "_edges")),
+    }  # fmt: skip
+    checked = verify(out, workers=1)
+    assert len(checked) > 15
+    assert [one.problems for one in checked if not one.ok] == []
+    done = convert(found.only(["058"]), tmp_path / "converted", workers=1)
+    assert (done.made, done.failures) == (12, ())
+
+
+def test_the_manifest_names_every_file_with_its_checksum_and_job(made):
+    out, done, _ = made
+    manifest = read_manifest(out)
+    assert manifest.entries == done.manifest.entries
+    assert manifest.settings == {"generator": 1, "recipe": "small", "seed": 3}
+    files = contents(out)
+    beside = {"README.md", "manifest.jsonl", "splits.json"}
+    assert set(files) - beside == set(manifest.entries)
+    assert beside < set(files)
+    for path, entry in manifest.entries.items():
+        assert entry.sha256 == files[path]
+        if entry.kind != "mesh":
+            (source,) = entry.sources
+            assert source.sha256 == files[source.path]
+            assert json.loads((out / source.path).read_text())["made_by"]["simulated"] is True
+    assert not (out / JOURNAL_NAME).exists()
+    assert not (out / ".partial").exists()
+
+
+def test_every_file_that_has_room_says_that_it_is_simulated_and_how(made):
+    out, _, _ = made
+    said = {}
+    for path in out.rglob("*.pkl"):
+        if "unprocessed/radars" not in path.as_posix():  # the published list of rows, as the recorder writes it
+            said[path] = read_published(path).extras
+    for path in out.rglob("*.h5"):
+        record = ms.load(path)
+        said[path] = {**getattr(record, "metadata", {}), **load_extras(path)}
+    assert len(said) == 20
+    for path, extras in said.items():
+        assert extras["simulated"], path
+        expected = "simulator of the paper" if "simulation" in path.parts else "virtual rig: physical optics"
+        assert str(np.asarray(extras["physics"]).item()).startswith(expected), path
+    infos = list(out.rglob("experiment_info.json"))
+    assert len(infos) == 3
+    assert all(json.loads(path.read_text())["simulated"] for path in infos)
+    card = (out / "README.md").read_text()
+    assert "Everything here is simulated. Nothing was measured." in card
+    assert "| captures | 24_ghz | carton, tripod | 1 |" in card
+    assert "| simulated images | 24_ghz | specular, edge | 2 |" in card
+
+
+def test_the_images_are_those_of_the_captures_less_the_empty_scene(made):
+    out, _, _ = made
+    image = read_published(out / BALL / "los/processed/radars/24_ghz/processed_image.pkl").record
+    with open_capture(out / BALL / "los/unprocessed/radars/24_ghz/capture.h5") as capture:
+        frames = capture.frames_of(slice(None))
+        empty = out / "tripod_background/robot_collected/0_0_0/exp1/los/unprocessed/radars/24_ghz/recorded.capture.h5"
+        less = ms.Capture(radar=capture.radar, trajectory=capture.trajectory,
+                          frames=frames - ms.load(empty).frames[:1])  # fmt: skip
+        assert np.array_equal(form_image(less, image.grid).values, image.values)
+        assert not np.allclose(form_image(capture, image.grid).values, image.values)
+        assert capture.metadata["experiment"]["conditions"] == {"los": "los", "nlos": "carton"}
+
+
+def test_the_truth_is_the_world_that_was_scanned(made):
+    out, _, _ = made
+    world = World.from_toml(out / "truth" / BALL / "nlos/24_ghz/world.toml")
+    assert world.objects[0].object == "golf_ball"
+    assert world.carton is not None
+    mask = read_published(out / BALL / "los/processed/radars/24_ghz/radar_masks.pkl").record
+    x, y = np.meshgrid(mask.grid_xy.x, mask.grid_xy.y, indexing="ij")
+    away = np.hypot(x - 0.17, y - 0.28)
+    assert mask.inside[away < 0.0205].all()
+    assert not mask.inside[away > 0.0225].any()
+    seen = np.load(out / "truth" / BALL / "nlos/24_ghz/camera.masks.npz")
+    camera = read_published(out / BALL / "los/processed/camera/camera_masks.pkl").record
+    assert not seen["0_golf_ball.visible"].any()
+    # The same ball from nearly the same place: what the carton hides is what the line of sight shows.
+    both = camera.pixels & seen["0_golf_ball.amodal"]
+    assert both.sum() > 0.9 * camera.pixels.sum() > 500
+
+
+def test_two_processes_make_the_same_bytes_and_tell_of_their_progress(made, tmp_path):
+    out, _, calls = made
+    assert [done for done, _ in calls] == sorted(done for done, _ in calls)
+    assert len(calls) == JOBS
+    assert calls[-1][0] == calls[-1][1]
+    done = make(tmp_path / "again", engine_of("processes", 2))
+    assert (done.made, done.failures) == (JOBS, ())
+    assert contents(tmp_path / "again") == contents(out)
+
+
+def test_the_number_of_threads_changes_no_byte(tmp_path):
+    rig = small_recipe.table()["rig"]
+    changes = {"simulator": None, "rig": {**rig, "conditions": ["los"], "scans": [{"radars": [{"preset": "iwr1443",
+               "frame_period": 0.125}]}]}}  # fmt: skip
+    made = []
+    for threads in (1, 2):
+        done = make(tmp_path / str(threads), Engine("threads", 1, threads), **changes)
+        assert (done.made, done.failures) == (1, ())
+        made.append(contents(tmp_path / str(threads)))
+    assert made[0] == made[1]
+    assert any("77_ghz/capture.h5" in path for path in made[0])
+
+
+COMMAND = "import sys, typer; from millisight.cli.generate import generate; typer.run(generate)"
+
+
+def test_killed_with_no_chance_to_clean_up_it_goes_on_and_ends_with_the_same_bytes(made, tmp_path):
+    out, _, _ = made
+    again, recipe = tmp_path / "again", tmp_path / "recipe.toml"
+    recipe.write_text(small_recipe.TEXT)
+    command = [sys.executable, "-c", COMMAND, recipe, "-o", again, "--workers", "2"]
+    run = subprocess.Popen(command, start_new_session=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    wait_for(lambda: (again / JOURNAL_NAME).exists())
+    os.killpg(run.pid, signal.SIGKILL)
+    run.communicate()
+    told = (again / JOURNAL_NAME).read_text()
+    assert 1 <= told.count("\n") < JOBS
+    # A line that was cut off tells nothing.
+    (again / JOURNAL_NAME).write_text(told + told[: len(told) // 2])
+    (again / ".partial" / "left").mkdir(exist_ok=True)
+    done = make(again)
+    assert done.failures == ()
+    assert done.kept == told.count("\n")
+    assert done.made + done.kept == JOBS
+    assert contents(again) == contents(out)
+
+
+def test_a_cluster_makes_the_same_bytes_though_a_worker_is_killed(made, tmp_path, cluster):
+    out, _, _ = made
+    again, engine = tmp_path / "again", engine_of(cluster.of(2))
+
+    def kill_one(*_):
+        # The empty scene is done, and the other three jobs begin: one worker is lost at its own.
+        if len(cluster.workers) == 2:
+            cluster.kill_one()
+
+    done = carried_out(planned(small_recipe.recipe(), again), engine, progress=kill_one)
+    assert len(cluster.workers) == 1
+    assert (done.made, done.failures) == (JOBS, ())
+    assert contents(again) == contents(out)
+
+
+def test_a_lost_worker_costs_only_what_it_was_at(tmp_path, cluster):
+    found = {}
+    for outcome in engine_of(cluster.of(2)).run(partial(napping, tmp_path), range(12)):
+        found[outcome.number] = outcome
+        if len(found) == 3:
+            cluster.kill_one()
+    assert len(cluster.workers) == 1
+    assert {number: outcome.result for number, outcome in found.items()} == {n: n**2 for n in range(12)}
+    assert all(not outcome.failure for outcome in found.values())
+    begun = [int(path.name.split(".")[0]) for path in tmp_path.iterdir()]
+    assert set(begun) == set(range(12))
+    assert len(begun) <= 13
+
+
+def test_on_a_cluster_an_error_is_the_jobs_own(cluster):
+    outcomes = sorted(engine_of(cluster.of(2)).run(failing, range(4)))
+    assert [outcome.result for outcome in outcomes] == [0, 1, None, 3]
+    assert outcomes[2].failure == "no such thing"
+
+
+def test_engines_are_checked():
+    assert engine_of("processes", 3).workers == 3
+    assert engine_of("threads", 3) == Engine("threads", 1, 3)
+    with pytest.raises(UnknownNameError, match="scheduler 'slurm'"):
+        engine_of("slurm")
+    with pytest.raises(InputError, match="workers"):
+        engine_of("tcp://127.0.0.1:1", 3)
+
+
+def test_where_no_scheduler_answers_it_says_so(monkeypatch):
+    monkeypatch.setattr("millisight.datasets.engine_dask._CONNECT", 0.5)
+    with pytest.raises(DeviceError, match="no Dask scheduler answers at tcp://127.0.0.1:1"):
+        engine_of("tcp://127.0.0.1:1")
+
+
+def simulated(names, **changes):
+    """Jobs of the simulator alone, which are quick."""
+    return {"rig": None, "objects": {"names": names}, **changes}
+
+
+def test_a_job_that_fails_stops_no_other_and_is_done_the_next_time(tmp_path, monkeypatch):
+    make_one = SimulatorJob.make
+
+    def fails(job, *arguments):
+        if "golf" in job.key:
+            raise InputError("the ball rolled away")
+        return make_one(job, *arguments)
+
+    monkeypatch.setattr(SimulatorJob, "make", fails)
+    names = ["golf_ball", "a_marbles", "strawberry"]
+    done = make(tmp_path / "out", **simulated(names))
+    assert (done.made, done.failures) == (2, (("058_golf_ball/simulation/0_0_0/24_ghz", "the ball rolled away"),))
+    assert not (tmp_path / "out" / "058_golf_ball" / "simulation").exists()
+    splits = json.loads((tmp_path / "out" / "splits.json").read_text())["by_object"]
+    assert sum(map(len, splits.values())) == 2
+    monkeypatch.undo()
+    done = make(tmp_path / "out", **simulated(names))
+    assert (done.made, done.kept, done.failures) == (1, 2, ())
+    make(tmp_path / "other", **simulated(names))
+    assert contents(tmp_path / "out") == contents(tmp_path / "other")
+
+
+def test_what_is_changed_is_made_anew_and_the_rest_is_kept(tmp_path):
+    names = ["golf_ball", "strawberry"]
+    out = tmp_path / "out"
+    assert make(out, **simulated(names)).made == 2
+    before = contents(out)
+    # Nothing to do.
+    assert (make(out, **simulated(names)).made, contents(out)) == (0, before)
+    # A file is lost, another one cut short.
+    lost = out / "058_golf_ball/simulation/0_0_0/processed/radars/24_ghz/processed_image_edges.pkl"
+    lost.unlink()
+    done = make(out, **simulated(names))
+    assert (done.made, done.kept, contents(out)) == (1, 1, before)
+    # An object more, and one less: what was of it is named, not removed.
+    done = make(out, **simulated(["strawberry", "a_marbles"]))
+    assert (done.made, done.kept) == (1, 1)
+    assert done.others == ("truth/058_golf_ball/simulation/0_0_0/24_ghz/job.json",)
+    assert lost.exists()
+    assert not any("golf" in path for path in done.manifest.entries)
+    # Other settings: everything.
+    changed = {**small_recipe.table()["simulator"], "tau_deg": 6.0}
+    assert make(out, **simulated(names, simulator=changed)).made == 2
+
+
+def test_a_folder_of_something_else_is_refused(tmp_path):
+    (tmp_path / "thesis.tex").touch()
+    with pytest.raises(InputError, match="is not empty, and no dataset of this recipe"):
+        planned(small_recipe.recipe(), tmp_path)
+    make(tmp_path / "out", **simulated(["golf_ball"]))
+    with pytest.raises(InputError, match="holds another dataset"):
+        planned(small_recipe.recipe(seed=4), tmp_path / "out")
+
+
+def test_two_runs_in_one_folder_are_refused(tmp_path):
+    with Ledger(tmp_path, {}).writing(), pytest.raises(FileError, match="another run is at work"):
+        make_room(tmp_path)
+
+
+def make_room(folder):
+    with Ledger(folder, {}).writing():
+        pass
+
+
+def test_a_short_disk_is_told_before_the_work(tmp_path, monkeypatch):
+    usage = type("Usage", (), {"free": 1000})
+    monkeypatch.setattr(generate.shutil, "disk_usage", lambda _: usage)
+    plan = planned(small_recipe.recipe(), tmp_path / "out")
+    with pytest.raises(FileError, match=r"has 0.0 GB left; the dataset needs"):
+        carried_out(plan, HERE)
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_cost_is_told_before_and_grows_with_the_work():
+    def costs(**changes):
+        plan = planned(small_recipe.recipe(**changes), "nowhere")
+        return {job.key: cost for job, cost in zip(plan.todo, plan.costs, strict=True)}, plan
+
+    few, plan = costs()
+    assert len(few) == JOBS
+    assert 0.1 < plan.slowness < 100
+    total = plan.total(2)
+    assert total.core_seconds == pytest.approx(plan.slowness * sum(cost.seconds for cost in few.values()))
+    assert total.core_seconds / 2 <= total.wall <= total.core_seconds
+    rig = small_recipe.table()["rig"]
+    denser = {**rig, "world": {**rig["world"], "scan": {**rig["world"]["scan"], "row_spacing": 0.01}}}
+    more, _ = costs(rig=denser)
+    key = next(key for key in few if "nlos" in key)
+    assert more[key].seconds > few[key].seconds
+    kept, _ = costs(rig={**rig, "keep": "images"})
+    assert kept[key].kept < few[key].kept
+
+
+def test_the_estimated_bytes_are_about_right(made):
+    out, done, _ = made
+    plan = planned(small_recipe.recipe(), out.with_name("nowhere"))
+    expected = sum(cost.kept for cost in plan.costs)
+    assert expected / 2 < sum(entry.size for entry in done.manifest.entries.values()) < 2 * expected
+
+
+def test_raw_files_alone_can_be_kept_and_scans_may_hold_both_radars(tmp_path):
+    rig = small_recipe.table()["rig"]
+    radars = [{"preset": "position2go", "mount": [0, 0, 0]}, {"preset": "iwr1443", "frame_period": 0.125}]
+    rig = {**rig, "keep": "raw", "conditions": ["los"], "world": {**rig["world"], "radars": radars}}
+    rig["world"]["scan"] = {"size": [0.16, 0.1], "corner": [0.09, 0.23], "row_spacing": 0.08}
+    scene = {"objects": [{"object": "a_marbles", "offset": [-0.03, 0]}, {"object": "golf_ball", "offset": [0.03, 0]}]}
+    done = make(tmp_path / "out", objects={}, scenes=[scene], rig=rig, simulator=None)
+    assert (done.made, done.failures) == (2, ())
+    experiment = tmp_path / "out" / "063-a_marbles+058_golf_ball/robot_collected/0_0_0/exp1/los"
+    for radar in ("24_ghz", "77_ghz"):
+        assert list((experiment / "unprocessed/radars" / radar / "radar_data").iterdir())
+        assert not list((experiment / "unprocessed/radars" / radar).glob("*.h5"))
+        masks = {
+            ext: read_published(experiment / "processed/radars" / radar / f"radar_masks{ext}.pkl").record.inside
+            for ext in ("", "_0_a_marbles", "_1_golf_ball")
+        }
+        assert masks["_0_a_marbles"].any()
+        assert masks["_1_golf_ball"].any()
+        assert not (masks["_0_a_marbles"] & masks["_1_golf_ball"]).any()
+        assert np.array_equal(masks["_0_a_marbles"] | masks["_1_golf_ball"], masks[""])
+    seen = np.load(tmp_path / "out/truth" / experiment.relative_to(tmp_path / "out") / "24_ghz+77_ghz/camera.masks.npz")
+    assert {"0_a_marbles.visible", "1_golf_ball.visible"} <= set(seen)
+
+
+def test_jobs_can_travel(tmp_path):
+    plan = planned(small_recipe.recipe(), tmp_path / "out")
+    again = pickle.loads(pickle.dumps(plan.jobs))  # noqa: S301
+    assert [job.description() for job in again] == [job.description() for job in plan.jobs]
+    assert {type(job) for job in again} == {RigJob, SimulatorJob}
+
+
+class Cluster:
+    """A Dask cluster of processes on this machine, its workers of one thread each."""
+
+    def __init__(self, folder):
+        self._file = folder / "scheduler.json"
+        self._settings = {
+            "stdout": subprocess.DEVNULL,
+            "stderr": subprocess.DEVNULL,
+            "cwd": folder,
+            "env": {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])},  # for small_jobs
+        }
+        self._scheduler = self._started("dask_scheduler", "--port", "0")
+        self.workers = []
+        wait_for(self._file.exists)
+        self.address = json.loads(self._file.read_text())["address"]
+
+    def _started(self, name, *arguments):
+        command = [sys.executable, "-m", f"distributed.cli.{name}", "--scheduler-file", self._file, "--no-dashboard"]
+        return subprocess.Popen([*command, *arguments], **self._settings)
+
+    def of(self, workers):
+        """The address of the cluster, which has so many workers now."""
+        while len(self.workers) < workers:
+            self.workers.append(self._started("dask_worker", "--nthreads", "1", "--no-nanny"))
+        wait_for(lambda: engine_of(self.address).workers == workers)
+        return self.address
+
+    def kill_one(self):
+        worker = self.workers.pop()
+        worker.kill()
+        worker.wait()
+
+    def end(self):
+        for process in (*self.workers, self._scheduler):
+            process.kill()
+            process.wait()
+
+
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory):
+    pytest.importorskip("distributed", reason='needs Dask: pip install "millisight[cluster]"')
+    made = Cluster(tmp_path_factory.mktemp("cluster"))
+    yield made
+    made.end()
+
+
+def wait_for(condition):
+    until = time.monotonic() + 60
+    while not condition():
+        assert time.monotonic() < until
+        time.sleep(0.05)
