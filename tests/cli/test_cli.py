@@ -104,7 +104,7 @@ def test_grids_windows_and_methods(capture):
 def test_help_teaches_with_an_example(tmp_path):
     code, out, _ = run("--help", cwd=tmp_path)
     assert code == 0
-    for command in ("demo", "simulate", "image", "info", "collect"):
+    for command in ("demo", "simulate", "image", "info", "collect", "generate"):
         assert command in out
         code, text, _ = run(command, "--help", cwd=tmp_path)
         assert code == 0
