@@ -48,9 +48,8 @@ def main() -> None:
     rig = VirtualRig(world)
     folder = experiment_folder_of(world, out, 1)
     started = time.perf_counter()
-    if not folder.exists():
-        record_scan(rig.arm, rig.radars, rig.camera, rig.plan, folder, info=experiment_info(world))
-        print(f"scanned {len(rig.plan.rows)} rows in {time.perf_counter() - started:.0f} s", flush=True)
+    record_scan(rig.arm, rig.radars, rig.camera, rig.plan, folder, info=experiment_info(world))
+    print(f"scanned {len(rig.plan.rows)} rows in {time.perf_counter() - started:.0f} s", flush=True)
     scan = read_experiment(folder, RADAR)
     capture = scan.to_capture()
     estimate = estimate_clock(capture, scan.log)
