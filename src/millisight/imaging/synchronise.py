@@ -26,6 +26,7 @@ _SEARCH_PAIRS = 3e9  # voxel-channel pairs of the lattice
 _SIDE = 16  # wavelengths: of the parts of the aperture whose powers are added
 _STEP = 0.25  # turns of the fastest phase
 _MOST_STEPS = 25  # of the search for the offset, either way
+_MOST_MOVES = 6  # steps uphill before the peak is fitted
 _FLOOR = 0.01  # steps: what all sets of frames get wrong alike, which their scatter does not show
 _PLACES_OF_LOG, _PLACES_OF_SCENE = 300, 20  # from which the fastest phase is taken
 
@@ -109,9 +110,7 @@ def estimate_clock(
     )
     found = {"against": 0.0, "coarse_offset": 0.0, "coherence": 0.0}
     try:
-        clock, errors = _estimate(
-            capture, log, grid, limits, np.random.default_rng(rng), _Steps(progress, 4 + 2 * _SUBSETS), found
-        )
+        clock, errors = _estimate(capture, log, grid, limits, np.random.default_rng(rng), _Steps(progress, 6), found)
     except _Unobservable as reason:
         return ClockEstimate(
             clock=None,
@@ -269,30 +268,40 @@ def _refined(
     best = start
     for width in (1.0, 0.5):
         nodes = width * step * np.arange(-1, 2)
-        images = _images(focus, scan, sets, best, nodes, step_done)  # (3, 3, sets, V)
-        whole = images.sum(axis=2)
-        top = peak(nodes, nodes, np.log(_fourth(whole).sum(axis=-1)))
-        if top is None:
-            raise _Unobservable("the image has no clock at which it is sharpest: the scene is too faint, or too large")
-        best = best + np.clip(top, -1.5 * step, 1.5 * step)
+        for _ in range(_MOST_MOVES):
+            images = _images(focus, scan, sets, best, nodes)  # (3, 3, sets, V)
+            whole = images.sum(axis=2)
+            sharpness = _fourth(whole).sum(axis=-1)
+            move = np.subtract(np.unravel_index(np.argmax(sharpness), sharpness.shape), 1)
+            if not move.any():
+                break
+            best = best + width * step * move
+        step_done()
+        top = peak(nodes, nodes, np.log(sharpness))
+        if top is not None:
+            best = best + np.clip(top, -width * step, width * step)
+    if top is None or move.any():
+        raise _Unobservable("the image has no clock at which it is sharpest: the scene is too faint, or too large")
     without_set = [_fourth(whole - images[:, :, k]).sum(axis=-1) for k in range(_SUBSETS)]
     without_group = [_fourth(whole[..., groups != k]).sum(axis=-1) for k in np.unique(groups)]
     errors = [np.full(2, _FLOOR * step), _jackknife(nodes, without_set)]
     if len(without_group) > 1:
         errors.append(_jackknife(nodes, without_group))
-    return best, np.sqrt(np.sum(np.square(errors), axis=0))
+    error = np.sqrt(np.sum(np.square(errors), axis=0))
+    if not error.max() < step:
+        raise _Unobservable(
+            f"the image tells the offset to ± {error[0] * 1e3:.3g} ms only: the scene is too faint, or too even"
+        )
+    return best, error
 
 
-def _images(
-    focus: Focus, scan: _Scan, sets: np.ndarray, center: np.ndarray, nodes: np.ndarray, step_done
-) -> np.ndarray:
+def _images(focus: Focus, scan: _Scan, sets: np.ndarray, center: np.ndarray, nodes: np.ndarray) -> np.ndarray:
     """(n, n, sets, V) complex64 images of each set of channels, at nodes (n,) [s] around an offset and a late."""
     images = np.empty((len(nodes), len(nodes), _SUBSETS, focus.points.shape[1]), dtype=np.complex64)
     for k in range(_SUBSETS):
         part = focus.some(sets == k)
         for a, b in np.ndindex(len(nodes), len(nodes)):
             images[a, b, k] = part.image(scan.clock(center[0] + nodes[a], center[1] + nodes[b]))
-        step_done()
     return images
 
 
