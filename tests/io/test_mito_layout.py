@@ -3,6 +3,7 @@
 import json
 import pickle
 import re
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -497,3 +498,21 @@ def test_what_no_recorder_could_have_written_is_refused(tmp_path):
 def test_the_full_radar_is_the_used_one_and_more():
     one, both = experiment_radar("24_ghz", INFOS[1]), full_radar("24_ghz", INFOS[1])
     assert one.array.rx_positions.tolist() == both.array.rx_positions[:1].tolist() == [[0, -0.021, 0]]
+
+
+def test_frames_come_at_the_pace_that_the_experiment_states(miniature, tmp_path):
+    """A rig of one's own may be slower than the published ones; what is no time is refused."""
+    source = miniature.healthy / MUG / "robot_collected" / "0_0_90" / "exp1"
+    shutil.copytree(source, tmp_path / "exp1")
+    path = tmp_path / "exp1" / "experiment_info.json"
+    info = json.loads(path.read_text())
+    published = read_experiment(tmp_path / "exp1" / "los", "77_ghz").rows[0].times
+    path.write_text(json.dumps({**info, "frame period": {"77_ghz": 0.05}}))
+    stated = read_experiment(tmp_path / "exp1" / "los", "77_ghz").rows[0].times
+    np.testing.assert_allclose(np.diff(published), 0.125, atol=1e-6)
+    np.testing.assert_allclose(np.diff(stated), 0.05, atol=1e-6)
+    assert published[0] == stated[0]
+    for wrong in ({"77_ghz": 0}, {"77_ghz": "fast"}, [0.05]):
+        path.write_text(json.dumps({**info, "frame period": wrong}))
+        with pytest.raises(DamagedFileError, match="'frame period' is"):
+            read_experiment(tmp_path / "exp1" / "los", "77_ghz")

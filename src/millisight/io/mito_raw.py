@@ -33,9 +33,9 @@ from millisight.io.mito_names import INFO_NAME, checked_radar, origin, radar_fol
 from millisight.io.mito_setup import (
     BASE_ORIGIN,
     CHIRPS,
-    FRAME_PERIODS,
     SUFFIXES,
     experiment_radar,
+    frame_period,
     published_box,
     read_info,
 )
@@ -84,7 +84,7 @@ def read_experiment(
     used = experiment_radar(radar, info)
     remarks = _Remarks()
     log = _read_log(raw, radar, remarks)
-    rows = _read_rows(raw, radar, used, info["aperture size"], remarks, progress)
+    rows = _read_rows(raw, radar, used, frame_period(info, radar), remarks, progress)
     outside = sum(int((~inside_log(row.times, log)).sum()) for row in rows)
     if outside:
         frames = sum(len(row.times) for row in rows)
@@ -245,7 +245,7 @@ def _read_rows(
     raw: Path,
     radar: str,
     used: Radar,
-    aperture: str,
+    period: float,
     remarks: _Remarks,
     progress: Callable[[int, int], None] | None,
 ) -> tuple[ScanRow, ...]:
@@ -257,7 +257,6 @@ def _read_rows(
     numbers = {row.number for row in listed}
     remarks.notes += [f"{path.name} is there, but not listed" for n, path in files.items() if n not in numbers]
     recorder = _Dca1000() if radar == "77_ghz" else _Position2Go()
-    period = FRAME_PERIODS[radar, aperture]
     rows = []
     for count, row in enumerate(there, 1):
         path = files[row.number]

@@ -55,7 +55,21 @@ def read_info(path: str | os.PathLike[str]) -> dict[str, Any]:
             raise DamagedFileError(f"{name} has no text {key!r}; expected 'aperture size', 'rx offset', 'background'")
         if known is not None and info[key] not in known:
             raise DamagedFileError(f"{name}: {key!r} is {info[key]!r}; expected {' or '.join(map(repr, known))}")
+    periods = info.get("frame period", {})
+    if not isinstance(periods, dict) or not all(_is_period(value) for value in periods.values()):
+        raise DamagedFileError(
+            f"{name}: 'frame period' is {periods!r}; expected seconds above 0 by radar, or no such key"
+        )
     return info
+
+
+def _is_period(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and 0 < value < 1e6
+
+
+def frame_period(info: Mapping[str, Any], radar: str) -> float:
+    """From frame to frame of an experiment [s]: the published one, or what `info`'s "frame period" has of the radar."""
+    return float(info.get("frame period", {}).get(radar, FRAME_PERIODS[radar, info["aperture size"]]))
 
 
 def experiment_radar(radar: str, info: Mapping[str, Any]) -> Radar:
