@@ -120,6 +120,21 @@ def test_reproducible_files_are_equal_byte_for_byte(tmp_path):
     ms.load(tmp_path / "a")
 
 
+def test_bytes_do_not_depend_on_when_handles_close(tmp_path, monkeypatch):
+    # A profiler that holds our frames, as Dask's does, keeps their handles open.
+    ms.save(tmp_path / "a", small_capture(), reproducible=True)
+    held, create = [], h5py.Group.create_dataset
+
+    def create_and_hold(*arguments, **options):
+        held.append(create(*arguments, **options))
+        return held[-1]
+
+    monkeypatch.setattr(h5py.Group, "create_dataset", create_and_hold)
+    ms.save(tmp_path / "b", small_capture(), reproducible=True)
+    assert len(held) > 4
+    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
+
+
 def test_the_file_explains_itself(tmp_path):
     ms.save(tmp_path / "c.h5", small_capture())
     with h5py.File(tmp_path / "c.h5") as file:

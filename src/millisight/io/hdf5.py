@@ -299,6 +299,9 @@ def _write_array(group: Any, name: str, array: Any, sink: _Sink) -> Any:
     for start in range(0, array.shape[0], many):
         dataset[start : start + many] = array[start : start + many]
         sink.check()
+    # Its place in the file is settled here, not when its last handle closes: that is as late as any thread that looks
+    # at our frames (a profiler) has it, and equal records are to give equal bytes.
+    dataset.flush()
     return dataset
 
 
