@@ -7,9 +7,7 @@ import pickle
 import signal
 import subprocess
 import sys
-import time
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -31,6 +29,7 @@ from millisight.imaging.form import form_image
 from millisight.io.hdf5 import load_extras, open_capture
 from millisight.io.mito_layout import read_published
 from millisight.rig.virtual.world import World
+from small_cluster import Cluster, wait_for
 from small_jobs import failing, napping
 
 HERE = Engine("threads", 1, 1)
@@ -383,54 +382,9 @@ def test_jobs_can_travel(tmp_path):
     assert {type(job) for job in again} == {RigJob, SimulatorJob}
 
 
-class Cluster:
-    """A Dask cluster of processes on this machine, its workers of one thread each."""
-
-    def __init__(self, folder):
-        self._file = folder / "scheduler.json"
-        self._settings = {
-            "stdout": subprocess.DEVNULL,
-            "stderr": subprocess.DEVNULL,
-            "cwd": folder,
-            "env": {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])},  # for small_jobs
-        }
-        self._scheduler = self._started("dask_scheduler", "--port", "0")
-        self.workers = []
-        wait_for(self._file.exists)
-        self.address = json.loads(self._file.read_text())["address"]
-
-    def _started(self, name, *arguments):
-        command = [sys.executable, "-m", f"distributed.cli.{name}", "--scheduler-file", self._file, "--no-dashboard"]
-        return subprocess.Popen([*command, *arguments], **self._settings)
-
-    def of(self, workers):
-        """The address of the cluster, which has so many workers now."""
-        while len(self.workers) < workers:
-            self.workers.append(self._started("dask_worker", "--nthreads", "1", "--no-nanny"))
-        wait_for(lambda: engine_of(self.address).workers == workers)
-        return self.address
-
-    def kill_one(self):
-        worker = self.workers.pop()
-        worker.kill()
-        worker.wait()
-
-    def end(self):
-        for process in (*self.workers, self._scheduler):
-            process.kill()
-            process.wait()
-
-
 @pytest.fixture(scope="module")
 def cluster(tmp_path_factory):
     pytest.importorskip("distributed", reason='needs Dask: pip install "millisight[cluster]"')
     made = Cluster(tmp_path_factory.mktemp("cluster"))
     yield made
     made.end()
-
-
-def wait_for(condition):
-    until = time.monotonic() + 60
-    while not condition():
-        assert time.monotonic() < until
-        time.sleep(0.05)

@@ -1,0 +1,55 @@
+"""A Dask cluster of processes on this machine, for tests and benchmarks."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from millisight.datasets.engine import engine_of
+
+
+class Cluster:
+    """A Dask cluster of processes on this machine, its workers of one thread each."""
+
+    def __init__(self, folder):
+        self._file = folder / "scheduler.json"
+        self._settings = {
+            "stdout": subprocess.DEVNULL,
+            "stderr": subprocess.DEVNULL,
+            "cwd": folder,
+            "env": {**os.environ, "PYTHONPATH": str(Path(__file__).parent)},  # for small_jobs
+        }
+        self._scheduler = self._started("dask_scheduler", "--port", "0")
+        self.workers = []
+        wait_for(self._file.exists)
+        self.address = json.loads(self._file.read_text())["address"]
+
+    def _started(self, name, *arguments):
+        command = [sys.executable, "-m", f"distributed.cli.{name}", "--scheduler-file", self._file, "--no-dashboard"]
+        return subprocess.Popen([*command, *arguments], **self._settings)
+
+    def of(self, workers):
+        """The address of the cluster, which has so many workers now."""
+        while len(self.workers) < workers:
+            self.workers.append(self._started("dask_worker", "--nthreads", "1", "--no-nanny"))
+        wait_for(lambda: engine_of(self.address).workers == workers)
+        return self.address
+
+    def kill_one(self):
+        worker = self.workers.pop()
+        worker.kill()
+        worker.wait()
+
+    def end(self):
+        for process in (*self.workers, self._scheduler):
+            process.kill()
+            process.wait()
+
+
+def wait_for(condition):
+    until = time.monotonic() + 60
+    while not condition():
+        assert time.monotonic() < until
+        time.sleep(0.05)
