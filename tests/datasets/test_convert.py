@@ -112,7 +112,7 @@ def test_the_manifest_says_what_each_file_is_and_was_made_of(converted, miniatur
 def test_no_time_and_no_machine_is_in_the_files(converted):
     out, _ = converted
     assert provenance(out / EMPTY / "robot_collected/0_0_0/exp1/los/processed/radars/24_ghz/processed_image.h5") == {
-        "record": "SarImage", "schema_version": 1, "code_version": ms.__version__, "command": "unknown",
+        "record": "SarImage", "schema_version": 2, "code_version": ms.__version__, "command": "unknown",
         "created": "unknown",
     }  # fmt: skip
 

@@ -15,6 +15,7 @@ import millisight as ms
 from millisight.capture.camera import CameraFrame, CameraMask, Intrinsics
 from millisight.errors import DamagedFileError, FileError, FormatError, InputError
 from millisight.io.hdf5 import RECORDS, load_extras, provenance
+from millisight.io.seal import chunk_extents, seal_holds, write_seal
 
 
 def small_capture(receivers="iwr1443"):
@@ -147,7 +148,7 @@ def test_the_file_explains_itself(tmp_path):
     told = provenance(tmp_path / "c.h5")
     assert told["record"] == "Capture"
     assert told["code_version"] == ms.__version__
-    assert told["schema_version"] == 1
+    assert told["schema_version"] == 2
     assert told["command"].endswith(shlex.join(sys.argv[1:]))
 
 
@@ -184,6 +185,28 @@ def test_every_flipped_byte_is_noticed_or_harmless(tmp_path):
     assert noticed > 100
 
 
+def test_hdf5_never_sees_a_damaged_structure(tmp_path, monkeypatch):
+    """Some damaged bytes send it into an endless loop, others crash the process."""
+    path = tmp_path / "c.h5"
+    ms.save(path, small_capture(), extras={"scalar": np.array(3.5)})
+    whole = path.read_bytes()
+    with h5py.File(path) as file:
+        extents = chunk_extents(file)
+    assert len(extents) > 2
+    chunks = np.zeros(len(whole), bool)
+    for start, length in extents.tolist():
+        chunks[start : start + length] = True
+    monkeypatch.setattr(h5py, "File", lambda *_: pytest.fail("HDF5 was asked"))
+    places = np.flatnonzero(~chunks)[:-8:37]  # the seal's own last bytes aside: without them there is none
+    assert len(places) > 300
+    for place in places:
+        damaged = bytearray(whole)
+        damaged[place] ^= 0xFF
+        path.write_bytes(damaged)
+        with pytest.raises((DamagedFileError, FormatError), match=r"c\.h5"):
+            ms.load(path)
+
+
 @pytest.mark.parametrize("share", [0.0, 0.01, 0.3, 0.7, 0.99])
 def test_truncated_files_are_refused(tmp_path, share):
     path = tmp_path / "c.h5"
@@ -205,21 +228,20 @@ def test_foreign_files_are_named(tmp_path):
     with pytest.raises(FileError, match="no such file"):
         ms.load(tmp_path / "nowhere.h5")
     ms.save(tmp_path / "new.h5", small_capture())
-    with h5py.File(tmp_path / "new.h5", "r+") as file:
-        file.attrs["schema_version"] = 99
+    forge(tmp_path / "new.h5", lambda file: file.attrs.__setitem__("schema_version", 99))
     with pytest.raises(FormatError, match=r"schema version 99; .* upgrade it"):
         ms.load(tmp_path / "new.h5")
 
 
 def test_an_array_that_claims_more_than_it_stores_is_refused(tmp_path):
     """A forged size must not exhaust the memory."""
-    from millisight.io.hdf5 import _digest
 
-    ms.save(tmp_path / "t.h5", small_capture().trajectory)
-    with h5py.File(tmp_path / "t.h5", "r+") as file:
+    def claim(file):
         del file["positions"]
         file.create_dataset("positions", shape=(10**12, 3), dtype="f8", chunks=(1000, 3))
-        file.attrs["digest"] = _digest(file)
+
+    ms.save(tmp_path / "t.h5", small_capture().trajectory)
+    forge(tmp_path / "t.h5", claim)
     with pytest.raises(DamagedFileError, match="0 bytes stored"):
         ms.load(tmp_path / "t.h5")
 
@@ -299,12 +321,15 @@ def test_a_read_only_folder_is_refused(tmp_path):
 
 
 def forge(path, change):
-    """Change a file of ours and make its digest right again, as only somebody who knows it would."""
-    from millisight.io.hdf5 import _digest
-
+    """Change a file of ours and seal it again, as only somebody who knows how would."""
     with h5py.File(path, "r+") as file:
         change(file)
-        file.attrs["digest"] = _digest(file)
+        file.flush()
+        extents = chunk_extents(file)
+    with open(path, "r+b") as raw:
+        assert seal_holds(raw) is None
+        write_seal(raw, extents)
+        assert seal_holds(raw)
 
 
 def swap(file, name, source):

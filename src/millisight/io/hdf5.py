@@ -1,11 +1,10 @@
 """Every record in HDF5: `save`, `load`, and `open_capture` for captures larger than memory.
 
 A record is a group: arrays are its datasets, numbers and texts its attributes, records in it its groups. Complex
-numbers are the compound {r, i} that h5py, MATLAB, Julia and C++ read. Large arrays carry Fletcher-32 checksums a
-chunk; a SHA-256 digest covers names, attributes and shapes. Files are written to a temporary name, then renamed.
+numbers are the compound {r, i} that h5py, MATLAB, Julia and C++ read. Arrays carry Fletcher-32 checksums a chunk; a
+seal covers the rest, and is checked before HDF5 opens a file. Files are written to a temporary name, then renamed.
 """
 
-import hashlib
 import importlib.metadata
 import json
 import os
@@ -28,13 +27,14 @@ from millisight.errors import DamagedFileError, FileError, FormatError, InputErr
 from millisight.files import atomic_path, check_readable, printable
 from millisight.imaging.grid import PixelGrid, VoxelGrid
 from millisight.imaging.image import SarImage
+from millisight.io.seal import chunk_extents, seal_holds, write_seal
 from millisight.perception.classification import Prediction
 from millisight.perception.segmentation import Mask
 from millisight.scene.material import Material
 from millisight.scene.mesh import TriangleMesh
 from millisight.scene.scene import Scene, SceneObject
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2  # 1 had no seal
 
 RECORDS = {
     cls.__name__: cls
@@ -102,22 +102,19 @@ def save(
         raise InputError(f"save got {type(record).__name__}; expected one of {', '.join(sorted(RECORDS))}")
     if isinstance(record, Capture):
         record.frames_of(slice(0, 1))  # refuses, before anything is written, one whose file was closed
-    with (
-        atomic_path(path) as temporary,
-        open(temporary, "w+b") as raw,
-        _Sink(raw) as sink,
-        h5py.File(sink, "w") as file,
-    ):
-        file.attrs["format"] = "millisight"
-        file.attrs["schema_version"] = SCHEMA_VERSION
-        file.attrs["code_version"] = importlib.metadata.version("millisight")
-        if not reproducible:
-            file.attrs["command"] = printable(shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]]))
-            file.attrs["created"] = datetime.now(UTC).isoformat(timespec="seconds")
-        _write(file, record, sink)
-        for name, value in (extras or {}).items():
-            _write_extra(file, name, value, sink)
-        file.attrs["digest"] = _digest(file)
+    with atomic_path(path) as temporary, open(temporary, "w+b") as raw:
+        with _Sink(raw) as sink, h5py.File(sink, "w") as file:
+            file.attrs["format"] = "millisight"
+            file.attrs["schema_version"] = SCHEMA_VERSION
+            file.attrs["code_version"] = importlib.metadata.version("millisight")
+            if not reproducible:
+                file.attrs["command"] = printable(shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]]))
+                file.attrs["created"] = datetime.now(UTC).isoformat(timespec="seconds")
+            _write(file, record, sink)
+            for name, value in (extras or {}).items():
+                _write_extra(file, name, value, sink)
+            extents = chunk_extents(file)
+        write_seal(raw, extents)
 
 
 def load(path: str | os.PathLike[str]) -> Any:
@@ -240,8 +237,11 @@ def _opened(path: str | os.PathLike[str]) -> Iterator[Any]:
     path = check_readable(path)
     with open(path, "rb") as raw:
         start = raw.read(8)
+        sealed = seal_holds(raw)
     if start != b"\x89HDF\r\n\x1a\n":
         raise FormatError(f"{path} is not an HDF5 file (it starts with {start!r}); expected one that millisight wrote")
+    if sealed is False:
+        raise DamagedFileError(f"{path} is damaged: it differs from its seal; make or copy it again")
     try:
         file = h5py.File(path, "r")
     except OSError as error:
@@ -250,7 +250,6 @@ def _opened(path: str | os.PathLike[str]) -> Iterator[Any]:
         try:
             ours = str(_plain(file.attrs.get("format"))) == "millisight"
             version = int(file.attrs.get("schema_version", 0))
-            intact = str(file.attrs.get("digest")) == _digest(file)
         except (OSError, RuntimeError, KeyError, TypeError, ValueError) as error:
             raise DamagedFileError(f"{path} is damaged: {_reason(error)}; make or copy it again") from error
         if not ours:
@@ -259,8 +258,10 @@ def _opened(path: str | os.PathLike[str]) -> Iterator[Any]:
             raise FormatError(
                 f"{path} has schema version {version}; this millisight reads up to {SCHEMA_VERSION}: upgrade it"
             )
-        if not intact:
-            raise DamagedFileError(f"{path} is damaged: its header differs from its digest; make or copy it again")
+        if sealed is None and version > 1:
+            raise DamagedFileError(
+                f"{path} has lost its seal: it is damaged, or another program changed it; make or copy it again"
+            )
         yield file
 
 
@@ -359,20 +360,6 @@ def _read_item(item: Any, path: str | os.PathLike[str], *, lazily: bool) -> Any:
     array = item[...]
     array.flags.writeable = False  # so that the record takes it as it is
     return array
-
-
-def _digest(file: Any) -> str:
-    """SHA-256 over the names, attributes, shapes and types of everything in the file."""
-    lines = []
-
-    def visit(name: str, item: Any) -> None:
-        shape = (str(item.dtype), item.shape) if hasattr(item, "dtype") else ()
-        attributes = sorted((k, repr(_plain(v))) for k, v in item.attrs.items() if k != "digest")
-        lines.append(repr((name, shape, attributes)))
-
-    visit("/", file)
-    file.visititems(visit)
-    return hashlib.sha256("\n".join(lines).encode()).hexdigest()
 
 
 def _plain(value: Any) -> Any:

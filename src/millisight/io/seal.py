@@ -1,0 +1,85 @@
+"""A seal at the end of our HDF5 files: a checksum of all but the arrays' chunks, which carry their own.
+
+HDF5's older structures have no checksums: a single damaged byte can send the library into an endless loop, or crash the
+process. So the seal is checked before HDF5 opens the file. It follows HDF5's own last byte, where every other reader
+leaves it alone:
+
+    extents   (n, 2) uint64, little-endian: first byte and length of each run of chunks, in order
+    n         uint64
+    SHA-256   32 bytes, of the bytes of the file outside the extents, in order, and of the extents
+    magic     8 bytes
+"""
+
+import hashlib
+import os
+from typing import Any, BinaryIO
+
+import numpy as np
+
+_MAGIC = b"MSIGHT\x01\n"
+_TAIL = 8 + 32 + len(_MAGIC)
+
+
+def chunk_extents(file: Any) -> np.ndarray:
+    """Where the chunks of an open h5py file lie, neighbours joined: (n, 2) uint64, first byte and length, in order."""
+    import h5py
+
+    found: list[tuple[int, int]] = []
+
+    def visit(_name: str, item: Any) -> None:
+        if isinstance(item, h5py.Dataset) and item.chunks is not None:
+            item.id.chunk_iter(lambda chunk: found.append((chunk.byte_offset, chunk.size)))
+
+    file.visititems(visit)
+    joined: list[list[int]] = []
+    for start, length in sorted(found):
+        if joined and start == sum(joined[-1]):
+            joined[-1][1] += length
+        else:
+            joined.append([start, length])
+    return np.array(joined, dtype="<u8").reshape(-1, 2)
+
+
+def write_seal(raw: BinaryIO, extents: np.ndarray) -> None:
+    """Append the seal to a file, open for reading and writing, that HDF5 has closed."""
+    size = raw.seek(0, os.SEEK_END)
+    digest = _digest(raw, extents, size)
+    raw.seek(size)
+    raw.write(extents.tobytes() + len(extents).to_bytes(8, "little") + digest + _MAGIC)
+
+
+def seal_holds(raw: BinaryIO) -> bool | None:
+    """Whether the file is as it was sealed; None where there is no seal."""
+    size = raw.seek(0, os.SEEK_END)
+    if size < _TAIL:
+        return None
+    raw.seek(size - _TAIL)
+    tail = raw.read(_TAIL)
+    if not tail.endswith(_MAGIC):
+        return None
+    size -= _TAIL + 16 * int.from_bytes(tail[:8], "little")
+    if size < 0:
+        return False
+    raw.seek(size)
+    extents = np.frombuffer(raw.read(16 * int.from_bytes(tail[:8], "little")), dtype="<u8").reshape(-1, 2)
+    edges = _edges(extents, size)
+    return edges == sorted(edges) and _digest(raw, extents, size) == tail[8:40]
+
+
+def _digest(raw: BinaryIO, extents: np.ndarray, size: int) -> bytes:
+    """SHA-256 of the first `size` bytes but for the extents, and of the extents."""
+    digest = hashlib.sha256()
+    edges = _edges(extents, size)
+    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        raw.seek(start)
+        while start < stop and (block := raw.read(min(stop - start, 1 << 20))):
+            digest.update(block)
+            start += len(block)
+    digest.update(extents.tobytes())
+    return digest.digest()
+
+
+def _edges(extents: np.ndarray, size: int) -> list[int]:
+    """First and last byte, by turns, of what lies between the extents."""
+    inner = [edge for first, length in extents.tolist() for edge in (first, first + length)]
+    return [0, *inner, size]
