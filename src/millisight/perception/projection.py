@@ -104,3 +104,30 @@ def coloured(values: np.ndarray, colours: str = "jet") -> np.ndarray:
     except (ValueError, TypeError) as error:
         raise InputError(f"no colour map goes by {colours!r}; try 'jet', 'inferno' or 'gray'") from error
     return np.ascontiguousarray(colour_map(shares, bytes=True)[..., :3])
+
+
+def power_on(other: Picture, picture: Picture) -> np.ndarray:
+    """(A, B) float32, the power of `other` at the pixels of `picture`: interpolated, and 0 where it does not reach.
+
+    Raises
+    ------
+    InputError
+        One of them is a photo, or they have no place in common.
+    """
+    grid, power, wanted = other.grid_xy, other.power, picture.grid_xy
+    if grid is None or power is None or wanted is None:
+        raise InputError("one of the two pictures is a photo; expected projections of radar images, with their grids")
+    along_x, along_y = _interpolation(grid.x, wanted.x), _interpolation(grid.y, wanted.y)
+    if not (along_x.any() and along_y.any()):
+        raise InputError(
+            f"the pictures have no place in common: x {wanted.x[0]:.4g} to {wanted.x[-1]:.4g} m and y "
+            f"{wanted.y[0]:.4g} to {wanted.y[-1]:.4g} m here, x {grid.x[0]:.4g} to {grid.x[-1]:.4g} m and y "
+            f"{grid.y[0]:.4g} to {grid.y[-1]:.4g} m in the other; image both bands on one grid"
+        )
+    return np.clip(along_x @ power @ along_y.T, 0, 1)
+
+
+def _interpolation(known: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """(w, k) float32 weights of linear interpolation from `known` to `wanted` coordinates; rows of 0 outside."""
+    unit = np.eye(len(known))
+    return np.stack([np.interp(wanted, known, row, left=0, right=0) for row in unit], axis=1).astype(np.float32)
