@@ -74,6 +74,6 @@ def _check_same_grid(a: Mask, b: Mask) -> None:
         one, other = getattr(a.grid_xy, name), getattr(b.grid_xy, name)
         if len(one) != len(other) or np.abs(one - other).max() > _SAME_PLACE:
             raise InputError(
-                f"the masks lie on different grids: {len(one)} pixels along {name} from {one[0]:.4g} to {one[-1]:.4g} m "
-                f"and {len(other)} from {other[0]:.4g} to {other[-1]:.4g} m; make both on one grid"
+                f"the masks lie on different grids: {len(one)} pixels along {name} from {one[0]:.4g} to {one[-1]:.4g} "
+                f"m and {len(other)} from {other[0]:.4g} to {other[-1]:.4g} m; make both on one grid"
             )

@@ -166,8 +166,8 @@ def _filled(pixels: np.ndarray, depth: np.ndarray) -> np.ndarray:
     if not known.any():
         what = "none of its pixels has a depth" if np.any(pixels) else "it is empty"
         raise InputError(f"the mask in the picture has no place: {what}; draw it where the camera saw the object")
-    rows, columns = distance_transform_edt(~known, return_distances=False, return_indices=True)
-    return np.where(known, depth, np.asarray(depth)[rows, columns]).astype(float)
+    nearest = np.asarray(distance_transform_edt(~known, return_distances=False, return_indices=True))
+    return np.asarray(depth)[tuple(nearest)].astype(float)
 
 
 def _check_on_grid(points: np.ndarray, grid_xy: PixelGrid) -> None:
@@ -179,6 +179,6 @@ def _check_on_grid(points: np.ndarray, grid_xy: PixelGrid) -> None:
         (x0, y0), (x1, y1) = seen.min(axis=0), seen.max(axis=0)
         raise InputError(
             f"the mask lies off the grid: it reaches over x {x0:.4g} to {x1:.4g} m and y {y0:.4g} to {y1:.4g} m, the "
-            f"grid over x {lower[0]:.4g} to {upper[0]:.4g} m and y {lower[1]:.4g} to {upper[1]:.4g} m; look at the camera's "
-            "pose and the frame of the image"
+            f"grid over x {lower[0]:.4g} to {upper[0]:.4g} m and y {lower[1]:.4g} to {upper[1]:.4g} m; look at the "
+            "camera's pose and the frame of the image"
         )
