@@ -1,4 +1,8 @@
-"""Figures of one image: its projections and its slices. See `viz.sheets` for captures and for many images."""
+"""Every figure by one name: an image's projections and slices here, and what the rooms beside hold.
+
+`viz.sheets` has captures and many images, `viz.figures`, `viz.figures_background` and `viz.figures_perception` the
+figures of the paper.
+"""
 
 from collections.abc import Sequence
 
@@ -11,6 +15,9 @@ from millisight.imaging.grid import VoxelGrid
 from millisight.imaging.image import SarImage
 from millisight.records import checked_array
 from millisight.scene.mesh import TriangleMesh
+from millisight.viz.figures import draw_mesh, plot_hidden, plot_multispectral, plot_samples, plot_simulation
+from millisight.viz.figures_background import plot_aperture_principle, plot_reflection_principle
+from millisight.viz.figures_perception import cut_out, plot_depth_holes, plot_segmentation, plot_table
 from millisight.viz.outline import PLANE, cross_section, outline_of
 from millisight.viz.sheets import plot_aperture, plot_range_profiles, plot_sheet
 from millisight.viz.style import (
@@ -28,12 +35,23 @@ from millisight.viz.style import (
 )
 
 __all__ = [
+    "cut_out",
+    "draw_mesh",
     "draw_outline",
     "plot_aperture",
+    "plot_aperture_principle",
+    "plot_depth_holes",
+    "plot_hidden",
+    "plot_multispectral",
     "plot_projections",
     "plot_range_profiles",
+    "plot_reflection_principle",
+    "plot_samples",
+    "plot_segmentation",
     "plot_sheet",
+    "plot_simulation",
     "plot_slices",
+    "plot_table",
     "save_figure",
 ]
 

@@ -1,0 +1,175 @@
+"""The reference from docstrings: a room's public names, and plain docstrings turned into reStructuredText.
+
+The docstrings are written to be read in an editor: `|I|`, `*` and a trailing underscore mean themselves. Sections
+("Parameters", "Raises" and their like, underlined) become fields; doctests stay.
+
+    .. public-names:: imaging
+
+documents every name of `millisight` whose home is `millisight.imaging`. A public name without a docstring is a
+warning, and so fails the build; so is a room that nothing is in.
+"""
+
+import inspect
+import re
+from collections.abc import Iterator
+from typing import Any
+
+from docutils import nodes
+from docutils.statemachine import StringList
+from sphinx.util import logging
+from sphinx.util.docutils import SphinxDirective
+from sphinx.util.nodes import nested_parse_with_titles
+
+import millisight
+from millisight import errors
+
+_SECTIONS = ("Parameters", "Attributes", "Returns", "Yields", "Raises", "Examples", "Notes")
+_LOG = logging.getLogger(__name__)
+
+
+def public_names() -> dict[str, Any]:
+    """Every public name of `millisight` that has a home, in the order of the alphabet."""
+    return {name: getattr(millisight, name) for name in sorted(millisight.__all__) if name != "__version__"}
+
+
+def room_of(thing: Any) -> str:
+    """The first folder or module under `millisight` in which something is defined."""
+    return thing.__module__.split(".")[1]
+
+
+class PublicNames(SphinxDirective):
+    """`.. public-names:: room`, or a module's whole name, of which then every name in its `__all__`."""
+
+    required_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        lines = StringList(list(self._directives(self.arguments[0])), source=self.get_source_info()[0])
+        if not lines:
+            _LOG.warning("no public name lives in %r", self.arguments[0], location=self.get_location())
+        found = nodes.section()
+        found.document = self.state.document
+        nested_parse_with_titles(self.state, lines, found)
+        return found.children
+
+    def _directives(self, room: str) -> Iterator[str]:
+        if "." in room:
+            module = __import__(room, fromlist=["_"])
+            things = {name: getattr(module, name) for name in getattr(module, "__all__", _classes(module))}
+        else:
+            room, things = "millisight", {k: v for k, v in public_names().items() if room_of(v) == room}
+        for name, thing in things.items():
+            if not (inspect.getdoc(thing) or "").strip():
+                _LOG.warning("%s.%s has no docstring", room, name, location=self.get_location())
+            kind = "exception" if _is_error(thing) else "class" if inspect.isclass(thing) else "function"
+            yield f".. auto{kind}:: {room}.{name}"
+            if kind == "class":
+                yield "   :members:"
+            if kind == "exception":
+                yield "   :show-inheritance:"
+            yield ""
+
+
+def _classes(module: Any) -> list[str]:
+    return [
+        name for name, thing in vars(module).items() if inspect.isclass(thing) and thing.__module__ == module.__name__
+    ]
+
+
+def _is_error(thing: Any) -> bool:
+    return inspect.isclass(thing) and issubclass(thing, Exception)
+
+
+def to_rst(lines: list[str]) -> list[str]:
+    """A docstring's lines as reStructuredText."""
+    result: list[str] = []
+    for title, body in _sections(lines):
+        if title is None or title == "Notes":
+            result += [_escaped(line) for line in _with_blocks(body)]
+        elif title == "Examples":
+            result += ["", ".. rubric:: Example", "", *body, ""]
+        else:
+            result += ["", f":{title}:", *_entries(title, body), ""]
+    return result
+
+
+def _sections(lines: list[str]) -> Iterator[tuple[str | None, list[str]]]:
+    title: str | None = None
+    body: list[str] = []
+    skip = False
+    for line, following in zip(lines, [*lines[1:], ""], strict=True):
+        if skip:
+            skip = False
+        elif line in _SECTIONS and following == "-" * len(line):
+            yield title, body
+            title, body, skip = line, [], True
+        else:
+            body.append(line)
+    yield title, body
+
+
+def _entries(title: str, body: list[str]) -> Iterator[str]:
+    """`name : text` and its deeper lines as the items of a list; what is returned as the text it is."""
+    for line in body:
+        name, colon, text = line.strip().partition(" : ")
+        if not line.strip():
+            continue
+        if line.startswith(" "):
+            yield "      " + _escaped(line.strip())
+        elif title == "Raises":
+            names = (
+                f":py:exc:`~millisight.errors.{part}`" if hasattr(errors, part) else f"``{part}``"
+                for part in name.split(", ")
+            )
+            yield from ("", f"    * {', '.join(names)}", "")
+        elif colon or title in ("Parameters", "Attributes"):
+            yield from (
+                "",
+                f"    * {', '.join(f'**{_escaped(part)}**' for part in name.split(', '))} – {_escaped(text)}",
+            )
+        else:
+            yield "    " + _escaped(line)
+
+
+def _with_blocks(body: list[str]) -> Iterator[str]:
+    """Indented lines after prose are drawings or code: they keep their shape."""
+    inside = False
+    for line in body:
+        deep = line.startswith("    ")
+        if deep and not inside:
+            yield from ("", "::", "")
+        if inside and line.strip() and not deep:
+            yield ""
+        inside = deep or (inside and not line.strip())
+        yield line
+
+
+def _escaped(line: str) -> str:
+    """`line` with `|`, `*` and `_` meaning themselves; code between backticks is literal, and so are doctests."""
+    if line.startswith((">>>", "...", "    ", "::")):
+        return line
+    parts = re.split(r"(`+[^`]+`+)", line)
+    for i, part in enumerate(parts):
+        if i % 2:
+            code = part.strip("`")
+            parts[i] = f"`{code}`" if re.fullmatch(r"[A-Za-z_][\w.]*", code) else f"``{code}``"
+        else:
+            parts[i] = re.sub(r"([|*]|_(?=\W|$))", r"\\\1", part)
+    return "".join(parts)
+
+
+def _process(app: Any, what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:
+    lines[:] = to_rst(lines)
+
+
+def _signature(
+    app: Any, what: str, name: str, thing: Any, options: Any, arguments: str | None, returned: str | None
+) -> tuple[str | None, str | None]:
+    """A record's default made by a factory is an ellipsis: Sphinx cannot parse `<factory>`."""
+    return (arguments or "").replace("<factory>", "...") or None, returned
+
+
+def setup(app: Any) -> dict[str, bool]:
+    app.add_directive("public-names", PublicNames)
+    app.connect("autodoc-process-docstring", _process)
+    app.connect("autodoc-process-signature", _signature)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

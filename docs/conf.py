@@ -1,0 +1,50 @@
+"""The documentation's settings for Sphinx: `make docs` builds it into build/docs, warnings being errors.
+
+A new page in `how-to`, `explanation`, `explanation/decisions` or `tutorials` needs no line anywhere: the contents of
+those folders are globs. Nothing is fetched, at build time or by the reader's browser: equations become MathML, and
+fonts are the system's.
+"""
+
+import sys
+from importlib.metadata import version as installed
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).with_name("_ext")))
+
+project = "millisight"
+author = "The millisight authors"
+copyright = author
+version = release = installed("millisight")
+nitpicky = False
+
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.viewcode",
+    "mathml",
+    "docstrings",
+    "command_line",
+    "gallery",
+]
+exclude_patterns = ["_ext", "_static"]
+html_theme = "furo"
+html_title = "millisight"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
+html_copy_source = False
+html_show_sphinx = False
+html_theme_options = {"navigation_with_keys": True, "top_of_page_buttons": []}
+templates_path: list[str] = []
+
+myst_enable_extensions = ["dollarmath", "colon_fence"]
+myst_heading_anchors = 4
+math_number_all = False
+html_math_renderer = "mathml"
+
+
+autodoc_member_order = "bysource"
+autodoc_typehints_format = "short"
+autodoc_preserve_defaults = True
+maximum_signature_line_length = 88
+default_role = "py:obj"
+python_use_unqualified_type_names = True
