@@ -1,0 +1,174 @@
+"""The viewer's panel: every control, and what it says about the files."""
+
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from millisight.viz.viewer.levels import FLOOR_DB, spans
+from millisight.viz.viewer.settings import COLORMAPS, Settings, colour_bar
+
+if TYPE_CHECKING:
+    from millisight.viz.viewer.session import Viewer
+
+
+class Panel:
+    """The controls of a viewer, beside its scene."""
+
+    def __init__(self, viewer: "Viewer"):
+        self._viewer, self._gui = viewer, viewer.server.gui
+        self._exhibits = viewer.stage.contents.exhibits
+        self._images = [e for e in self._exhibits if e.levels is not None]
+        self._gui.main_panel.dock_right()
+        settings = viewer.settings
+        if any(e.pair for e in self._exhibits):
+            self._add_weights(settings)
+        if self._images:
+            self._add_image(settings)
+            self._add_slices(settings)
+        self._add_around(settings)
+        self._add_views()
+        self._add_export()
+        self._about = self._gui.add_html("")
+        self.tell(settings)
+
+    def tell(self, settings: Settings) -> None:
+        """Say what is shown now."""
+        if self._images:
+            self._bar.content = colour_bar(settings)
+            for slider in self._sliders:
+                slider.visible = settings.slices
+        if any(e.pair for e in self._exhibits):
+            self._weights.content = _formula(settings.share)
+        self._about.content = self._facts(settings)
+
+    # The controls --------------------------------------------------------------------------------------------------
+
+    def _add_weights(self, settings: Settings) -> None:
+        with self._gui.add_folder("Weights"):
+            slider = self._gui.add_slider("edge share", 0.0, 1.0, 0.01, settings.share, hint="a2 / (a1 + a2)")
+            self._weights = self._gui.add_html(_formula(settings.share))
+        self._bind(slider, "share")
+
+    def _add_image(self, settings: Settings) -> None:
+        with self._gui.add_folder("Image"):
+            self._check("points", "points", settings, "voxels above the threshold")
+            self._check("slices", "slices", settings, "three planes, which can be moved")
+            self._check("volume", "volume", settings, "all slices along z, half transparent")
+            threshold = self._gui.add_slider(
+                "threshold [dB]", FLOOR_DB, 0.0, 0.5, max(settings.threshold_db, FLOOR_DB), hint="weaker is hidden"
+            )
+            reach = self._gui.add_slider(
+                "range [dB]", 5.0, -FLOOR_DB, 1.0, float(np.clip(settings.range_db, 5, -FLOOR_DB)),
+                hint="how far down the colours reach",
+            )  # fmt: skip
+            names = dict.fromkeys((*COLORMAPS, settings.colormap))
+            colormap = self._gui.add_dropdown("colours", tuple(names), initial_value=settings.colormap)
+            if len(self._images) > 1:
+                self._check("common", "one scale for all", settings, "dB under the strongest image's maximum")
+            self._bar = self._gui.add_html(colour_bar(settings))
+        self._bind(threshold, "threshold_db")
+        self._bind(reach, "range_db")
+        self._bind(colormap, "colormap")
+
+    def _add_slices(self, settings: Settings) -> None:
+        boxes = [spans(e.levels.grid) for e in self._images if e.levels is not None]
+        lower, upper = np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
+        self._sliders = []
+        for axis, name in enumerate("xyz"):
+            at = float(np.clip(settings.at[axis], lower[axis], upper[axis]))
+            step = float(upper[axis] - lower[axis]) / 400
+            slider = self._gui.add_slider(
+                f"slice {name} [m]", float(lower[axis]), float(upper[axis]), step, at, visible=settings.slices
+            )
+            slider.on_update(lambda _: self._viewer.change(at=tuple(float(s.value) for s in self._sliders)))
+            self._sliders.append(slider)
+
+    def _add_around(self, settings: Settings) -> None:
+        with self._gui.add_folder("Around it"):
+            if any(e.meshes for e in self._exhibits):
+                self._check("mesh", "mesh", settings)
+            if any(e.paths for e in self._exhibits):
+                self._check("path", "radar's path", settings, "positions and outline of the aperture")
+            if any(e.masks for e in self._exhibits):
+                self._check("mask", "mask", settings)
+            self._check("box", "box and axes", settings)
+
+    def _add_views(self) -> None:
+        with self._gui.add_folder("Look from"):
+            buttons = self._gui.add_button_group("", ("above", "front", "right", "aslant"))
+
+        @buttons.on_click
+        def _(event: Any) -> None:
+            if event.client is not None:
+                self._viewer.look_from(event.client, buttons.value)
+
+    def _add_export(self) -> None:
+        with self._gui.add_folder("Take away"):
+            shoot = self._gui.add_button("Screenshot (PNG)", hint="what is seen now, with the colour bar")
+            share = self._gui.add_button("Share (HTML)", hint="one file that opens in any browser, without network")
+
+        @shoot.on_click
+        def _(event: Any) -> None:
+            with _explained(event.client, "no screenshot"):
+                event.client.send_file_download(
+                    "millisight.png", self._viewer.picture(event.client), save_immediately=True
+                )
+
+        @share.on_click
+        def _(event: Any) -> None:
+            from millisight.viz.viewer.share import page
+
+            with _explained(event.client, "no page"):
+                camera = event.client.camera
+                shared = page(
+                    self._viewer.stage.contents, self._viewer.settings, (camera.position, camera.up_direction)
+                )
+                event.client.send_file_download("millisight.html", shared.encode(), save_immediately=True)
+
+    def _check(self, name: str, label: str, settings: Settings, hint: str | None = None) -> None:
+        self._bind(self._gui.add_checkbox(label, getattr(settings, name), hint=hint), name)
+
+    def _bind(self, control: Any, name: str) -> None:
+        """Let a control change the setting of that name."""
+        control.on_update(lambda _: self._viewer.change(**{name: control.value}))
+
+    # What it says --------------------------------------------------------------------------------------------------
+
+    def _facts(self, settings: Settings) -> str:
+        lines = []
+        for pane in self._viewer.stage.panes:
+            facts = [f"<b>{escape(pane.exhibit.title)}</b>"]
+            if pane.levels is not None:
+                voxels = " × ".join(map(str, pane.levels.grid.shape))
+                facts.append(f"{voxels} voxels, maximum {pane.levels.peak:.3g}")
+            if pane.cloud is not None and settings.points:
+                shown = f"{len(pane.cloud.db):,} voxels shown"
+                if len(pane.cloud.db) < pane.cloud.above:
+                    shown += f", the strongest of {pane.cloud.above:,} above the threshold"
+                facts.append(shown.replace(",", "\u2009") if "strongest" not in shown else shown)
+            lines.append("<br>".join(facts))
+        lines += [escape(note) for note in self._viewer.stage.contents.notes]
+        return '<div style="padding:4px 12px;font-size:0.8em;line-height:1.45">' + "<br>".join(lines) + "</div>"
+
+
+def _formula(share: float) -> str:
+    return f'<div style="padding:0 12px 6px;font-size:0.82em">I = {1 - share:.2f} specular + {share:.2f} edge</div>'
+
+
+class _explained:
+    """Tell the user in the browser why what was asked for did not come."""
+
+    def __init__(self, client: Any, title: str):
+        self._client, self._title = client, title
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> bool:
+        from millisight.errors import MillisightError
+
+        if isinstance(error, MillisightError) and self._client is not None:
+            self._client.add_notification(self._title, str(error), color="red")
+            return True
+        return False

@@ -1,0 +1,134 @@
+"""The viewer's web server: found a port, started without chatter, stopped; and browsers, with a window or without."""
+
+import os
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+import webbrowser
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from millisight.errors import DeviceError, InputError
+
+HOST, PORT = "127.0.0.1", 8080
+_MORE_PORTS = 20  # tried where none was asked for
+_BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "msedge")
+_FLAGS = (
+    "--headless=new", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-first-run",
+    "--disable-background-networking", "--disable-component-update", "--disable-dev-shm-usage", "--hide-scrollbars",
+)  # fmt: skip
+
+
+def start(host: str = HOST, port: int | None = None) -> Any:
+    """A `viser.ViserServer` that listens at `host`; without `port` at 8080, or the next free one.
+
+    Raises
+    ------
+    DeviceError
+        viser is not installed.
+    InputError
+        The port is taken or not allowed, or there is no such host here.
+    """
+    try:
+        import rich
+        import viser
+    except ImportError as error:
+        raise DeviceError('the viewer needs viser: pip install "millisight[viewer]"') from error
+    # viser would try a thousand other ports, and wait for ever where there is no such host.
+    found = _free_port(host, port)
+    rich.get_console().quiet = True  # viser prints boxes to it, from several threads
+    server = viser.ViserServer(host=host, port=found, label="millisight", verbose=False)
+    if server.get_port() != found:
+        server.stop()
+        raise InputError(f"port {found} of {host} was taken this very moment; try again")
+    return server
+
+
+def _free_port(host: str, port: int | None) -> int:
+    wanted = [port] if port is not None else [*range(PORT, PORT + _MORE_PORTS), 0]
+    for number in wanted:
+        try:
+            family, kind, _, _, address = socket.getaddrinfo(host, number, type=socket.SOCK_STREAM)[0]
+            with socket.socket(family, kind) as probe:
+                if os.name == "posix":  # a port that was left a moment ago is free, as the server sees it
+                    probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+                probe.bind(address)
+                return int(probe.getsockname()[1])
+        except (socket.gaierror, UnicodeError, OverflowError) as error:
+            raise InputError(f"--host {host}, --port {number}: {error}; expected an address of this machine") from error
+        except OSError as error:
+            if port is not None or (not isinstance(error, PermissionError) and error.errno not in _TAKEN):
+                raise InputError(
+                    f"cannot listen at port {number} of {host}: {error.strerror}; choose another --port, or leave it "
+                    "out to have a free one found"
+                ) from error
+    raise InputError(f"no free port was found at {host}; pass --port")
+
+
+_TAKEN = (98, 48, 10048)  # EADDRINUSE of Linux, macOS, Windows
+
+
+def url_of(server: Any) -> str:
+    """Where a browser on this machine finds the server."""
+    host = server.get_host()
+    host = {"0.0.0.0": "localhost", "::": "localhost"}.get(host, f"[{host}]" if ":" in host else host)
+    return f"http://{host}:{server.get_port()}"
+
+
+def open_browser(url: str) -> bool:
+    """Show a page in the user's browser; False where there is no window to show it in."""
+    windowed = sys.platform in ("win32", "darwin") or any(
+        os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")
+    )
+    # Without a window system Python would start a browser for terminals in this one.
+    return windowed and webbrowser.open(url)
+
+
+@contextmanager
+def headless_browser(url: str, width: int, height: int) -> Iterator[None]:
+    """A browser without a window that shows `url` while the `with` block runs.
+
+    Raises
+    ------
+    DeviceError
+        There is none.
+    """
+    program = next(filter(None, map(shutil.which, _BROWSERS)), None)
+    if program is None:
+        raise DeviceError(
+            f"a screenshot without a window needs Chromium or Chrome, and none of {', '.join(_BROWSERS)} is on the "
+            "PATH; install one, or use the viewer's own button"
+        )
+    sandbox = ("--no-sandbox",) if getattr(os, "geteuid", lambda: 1)() == 0 else ()  # root has none
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
+        command = [program, *_FLAGS, *sandbox, f"--window-size={width},{height}", f"--user-data-dir={profile}", url]
+        browser = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        try:
+            yield
+        finally:
+            browser.terminate()
+            try:
+                browser.wait(timeout=5)
+            except subprocess.TimeoutExpired:
+                browser.kill()
+                browser.wait()
+
+
+def first_client(server: Any, seconds: float) -> Any:
+    """The first browser that shows the server's page.
+
+    Raises
+    ------
+    DeviceError
+        None comes within `seconds`.
+    """
+    end = time.monotonic() + seconds
+    while not (clients := server.get_clients()):
+        if time.monotonic() > end:
+            raise DeviceError(f"the browser did not show the page within {seconds:.0f} s; is WebGL switched off in it?")
+        time.sleep(0.05)
+    return next(iter(clients.values()))
