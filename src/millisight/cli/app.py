@@ -4,7 +4,7 @@ from importlib.metadata import version
 
 import typer
 
-from millisight.cli import collect, dataset, demo, generate, image, info, simulate, view
+from millisight.cli import annotate, collect, dataset, demo, generate, image, info, simulate, view
 
 app = typer.Typer(
     invoke_without_command=True,
@@ -21,6 +21,7 @@ app.command("simulate")(simulate.simulate)
 app.command("image")(image.image)
 app.command("info")(info.info)
 app.command("view")(view.view)
+app.command("annotate")(annotate.annotate)
 app.command("collect")(collect.collect)
 app.command("generate")(generate.generate)
 app.add_typer(dataset.app, name="dataset")

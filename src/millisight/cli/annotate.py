@@ -1,0 +1,106 @@
+"""`millisight annotate`: tell a segmenter by clicks what belongs to the object, and save mask and points."""
+
+import os
+import sys
+import threading
+import webbrowser
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from millisight.cli.console import check_outputs, say
+from millisight.cli.interrupts import Interrupted
+
+if TYPE_CHECKING:
+    from millisight.viz.annotator import Subject
+
+
+def annotate(
+    image: Annotated[
+        Path,
+        typer.Argument(
+            metavar="IMAGE",
+            help="What to annotate: an image of `millisight image` (HDF5); processed_image*.pkl or a camera's "
+            "continuous*.pkl of the published dataset; a photograph (PNG, JPEG).",
+        ),
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            help="Mask to write: HDF5 of a radar image, PNG of a photograph; the points go beside it, into "
+            "NAME.prompts.json. [default: NAME.mask.h5 or NAME.mask.png beside the image; here for files of a dataset]",
+        ),
+    ] = None,
+    other_band: Annotated[
+        Path | None,
+        typer.Option(help="The same scene at the radar's other frequency, for the segmenter that looks at both."),
+    ] = None,
+    method: Annotated[
+        str | None,
+        typer.Option(help="Segmenter to begin with: wave, classical or sam. [default: the first that can work]"),
+    ] = None,
+    sam: Annotated[
+        str | None,
+        typer.Option(
+            metavar="MODEL", help="Offer Segment Anything too: a folder with its model, or vit-b, vit-l, vit-h."
+        ),
+    ] = None,
+    device: Annotated[str, typer.Option(help="For Segment Anything: cpu or cuda.")] = "cpu",
+    port: Annotated[int, typer.Option(min=0, max=65535, help="To serve the page at. [default: a free one]")] = 0,
+    no_browser: Annotated[
+        bool, typer.Option("--no-browser", help="Serve the page until Ctrl-C, and open no window.")
+    ] = False,
+) -> None:
+    """Open a page on which clicks mark what belongs to the object (left) and what does not (right).
+
+    The mask follows every click. An earlier annotation of the same picture is gone on from. The command ends when the
+    page is closed, or with Ctrl-C.
+
+    Example: millisight annotate mug.image.h5
+
+    Example: millisight annotate photo.jpg -o mug.mask.png
+    """
+    from millisight.viz.annotator import AnnotatorServer, Session, open_subject, segmenters_for
+
+    subject = open_subject(image, other_band=other_band)
+    mask_path = output or _beside(subject)
+    session = Session(subject, mask_path, segmenters=segmenters_for(subject, sam=sam, device=device), method=method)
+    check_outputs(session.mask_path, session.prompts_path, source=image)
+    with AnnotatorServer(session, port) as server:
+        say(f"annotate {image} at {server.address}")
+        say("close the page to end, or press Ctrl-C here" if not no_browser else "press Ctrl-C here to end")
+        sys.stdout.flush()
+        opened = not no_browser and _open(server.address)
+        try:
+            server.wait(until_closed=opened)
+            say("the page was closed")
+        except Interrupted:  # the usual way to end
+            say("ended")
+    for path in (session.mask_path, session.prompts_path):
+        if session.saved_now:
+            say(f"wrote {path}")
+    if session.unsaved:
+        typer.echo("millisight: the last points were not saved", err=True)
+
+
+def _beside(subject: "Subject") -> Path:
+    """The mask's path where none is given."""
+    suffix = ".mask.h5" if subject.is_radar else ".mask.png"
+    parts = Path(subject.origin).parts
+    if len(parts) > 1:  # in a dataset, whose folders are no place for it
+        passed_over = ("robot_collected", "processed", "unprocessed", "radars")
+        names = [part for part in parts[:-1] if part not in passed_over] + [subject.path.stem]
+        return Path(".".join(names) + suffix)
+    return subject.path.with_name(subject.path.name.removesuffix(subject.path.suffix).removesuffix(".image") + suffix)
+
+
+def _open(address: str) -> bool:
+    """Whether a browser was asked to open the page; on a machine without a screen none is."""
+    if sys.platform == "linux" and not any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")):
+        say("no screen here: open the address in a browser, from another machine through `ssh -L`")
+        return False
+    threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
+    return True

@@ -1,0 +1,470 @@
+"use strict";
+// A place is [column, row] of a pixel of the picture, from the upper left; a point is {place, positive}.
+
+const $ = (id) => document.getElementById(id);
+const canvas = $("canvas"), pen = canvas.getContext("2d");
+const DEBOUNCE = 40, BUSY_SHOWN_AFTER = 150; // [ms]
+const POINT_RADIUS = 9, DRAG_BEGINS = 4; // [CSS pixels]
+
+let about = null; // what the server says of the picture
+let picture = null; // the drawn image
+let points = [], past = [], future = []; // never changed in place: undo goes back to older lists
+let method = null, colours = null;
+let view = { scale: 1, left: 0, top: 0 }; // screen = left + column * stretch[0] * scale
+let stretch = [1, 1]; // of pixels that are not square
+let mask = null; // {outline, shade, ...} as the last answer gave it
+let maskShown = true;
+let saved = null; // the question whose answer is in the files
+let pointer = null; // where it is, on the screen
+
+// --- Asking ---------------------------------------------------------------------------------------------------------
+
+const question = () => ({ method, points: points.map((p) => p.place), positive: points.map((p) => p.positive) });
+const isSaved = () => JSON.stringify(question()) === saved;
+let asking = false, wanted = null, timer = null;
+
+async function ask(address, body) {
+  const options = body === undefined ? {} : { method: "POST", body: JSON.stringify(body) };
+  let reply;
+  try {
+    reply = await fetch(address, options);
+  } catch {
+    throw new Error("millisight no longer answers. Start it again to go on.");
+  }
+  const content = await reply.json();
+  if (!reply.ok) throw new Error(content.error);
+  return content;
+}
+
+function askForMask() {
+  wanted = question();
+  document.body.dataset.settled = "false";
+  clearTimeout(timer);
+  timer = setTimeout(answerNewest, DEBOUNCE);
+}
+
+// One question at a time; an answer to an older one than the newest is thrown away.
+async function answerNewest() {
+  if (asking) return;
+  asking = true;
+  const spinner = setTimeout(() => { $("busy").hidden = false; }, BUSY_SHOWN_AFTER);
+  while (wanted) {
+    const asked = wanted;
+    wanted = null;
+    try {
+      const answer = await ask("mask", asked);
+      if (!wanted) showMask(answer);
+    } catch (error) {
+      if (!wanted) { showMask(null); notify(error.message, true); }
+    }
+  }
+  clearTimeout(spinner);
+  $("busy").hidden = true;
+  asking = false;
+  document.body.dataset.settled = "true";
+}
+
+async function save() {
+  if ($("save").disabled) return;
+  const asked = question();
+  try {
+    const answer = await ask("save", asked);
+    saved = JSON.stringify(asked);
+    notify("");
+    $("saved").textContent = `Saved ${answer.files.join(" and ")}`;
+  } catch (error) {
+    notify(`Not saved: ${error.message}`, true);
+  }
+  showState();
+}
+
+// --- Changing -------------------------------------------------------------------------------------------------------
+
+function change(next) {
+  past.push(points);
+  future = [];
+  setPoints(next);
+}
+
+function setPoints(next) {
+  points = next;
+  notify("");
+  showState();
+  draw();
+  askForMask();
+}
+
+function undo() {
+  if (!past.length) return;
+  future.push(points);
+  setPoints(past.pop());
+}
+
+function redo() {
+  if (!future.length) return;
+  past.push(points);
+  setPoints(future.pop());
+}
+
+function clear() {
+  if (points.length) change([]);
+}
+
+function click(at, positive) {
+  const hit = pointAt(at);
+  if (hit) {
+    change(points.filter((p) => p !== hit));
+    return;
+  }
+  const place = placeAt(at);
+  if (place) change([...points, { place, positive }]);
+}
+
+async function setColours(name) {
+  const next = new Image();
+  next.src = `picture/${name}`;
+  try {
+    await next.decode();
+  } catch {
+    notify("The picture could not be loaded.", true);
+    return;
+  }
+  colours = name;
+  picture = next;
+  check("colours", name);
+  draw();
+}
+
+function setMethod(name) {
+  method = name;
+  check("methods", name);
+  notify("");
+  showState();
+  askForMask();
+}
+
+function next(names, name) {
+  return names[(names.indexOf(name) + 1) % names.length];
+}
+
+// --- The view -------------------------------------------------------------------------------------------------------
+
+const toScreen = ([column, row]) => [
+  view.left + column * stretch[0] * view.scale, view.top + row * stretch[1] * view.scale,
+];
+const toPicture = ([x, y]) => [
+  (x - view.left) / (stretch[0] * view.scale), (y - view.top) / (stretch[1] * view.scale),
+];
+
+function placeAt(at) {
+  const [column, row] = toPicture(at).map(Math.floor);
+  return column >= 0 && row >= 0 && column < about.columns && row < about.rows ? [column, row] : null;
+}
+
+function pointAt(at) {
+  return points.findLast((p) => {
+    const [x, y] = toScreen(p.place.map((c) => c + 0.5));
+    return Math.hypot(x - at[0], y - at[1]) <= POINT_RADIUS + 2;
+  });
+}
+
+function fitScale() {
+  const margin = 24, wide = about.columns * stretch[0], tall = about.rows * stretch[1];
+  return Math.max(1e-3, Math.min((canvas.clientWidth - 2 * margin) / wide, (canvas.clientHeight - 2 * margin) / tall));
+}
+
+function fit() {
+  const scale = fitScale();
+  view = {
+    scale,
+    left: (canvas.clientWidth - about.columns * stretch[0] * scale) / 2,
+    top: (canvas.clientHeight - about.rows * stretch[1] * scale) / 2,
+  };
+  draw();
+}
+
+function zoom(factor, at) {
+  const scale = Math.min(Math.max(view.scale * factor, fitScale() / 2), Math.max(64, fitScale()));
+  const change = scale / view.scale;
+  view = { scale, left: at[0] - (at[0] - view.left) * change, top: at[1] - (at[1] - view.top) * change };
+  draw();
+}
+
+const middle = () => [canvas.clientWidth / 2, canvas.clientHeight / 2];
+
+// --- The mask -------------------------------------------------------------------------------------------------------
+
+function showMask(answer) {
+  mask = null;
+  if (answer && answer.pixels) {
+    const bytes = Uint8Array.from(atob(answer.bits), (c) => c.charCodeAt(0));
+    const inside = (column, row) => {
+      if (column < 0 || row < 0 || column >= about.columns || row >= about.rows) return 0;
+      const bit = row * about.columns + column;
+      return (bytes[bit >> 3] >> (7 - (bit & 7))) & 1;
+    };
+    mask = { outline: outlineOf(inside), shade: shadeOf(inside), ...answer };
+  }
+  if (answer && answer.note) notify(answer.note);
+  $("mask").textContent = mask ? maskText(mask) : points.length ? "no mask" : "no mask yet";
+  document.body.dataset.maskPixels = mask ? mask.pixels : 0;
+  draw();
+}
+
+function maskText(of) {
+  const share = (100 * of.pixels) / (about.columns * about.rows);
+  const area = of.area === null ? "" : `, ${(of.area * 1e4).toPrecision(3)} cm²`;
+  return `mask: ${share.toPrecision(2)} % of the picture${area}`;
+}
+
+// The borders between pixels inside and outside, as long lines as there are.
+function outlineOf(inside) {
+  const path = new Path2D();
+  for (let row = 0; row <= about.rows; row++) {
+    let start = -1;
+    for (let column = 0; column <= about.columns; column++) {
+      const border = column < about.columns && inside(column, row - 1) !== inside(column, row);
+      if (border && start < 0) start = column;
+      if (!border && start >= 0) { path.moveTo(start, row); path.lineTo(column, row); start = -1; }
+    }
+  }
+  for (let column = 0; column <= about.columns; column++) {
+    let start = -1;
+    for (let row = 0; row <= about.rows; row++) {
+      const border = row < about.rows && inside(column - 1, row) !== inside(column, row);
+      if (border && start < 0) start = row;
+      if (!border && start >= 0) { path.moveTo(column, start); path.lineTo(column, row); start = -1; }
+    }
+  }
+  return path;
+}
+
+// What is outside gets darker.
+function shadeOf(inside) {
+  const shade = new OffscreenCanvas(about.columns, about.rows), context = shade.getContext("2d");
+  const pixels = context.createImageData(about.columns, about.rows);
+  for (let row = 0, at = 3; row < about.rows; row++) {
+    for (let column = 0; column < about.columns; column++, at += 4) pixels.data[at] = inside(column, row) ? 0 : 115;
+  }
+  context.putImageData(pixels, 0, 0);
+  return shade;
+}
+
+// --- Drawing --------------------------------------------------------------------------------------------------------
+
+let drawing = false;
+
+function draw() {
+  if (drawing || !picture) return;
+  drawing = true;
+  requestAnimationFrame(() => { drawing = false; drawNow(); });
+}
+
+function drawNow() {
+  const ratio = window.devicePixelRatio || 1;
+  const wide = Math.round(canvas.clientWidth * ratio), tall = Math.round(canvas.clientHeight * ratio);
+  if (canvas.width !== wide || canvas.height !== tall) { canvas.width = wide; canvas.height = tall; }
+  pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+  pen.clearRect(0, 0, canvas.clientWidth, canvas.clientHeight);
+  const size = [about.columns * stretch[0] * view.scale, about.rows * stretch[1] * view.scale];
+  pen.imageSmoothingEnabled = view.scale < 8; // from near, pixels are seen as what they are
+  pen.imageSmoothingQuality = "high";
+  pen.drawImage(picture, view.left, view.top, ...size);
+  if (mask && maskShown) {
+    pen.imageSmoothingEnabled = false;
+    pen.drawImage(mask.shade, view.left, view.top, ...size);
+    const path = new Path2D();
+    path.addPath(mask.outline, new DOMMatrix([
+      stretch[0] * view.scale, 0, 0, stretch[1] * view.scale, view.left, view.top,
+    ]));
+    pen.lineCap = "round";
+    for (const [colour, width] of [["#000a", 4], ["#fff", 2]]) {
+      pen.strokeStyle = colour;
+      pen.lineWidth = width;
+      pen.stroke(path);
+    }
+  }
+  points.forEach(drawPoint);
+  drawRuler();
+  canvas.dataset.view = [view.scale, view.left, view.top].join(" ");
+}
+
+function drawPoint({ place, positive }) {
+  const [x, y] = toScreen(place.map((c) => c + 0.5)), arm = POINT_RADIUS / 2;
+  pen.beginPath();
+  pen.arc(x, y, POINT_RADIUS, 0, 2 * Math.PI);
+  pen.fillStyle = positive ? "#1f9d57" : "#d43c41";
+  pen.fill();
+  pen.lineWidth = 4;
+  pen.strokeStyle = "#0009";
+  pen.stroke();
+  pen.lineWidth = 2;
+  pen.strokeStyle = "#fff";
+  pen.stroke();
+  pen.beginPath();
+  pen.moveTo(x - arm, y);
+  pen.lineTo(x + arm, y);
+  if (positive) { pen.moveTo(x, y - arm); pen.lineTo(x, y + arm); }
+  pen.stroke();
+}
+
+// A round length that is about a hundred pixels on the screen.
+function drawRuler() {
+  if (!about.radar) return;
+  const pixelsPerMetre = (stretch[0] * view.scale) / about.spacing[0];
+  const rough = 140 / pixelsPerMetre, power = 10 ** Math.floor(Math.log10(rough));
+  const length = [5, 2, 1].find((n) => n * power <= rough) * power;
+  $("ruler").style.width = `${length * pixelsPerMetre}px`;
+  $("ruler").firstElementChild.textContent = length < 0.00999 ? `${+(length * 1e3).toPrecision(2)} mm`
+    : `${+(length * 100).toPrecision(2)} cm`;
+}
+
+// --- What stands beside the picture ---------------------------------------------------------------------------------
+
+function showState() {
+  const on = points.filter((p) => p.positive).length, off = points.length - on;
+  $("counts").textContent = points.length ? `${on} on the object, ${off} beside it` : "no points";
+  $("hint").hidden = points.length > 0 || past.length > 0;
+  $("undo").disabled = !past.length;
+  $("redo").disabled = !future.length;
+  $("clear").disabled = !points.length;
+  $("save").disabled = isSaved();
+  $("save").textContent = isSaved() && $("saved").textContent ? "Saved" : "Save mask and points";
+  document.title = `${isSaved() ? "" : "• "}${about.name} – millisight annotate`;
+}
+
+function showPlace() {
+  const place = pointer && placeAt(pointer);
+  if (!place) { $("place").textContent = ""; return; }
+  const cm = (metres) => (metres * 100).toFixed(1);
+  $("place").textContent = about.radar ? `x ${cm(about.x[place[0]])}, y ${cm(about.y[place[1]])} cm`
+    : `row ${place[1]}, column ${place[0]}`;
+}
+
+function notify(text, bad = false) {
+  $("notice").textContent = text;
+  $("notice").hidden = !text;
+  $("notice").classList.toggle("bad", bad);
+}
+
+function choices(id, entries, chosen) {
+  const box = document.querySelector(`#${id} .choices`);
+  for (const { name, hindrance } of entries) {
+    const label = document.createElement("label"), input = document.createElement("input");
+    const text = document.createElement("span");
+    Object.assign(input, { type: "radio", name: id, value: name, disabled: Boolean(hindrance) });
+    input.addEventListener("change", () => chosen(name));
+    label.title = hindrance || "";
+    text.textContent = name;
+    label.append(input, text);
+    box.append(label);
+  }
+}
+
+function check(id, name) {
+  for (const input of document.querySelectorAll(`#${id} input`)) input.checked = input.value === name;
+}
+
+// --- Hands ----------------------------------------------------------------------------------------------------------
+
+let press = null; // {at, view, button, moved}
+const place = (event) => [event.offsetX, event.offsetY];
+
+canvas.addEventListener("pointerdown", (event) => {
+  if (!about || press) return;
+  document.activeElement.blur(); // so that keys are the page's
+  canvas.setPointerCapture(event.pointerId);
+  press = { at: place(event), view, button: event.button, shift: event.shiftKey, moved: false };
+});
+
+canvas.addEventListener("pointermove", (event) => {
+  if (!about) return;
+  pointer = place(event);
+  if (press) {
+    const shift = [pointer[0] - press.at[0], pointer[1] - press.at[1]];
+    press.moved ||= Math.hypot(...shift) > DRAG_BEGINS;
+    if (press.moved) {
+      view = { ...press.view, left: press.view.left + shift[0], top: press.view.top + shift[1] };
+      canvas.classList.add("moving");
+      draw();
+    }
+  }
+  canvas.classList.toggle("over", Boolean(pointAt(pointer)));
+  showPlace();
+});
+
+canvas.addEventListener("pointerup", () => {
+  if (!press) return;
+  const { at, button, shift, moved } = press;
+  press = null;
+  canvas.classList.remove("moving");
+  if (!moved && button !== 1) click(at, button === 0 && !shift);
+});
+canvas.addEventListener("pointercancel", () => { press = null; canvas.classList.remove("moving"); });
+canvas.addEventListener("pointerleave", () => { pointer = null; if (about) showPlace(); });
+canvas.addEventListener("contextmenu", (event) => event.preventDefault());
+canvas.addEventListener("wheel", (event) => {
+  event.preventDefault();
+  if (!about || press) return;
+  const pixels = event.deltaY * (event.deltaMode === 1 ? 16 : 1);
+  zoom(Math.exp(-Math.max(-300, Math.min(300, pixels)) * 0.0016), place(event));
+}, { passive: false });
+
+const KEYS = {
+  "ctrl+z": undo, "ctrl+shift+z": redo, "ctrl+y": redo, "ctrl+s": save,
+  delete: clear, f: () => fit(), 0: () => fit(),
+  "+": () => zoom(1.25, pointer || middle()), "=": () => zoom(1.25, pointer || middle()),
+  "-": () => zoom(0.8, pointer || middle()),
+  h: () => { maskShown = !maskShown; draw(); },
+  m: () => setMethod(next(about.methods.filter((m) => !m.hindrance).map((m) => m.name), method)),
+  c: () => { if (about.radar) setColours(next(about.colours, colours)); },
+};
+
+window.addEventListener("keydown", (event) => {
+  if (!about || event.altKey) return;
+  const control = event.ctrlKey || event.metaKey, key = event.key.toLowerCase();
+  const name = `${control ? "ctrl+" : ""}${control && event.shiftKey ? "shift+" : ""}${key}`;
+  if (!KEYS[name]) return;
+  event.preventDefault();
+  KEYS[name]();
+});
+
+window.addEventListener("beforeunload", (event) => { if (about && !isSaved()) event.preventDefault(); });
+$("undo").addEventListener("click", undo);
+$("redo").addEventListener("click", redo);
+$("clear").addEventListener("click", clear);
+$("save").addEventListener("click", save);
+
+// --- The beginning --------------------------------------------------------------------------------------------------
+
+async function begin() {
+  about = await ask("about");
+  method = about.question.method;
+  points = about.question.points.map((at, k) => ({ place: at, positive: about.question.positive[k] }));
+  // Nothing to save before anything was done.
+  saved = about.saved || !points.length ? JSON.stringify(question()) : null;
+  const least = Math.min(...about.spacing);
+  stretch = about.spacing.map((s) => s / least);
+  $("name").textContent = about.name;
+  $("folder").textContent = about.folder;
+  const size = `${about.columns} × ${about.rows} pixels`;
+  const pitch = about.spacing.map((s) => +(s * 1e3).toPrecision(3)).join(" × ");
+  $("facts").textContent = about.radar ? `radar image, ${size} of ${pitch} mm` : `photograph, ${size}`;
+  $("saved").textContent = about.saved ? "Goes on from what was saved before" : "";
+  choices("methods", about.methods, setMethod);
+  choices("colours", about.colours.map((name) => ({ name })), setColours);
+  for (const id of ["colours", "key-colours", "ruler"]) $(id).hidden = !about.radar;
+  check("methods", method);
+  await setColours(about.colours[0] || "jet");
+  showState();
+  fit();
+  new ResizeObserver(fit).observe(canvas);
+  askForMask();
+  const stream = new EventSource("open");
+  stream.addEventListener("ended", () => {
+    stream.close();
+    notify("millisight has ended; nothing more can be saved from this page.", true);
+  });
+}
+
+begin().catch((error) => notify(error.message, true));
