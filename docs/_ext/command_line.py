@@ -9,7 +9,7 @@ from sphinx.util import logging
 from sphinx.util.docutils import SphinxDirective
 from sphinx.util.nodes import nested_parse_with_titles
 
-_WIDTH = 96
+_WIDTH = 88
 _LOG = logging.getLogger(__name__)
 
 
@@ -31,7 +31,8 @@ def help_of(name: str, command: Any) -> str:
     """What `--help` prints."""
     import click
 
-    context = click.Context(command, info_name=name, terminal_width=_WIDTH, max_content_width=_WIDTH)
+    options = {"help_option_names": ["-h", "--help"]}  # as the application has them
+    context = click.Context(command, info_name=name, terminal_width=_WIDTH, max_content_width=_WIDTH, **options)
     return command.get_help(context).rstrip()
 
 

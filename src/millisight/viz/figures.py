@@ -65,9 +65,8 @@ def plot_samples(
         raise InputError("samples hold no picture; expected {object: {column: image or photo}}")
     shades, colours = Scale.checked(scale, dynamic_range_db), checked_colormap(colormap)
     shape = len(samples), len(columns)
-    tall = max(
-        (tallness(i.grid.xy) for row in samples.values() for i in row.values() if isinstance(i, SarImage)), default=0.75
-    )
+    images = [picture for row in samples.values() for picture in row.values() if isinstance(picture, SarImage)]
+    tall = max((tallness(image.grid.xy) for image in images), default=0.75)
     grid = np.array(taken_axes(axes, *shape, tall=tall)).reshape(shape)
     for row, (name, pictures) in zip(grid, samples.items(), strict=True):
         for place, column in zip(row, columns, strict=True):

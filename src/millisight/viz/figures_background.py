@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.patches import Arc, FancyArrowPatch
+from matplotlib.patches import Arc
 
 from millisight.capture.capture import PHASE_SIGN
 from millisight.constants import SPEED_OF_LIGHT
@@ -13,7 +13,7 @@ from millisight.viz.figures import BLUE, GREY, VERMILION, taken_axes
 from millisight.viz.style import Scale, checked_colormap, show_pixels, styled
 
 _REFLECTORS = np.array([[-0.06, 0.0, -0.30], [0.05, 0.0, -0.25], [0.02, 0.0, -0.36]])  # in the plane y = 0 [m]
-_FREQUENCIES = np.linspace(77.5e9, 80.5e9, 24)  # [Hz]
+_FREQUENCIES = np.linspace(77.5e9, 80.5e9, 16)  # [Hz]
 _STEP = 0.00097  # a quarter wavelength [m]
 _ROUGHNESS = 0.04  # height of the surface's bumps, in the drawing's unit
 
@@ -80,19 +80,15 @@ def _sketch_aperture(ax: Axes, positions: np.ndarray) -> None:
     for place in shown:
         reach = np.hypot(*(place - reflector)[[0, 2]])
         towards = np.degrees(np.arctan2(reflector[2] - place[2], reflector[0] - place[0]))
-        arc = Arc(
-            (place[0], place[2]), 2 * reach, 2 * reach, theta1=towards - 24, theta2=towards + 24, color=BLUE, lw=1
-        )
-        ax.add_patch(arc)
+        angles = {"theta1": towards - 24, "theta2": towards + 24}
+        ax.add_patch(Arc((place[0], place[2]), 2 * reach, 2 * reach, **angles, color=BLUE, lw=1))
         ax.plot(*zip(place[[0, 2]], reflector[[0, 2]], strict=True), color=BLUE, lw=0.6, ls=":")
     ax.plot(shown[:, 0], shown[:, 2], "s", color=BLUE, ms=5)
     ax.plot(*reflector[[0, 2]], "o", color=VERMILION, ms=7)
     ax.annotate("aperture", (0, 0), (0, 7), textcoords="offset points", ha="center", color=GREY)
     ax.annotate("reflector", reflector[[0, 2]], (-3, -15), textcoords="offset points", ha="right", color=VERMILION)
-    ax.set(
-        xlim=(-0.24, 0.24), ylim=(-0.42, 0.06), aspect="equal", facecolor="white", title="a) distances from four places"
-    )
-    ax.set(xlabel="x [m]", ylabel="z [m]")
+    ax.set(xlim=(-0.24, 0.24), ylim=(-0.42, 0.06), aspect="equal", facecolor="white")
+    ax.set(title="a) distances from four places", xlabel="x [m]", ylabel="z [m]")
 
 
 @styled
@@ -137,7 +133,6 @@ def plot_reflection_principle(*, axes: Sequence[Axes] | np.ndarray | None = None
     _arrow(edge, (-1.15, 1.15), (-0.02, 0.02), VERMILION, 2.2)
     for angle in np.radians([-70, -45, -20, 5, 30, 55, 80, 105, 160]):
         _arrow(edge, (0, 0), (0.75 * np.cos(angle), 0.75 * np.sin(angle)), VERMILION, 1.0)
-    _note(edge, "seen from wherever the radar is")
     edge.set_title("c) at an edge: to all sides")
     for place in (light, waves, edge):
         place.set(xlim=(-1.5, 1.5), ylim=(-0.75, 1.35), aspect="equal", xticks=[], yticks=[], facecolor="white")
@@ -146,9 +141,8 @@ def plot_reflection_principle(*, axes: Sequence[Axes] | np.ndarray | None = None
 
 
 def _arrow(ax: Axes, start: tuple[float, float], end: tuple[float, float], color: str, width: float) -> None:
-    ax.add_patch(
-        FancyArrowPatch(start, end, arrowstyle="-|>", mutation_scale=9, color=color, lw=width, shrinkA=0, shrinkB=0)
-    )
+    look = {"arrowstyle": "-|>", "mutation_scale": 9, "color": color, "lw": width, "shrinkA": 0, "shrinkB": 0}
+    ax.annotate("", end, start, arrowprops=look)
 
 
 def _note(ax: Axes, text: str) -> None:

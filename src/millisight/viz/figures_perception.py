@@ -205,9 +205,8 @@ def plot_table(table: "Table", *, axes: Axes | None = None) -> Axes:
             left = i == 0 or (number and isinstance(table.rows[number - 1][i], str))
             x = edges[i] + 0.6 if left else edges[i + 1] - 0.6
             bold = number == 0 or (best[i] is not None and table.rows[number - 1][i] == best[i])
-            axes.text(
-                x, -number - 0.5, text, ha="left" if left else "right", va="center", weight="bold" if bold else None
-            )
+            look = {"ha": "left" if left else "right", "weight": "bold" if bold else "normal"}
+            axes.text(x, -number - 0.5, text, va="center", **look)
     for number, note in enumerate(table.notes):
         axes.text(0.6, -height - number - 0.6, note, va="center", fontsize=7, color="0.35")
     return axes
