@@ -1,0 +1,105 @@
+"""Scenes joined from a dataset's files: truth from the camera or exact, pictures, and what is missing."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+from millisight.datasets.mito import find
+from millisight.datasets.scenes import find_scenes, physics_of, read_scene
+from millisight.errors import FileError, InputError, UnknownNameError
+from millisight.evaluation.masks import score_mask
+from millisight.evaluation.segmentation import INPUTS
+from small_scenes import BLOCKS, INFO, LID, POSE, TOP, inside, make
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory):
+    return make(tmp_path_factory.mktemp("scenes") / "data")
+
+
+@pytest.fixture
+def own(dataset, tmp_path):
+    """A copy to spoil."""
+    return shutil.copytree(dataset, tmp_path / "data")
+
+
+def scenes(root, **settings):
+    return find_scenes(find(root), **settings)
+
+
+def test_every_sight_of_every_object_is_a_scene(dataset):
+    found = scenes(dataset)
+    assert [files.name for files in found] == [
+        f"{folder}/0_0_0/exp1/{sight}" for folder in BLOCKS for sight in ("los", "nlos")
+    ]
+    assert [files.name for files in scenes(dataset, sight="nlos")] == [found[1].name, found[3].name]
+    assert {physics_of(files) for files in found} == {"by hand"}
+
+
+def test_the_cameras_truth_is_the_exact_one(dataset):
+    for files in scenes(dataset):
+        scene, exact = read_scene(files), read_scene(files, truth="exact")
+        assert scene.inputs == INPUTS
+        block = BLOCKS[files.name.split("/")[0]]
+        for given, mask in exact.truth.items():
+            assert np.array_equal(mask.inside, inside(block))
+            assert score_mask(scene.truth[given], mask).iou > 0.9, files.name
+
+
+def test_prompts_lie_on_what_rises_above_the_support(dataset):
+    scene = read_scene(scenes(dataset)[0])
+    assert scene.view.T_radar_camera == pytest.approx(POSE)
+    # From 0.15 m: under the block's top, not down to the support.
+    assert 0.15 - TOP < scene.view.farthest < 0.15 + 0.30
+    raised = read_scene(scenes(dataset)[1], support=LID)
+    assert raised.view.farthest < 0.15 - LID
+
+
+def test_what_is_not_simulated_has_no_exact_truth_and_the_published_transform(own):
+    for path in own.rglob("experiment_info.json"):
+        path.write_text(json.dumps({key: value for key, value in INFO.items() if key not in ("simulated", "physics")}))
+    files = scenes(own)[0]
+    assert physics_of(files) == ""
+    with pytest.raises(InputError, match="not marked as simulated"):
+        read_scene(files, truth="exact")
+    with pytest.raises(InputError, match="rotation at the radar's first place"):
+        read_scene(files, transform="published")
+
+
+def test_the_mask_of_another_experiment_serves_only_where_the_object_was_not_moved(own):
+    for sight in ("los", "nlos"):
+        (own / "001_thin/robot_collected/0_0_0/exp2").mkdir(exist_ok=True)
+        source = own / "001_thin/robot_collected/0_0_0/exp1"
+        shutil.copytree(source / "nlos", own / "001_thin/robot_collected/0_0_0/exp2" / sight)
+    info = own / "001_thin/robot_collected/0_0_0/exp2/experiment_info.json"
+    info.write_text(json.dumps(INFO))
+    files = next(one for one in scenes(own) if one.name.endswith("exp2/nlos"))
+    assert read_scene(files).truth
+    info.write_text(json.dumps({key: value for key, value in INFO.items() if key != "simulated"}))
+    with pytest.raises(FileError, match="no camera mask"):
+        read_scene(files)
+
+
+def test_a_band_or_the_camera_may_be_missing(own):
+    folder = own / "001_thin/robot_collected/0_0_0/exp1/los"
+    shutil.rmtree(folder / "processed/radars/24_ghz")
+    shutil.rmtree(folder / "unprocessed")
+    assert read_scene(scenes(own)[0]).inputs == ("77 GHz",)
+    shutil.rmtree(folder / "processed/camera")
+    with pytest.raises(FileError, match="001_thin/0_0_0/exp1/los has no camera mask"):
+        read_scene(scenes(own)[0])
+
+
+def test_crops_and_names_are_checked(dataset):
+    files = scenes(dataset)[0]
+    cropped = read_scene(files, crop=(1, 1)).images
+    assert cropped["77 GHz"].grid.z.tolist() == [-0.26]
+    assert cropped["24 GHz"].grid.shape[2] == 3
+    with pytest.raises(InputError, match="at least one must be left"):
+        read_scene(files, crop=(2, 1))
+    with pytest.raises(UnknownNameError, match="truth"):
+        read_scene(files, truth="guess")
+    with pytest.raises(UnknownNameError, match="transform"):
+        read_scene(files, transform="guess")
