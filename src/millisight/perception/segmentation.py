@@ -24,7 +24,7 @@ from millisight.records import checked_array, checked_number, put, record
 LARGEST_SHARE = 0.2
 """As published: a mask over more of the picture than this is no object's."""
 _PAPER_AREA = 0.55 * 0.60
-_BACKGROUND_SHARE = 0.7
+_BACKGROUND_SHARE = 0.6
 _CONDITIONS = {"los": LOS, "nlos": NLOS}
 _SEGMENTERS = {
     "classical": ("classical", "ClassicalSegmenter"),
@@ -125,7 +125,7 @@ def largest_share(picture: Picture) -> float:
     """How much of a picture a mask may cover: what 20 % of the paper's pictures covers, 0.066 m^2, and at least 20 %.
 
     An image that shows only the object's surroundings is smaller than the paper's 0.55 by 0.60 m, and the object no
-    smaller for it. More than 70 % of a picture is its background at any size. Of a photo 20 %.
+    smaller for it. More than 60 % of a picture is its background at any size. Of a photo 20 %.
     """
     if picture.grid_xy is None or 1 in picture.shape:
         return LARGEST_SHARE
@@ -227,8 +227,8 @@ def find_mask(
             inside, score = candidates.masks[best], float(candidates.scores[best])
             return Segmented(picture=picture, inside=inside, prompts=points, score=score)
     raise InputError(
-        f"every mask covers more than {100 * limit:.0f} % of the picture, too much for an object; choose prompts of your "
-        "own, or another method"
+        f"every mask covers more than {100 * limit:.0f} % of the picture, too much for an object; choose prompts "
+        "of your own, or another method"
     )
 
 
@@ -261,7 +261,8 @@ def segment(
     Raises
     ------
     InputError
-        The image is blank, the bands have no place in common or are nowhere bright together, or every mask is too large.
+        The image is blank, the bands have no place in common or are nowhere bright together, or every mask is too
+        large.
     UnknownNameError
         No such method, or condition.
     """
