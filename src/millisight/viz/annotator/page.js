@@ -286,6 +286,7 @@ function drawNow() {
   }
   points.forEach(drawPoint);
   drawRuler();
+  showPlace();
   canvas.dataset.view = [view.scale, view.left, view.top].join(" ");
 }
 

@@ -1,0 +1,314 @@
+"""The annotator as a person meets it: a real browser, real clicks, and the files that come of them."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import millisight as ms
+from annotating import Discs, radar_image
+from browser import chromium, complaints
+from millisight.viz.annotator import AnnotatorServer, Session, open_subject
+
+
+@pytest.fixture(scope="module")
+def driver():
+    with chromium() as driver:
+        yield driver
+
+
+class Page:
+    """The annotator's page in the browser, and hands on it; places are [column, row] on the picture."""
+
+    def __init__(self, driver, address):
+        self.driver = driver
+        driver.get(address)
+        self.settled()
+        self.canvas = driver.find_element("id", "canvas")
+
+    def settled(self):
+        """Wait until the page shows the answer to what was asked last."""
+        self.until("document.body.dataset.settled === 'true'")
+        self.frame()
+
+    def frame(self):
+        """Wait until the canvas is drawn anew."""
+        self.driver.execute_async_script("requestAnimationFrame(() => requestAnimationFrame(arguments[0]))")
+
+    def until(self, condition, seconds=10):
+        end = time.monotonic() + seconds
+        while not self.driver.execute_script(f"return {condition}"):
+            assert time.monotonic() < end, condition
+            time.sleep(0.01)
+
+    def text(self, name):
+        return self.driver.find_element("id", name).text
+
+    @property
+    def view(self):
+        """Scale, left and top of the picture on the canvas."""
+        return tuple(map(float, self.canvas.get_attribute("data-view").split()))
+
+    @property
+    def mask_pixels(self):
+        return int(self.driver.execute_script("return document.body.dataset.maskPixels"))
+
+    def offset(self, place):
+        """Of a place's pixel from the middle of the canvas, in whole pixels of the screen."""
+        scale, left, top = self.view
+        size = self.canvas.size
+        return (
+            round(left + (place[0] + 0.5) * scale - size["width"] / 2),
+            round(top + (place[1] + 0.5) * scale - size["height"] / 2),
+        )
+
+    def hand(self, place):
+        from selenium.webdriver import ActionChains
+
+        return ActionChains(self.driver, duration=0).move_to_element_with_offset(self.canvas, *self.offset(place))
+
+    def click(self, place, *, right=False):
+        hand = self.hand(place)
+        (hand.context_click() if right else hand.click()).perform()
+        self.settled()
+
+    def press(self, *keys):
+        from selenium.webdriver import ActionChains, Keys
+
+        hand = ActionChains(self.driver, duration=0)
+        for key in keys[:-1]:
+            hand.key_down(getattr(Keys, key))
+        hand.send_keys(getattr(Keys, keys[-1], keys[-1]))
+        for key in keys[:-1]:
+            hand.key_up(getattr(Keys, key))
+        hand.perform()
+        self.settled()
+
+    def wheel(self, place, amount):
+        from selenium.webdriver import ActionChains
+        from selenium.webdriver.common.actions.wheel_input import ScrollOrigin
+
+        origin = ScrollOrigin.from_element(self.canvas, *self.offset(place))
+        ActionChains(self.driver, duration=0).scroll_from_origin(origin, 0, amount).perform()
+        self.frame()
+
+    def brightness(self, place):
+        """Of the canvas at a place: the mean of red, green and blue."""
+        scale, left, top = self.view
+        x, y = left + (place[0] + 0.5) * scale, top + (place[1] + 0.5) * scale
+        return self.driver.execute_script(
+            "const pen = document.getElementById('canvas').getContext('2d');"
+            "const [r, g, b] = pen.getImageData(arguments[0], arguments[1], 1, 1).data; return (r + g + b) / 3",
+            x,
+            y,
+        )
+
+
+def photo(path):
+    pixels = np.full((60, 80, 3), 160, np.uint8)
+    Image.fromarray(pixels).save(path)
+    return path
+
+
+@pytest.fixture(params=["radar", "photo"])
+def opened(request, driver, tmp_path):
+    """A session with each kind of picture, and its page."""
+    if request.param == "radar":
+        path, suffix = tmp_path / "mug.image.h5", ".mask.h5"
+        ms.save(path, radar_image())
+    else:
+        path, suffix = photo(tmp_path / "mug.png"), ".mask.png"
+    session = Session(open_subject(path), tmp_path / f"mug{suffix}", segmenters={"discs": Discs(), "sam": "no model"})
+    with AnnotatorServer(session) as server:
+        yield session, Page(driver, server.address)
+        assert complaints(driver) == []
+        driver.get("about:blank")
+
+
+def test_points_are_added_removed_undone_redone_and_saved(opened):
+    session, page = opened
+    assert page.text("hint") == "Click on the object to begin"
+    assert (page.text("mask"), page.mask_pixels) == ("no mask yet", 0)
+    before = page.brightness([1, 1])
+
+    page.click([6, 6])
+    assert page.text("counts") == "1 on the object, 0 beside it"
+    one = page.mask_pixels
+    assert one == 29  # of a disc of three pixels
+    assert page.text("hint") == ""
+    if not session.subject.is_radar:
+        assert page.brightness([1, 1]) < 0.7 * before  # what is outside is darker
+
+    page.click([12, 6])
+    two = page.mask_pixels
+    assert two > one
+    page.click([9, 6], right=True)
+    three = page.mask_pixels
+    assert three < two
+    assert page.text("counts") == "2 on the object, 1 beside it"
+
+    page.press("CONTROL", "z")
+    assert (page.text("counts"), page.mask_pixels) == ("2 on the object, 0 beside it", two)
+    page.driver.find_element("id", "undo").click()
+    page.settled()
+    assert page.mask_pixels == one
+    page.press("CONTROL", "SHIFT", "z")
+    page.driver.find_element("id", "redo").click()
+    page.settled()
+    assert page.mask_pixels == three
+    assert not page.driver.find_element("id", "redo").is_enabled()
+
+    page.click([12, 6])  # on a point: it goes
+    assert page.text("counts") == "1 on the object, 1 beside it"
+    assert page.driver.title.startswith("• ")
+
+    page.press("CONTROL", "s")
+    page.until("document.getElementById('save').textContent === 'Saved'")
+    assert not page.driver.title.startswith("•")
+    told = json.loads(session.prompts_path.read_text())
+    np.testing.assert_array_equal(session.subject.on_screen(told["points"]), [[6, 6], [9, 6]])
+    assert told["positive"] == [True, False]
+    if session.subject.is_radar:
+        inside = ms.load(session.mask_path).inside
+    else:
+        inside = np.asarray(Image.open(session.mask_path)) == 255
+    shown = session.subject.shown(inside)
+    assert shown.sum() == page.mask_pixels > 0
+    assert shown[6, 5]
+    assert not shown[6, 9]
+
+
+def test_the_view_zooms_about_the_pointer_and_moves(opened):
+    _, page = opened
+    place = [14, 4]
+    fitted, at = page.view, page.offset(place)
+    page.wheel(place, -400)
+    assert page.view[0] > 1.5 * fitted[0]
+    assert np.abs(np.subtract(page.offset(place), at)).max() <= 1
+    page.click(place)  # the pointer's place is right after zooming, too
+    assert page.mask_pixels == 29
+
+    zoomed = page.view
+    page.hand(place).click_and_hold().move_by_offset(-60, 35).release().perform()
+    page.settled()
+    assert page.view == pytest.approx((zoomed[0], zoomed[1] - 60, zoomed[2] + 35))
+    assert page.text("counts") == "1 on the object, 0 beside it"  # a drag is no click
+    page.press("f")
+    assert page.view == pytest.approx(fitted)
+    page.click(place)
+    assert page.text("counts") == "no points"
+
+
+def test_the_newest_answer_wins_and_errors_are_shown(driver, tmp_path):
+    class Slow(Discs):
+        asked = 0
+
+        def segment(self, picture, prompts):
+            Slow.asked += 1
+            time.sleep(0.4 if len(prompts.points) == 1 else 0)
+            if len(prompts.points) == 4:
+                raise ms.errors.InputError("four points are <b>too many</b>")
+            return super().segment(picture, prompts)
+
+    session = Session(open_subject(photo(tmp_path / "a.png")), tmp_path / "a.mask.png", segmenters={"discs": Slow()})
+    with AnnotatorServer(session) as server:
+        page = Page(driver, server.address)
+        page.hand([10, 10]).click().perform()
+        time.sleep(0.1)  # it is being answered
+        for column in (30, 50):
+            page.hand([column, 10]).click().perform()
+        page.settled()
+        assert page.mask_pixels == 3 * 29
+        assert Slow.asked == 2  # the one in between was not asked for
+        page.click([50, 40])
+        assert page.text("notice") == "four points are <b>too many</b>"
+        assert page.mask_pixels == 0
+        # A page with something unsaved is not left without a question.
+        leaving = "const e = new Event('beforeunload', {cancelable: true}); dispatchEvent(e); return e.defaultPrevented"
+        assert driver.execute_script(leaving)
+        page.press("DELETE")
+        assert page.text("counts") == "no points"
+        assert not driver.execute_script(leaving)
+    refused = complaints(driver)
+    assert len(refused) == 1
+    assert "422" in refused[0]
+    driver.get("about:blank")
+
+
+def test_colours_change_and_the_mask_does_not(driver, tmp_path):
+    ms.save(tmp_path / "a.h5", radar_image())
+    session = Session(open_subject(tmp_path / "a.h5"), tmp_path / "a.mask.h5", segmenters={"discs": Discs()})
+    with AnnotatorServer(session) as server:
+        page = Page(driver, server.address)
+        page.click([6, 6])
+        jet = page.brightness([22, 2]), page.mask_pixels
+        page.press("c")
+        page.until("document.querySelector('#colours input:checked').value === 'inferno'")
+        page.frame()
+        assert page.brightness([22, 2]) != jet[0]
+        assert page.mask_pixels == jet[1]
+        # Loaded anew, the page has the points still.
+        session.save({"method": "discs", "points": [[6, 6]], "positive": [True]})
+        page = Page(driver, server.address)
+        assert page.text("counts") == "1 on the object, 0 beside it"
+        server.ending.set()
+        page.until("document.getElementById('notice').textContent.includes('has ended')")
+    driver.get("about:blank")
+
+
+@pytest.fixture
+def command(tmp_path):
+    """Starts `millisight annotate` as a process of its own; gives it and the address that it prints."""
+    started = []
+
+    def start(*arguments, **environment):
+        process = subprocess.Popen(
+            [sys.executable, "-m", "millisight.cli.main", "annotate", *arguments], cwd=tmp_path, text=True,
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, env={**os.environ, **environment},
+        )  # fmt: skip
+        started.append(process)
+        line = process.stdout.readline()
+        found = re.search(r"http://127\.0\.0\.1:\d+/\S+/", line)
+        assert found, line + process.stderr.read()
+        return process, found[0]
+
+    yield start
+    for process in started:
+        process.kill()
+        process.communicate()
+
+
+def test_the_command_ends_with_its_page(driver, command, tmp_path):
+    photo(tmp_path / "cup.png")
+    process, address = command("cup.png", "--method", "classical", BROWSER="true")
+    page = Page(driver, address)
+    page.click([40, 30])
+    page.click([5, 5], right=True)
+    page.press("CONTROL", "s")
+    page.until("document.getElementById('save').textContent === 'Saved'")
+    driver.get("about:blank")
+    out, err = process.communicate(timeout=20)
+    assert (process.returncode, err) == (0, "")
+    assert out.splitlines()[-3:] == ["the page was closed", "wrote cup.mask.png", "wrote cup.prompts.json"]
+    assert np.asarray(Image.open(tmp_path / "cup.mask.png")).shape == (60, 80)
+    assert json.loads((tmp_path / "cup.prompts.json").read_text())["points"] == [[30, 40], [5, 5]]
+
+
+def test_ctrl_c_ends_it_and_says_what_was_not_saved(driver, command, tmp_path):
+    ms.save(tmp_path / "mug.image.h5", radar_image())
+    process, address = command("mug.image.h5", "--method", "classical", "--no-browser")
+    page = Page(driver, address)
+    page.click([6, 6])
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=20)
+    assert process.returncode == 0
+    assert out.splitlines()[-1] == "ended"
+    assert err == "millisight: the last points were not saved\n"
+    assert [path.name for path in tmp_path.iterdir()] == ["mug.image.h5"]

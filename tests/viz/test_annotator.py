@@ -1,0 +1,297 @@
+"""The annotator without its page: what lies where on the screen, what is answered and saved, and who is refused."""
+
+import base64
+import http.client
+import json
+import socket
+import struct
+import threading
+import zlib
+from urllib.parse import urlsplit
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import millisight as ms
+from annotating import Discs, radar_image
+from millisight.capture.camera import CameraFrame, Intrinsics
+from millisight.errors import DamagedFileError, FileError, FormatError, InputError, UnknownNameError
+from millisight.io.hdf5 import load_extras
+from millisight.io.mito_layout import write_published
+from millisight.perception.prompts import Prompts
+from millisight.viz.annotator import AnnotatorServer, Session, open_subject
+
+
+@pytest.fixture(scope="module")
+def radar_file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("radar") / "mug.image.h5"
+    ms.save(path, radar_image())
+    return path
+
+
+@pytest.fixture
+def session(radar_file, tmp_path):
+    return Session(open_subject(radar_file), tmp_path / "mug.mask.h5", segmenters={"discs": Discs()})
+
+
+def photo(path, pixels, **settings):
+    Image.fromarray(pixels).save(path, **settings)
+    return path
+
+
+def asked(points, positive, method="discs"):
+    return {"method": method, "points": points, "positive": positive}
+
+
+def bits(answer, subject):
+    columns, rows = subject.size
+    packed = np.frombuffer(base64.b64decode(answer["bits"]), np.uint8)
+    return np.unpackbits(packed)[: rows * columns].reshape(rows, columns).astype(bool)
+
+
+class TestTheScreen:
+    def test_x_runs_right_and_y_up(self, radar_file):
+        subject = open_subject(radar_file)
+        image = radar_image()
+        assert subject.is_radar
+        assert subject.size == image.grid.shape[:2]
+        i, j = np.unravel_index(np.argmax(subject.picture.power), subject.picture.shape)
+        ((column, row),) = subject.on_screen([[i, j]])
+        assert (column, row) == (i, image.grid.shape[1] - 1 - j)
+        shown = subject.shown(subject.picture.power)
+        assert shown.shape == subject.size[::-1]
+        assert np.unravel_index(np.argmax(shown), shown.shape) == (row, column)
+        np.testing.assert_array_equal(subject.coloured("jet")[row, column], subject.picture.rgb[i, j])
+
+    def test_a_photo_is_shown_as_it_is(self, tmp_path):
+        pixels = np.random.default_rng(0).integers(0, 256, (6, 9, 3)).astype(np.uint8)
+        subject = open_subject(photo(tmp_path / "a.png", pixels))
+        assert subject.size == (9, 6)
+        np.testing.assert_array_equal(subject.coloured("jet"), pixels)
+        np.testing.assert_array_equal(subject.on_screen([[5, 8]]), [[8, 5]])
+
+    @pytest.mark.parametrize("kind", ["radar", "photo"])
+    def test_places_and_pixels_are_one_to_one(self, kind, radar_file, tmp_path):
+        subject = open_subject(
+            radar_file if kind == "radar" else photo(tmp_path / "a.png", np.zeros((6, 9, 3), np.uint8))
+        )
+        points = np.argwhere(np.ones(subject.picture.shape, bool))
+        places = subject.on_screen(points)
+        assert len(points) > 50
+        assert (places >= 0).all()
+        assert (places < subject.size).all()
+        np.testing.assert_array_equal(subject.on_picture(places), points)
+
+
+class TestOpening:
+    def test_the_published_pickles(self, tmp_path):
+        places = ["processed/radars/77_ghz/processed_image.pkl", "unprocessed/camera/continuous.pkl"]
+        paths = [tmp_path / "025_mug/robot_collected/0_0_0/exp1/los" / place for place in places]
+        seen = np.zeros((480, 640, 3), np.uint8)
+        frame = CameraFrame(rgb=seen, depth=seen[..., 0], pose=np.eye(4), intrinsics=Intrinsics.published())
+        for path, record in zip(paths, (radar_image(), frame), strict=True):
+            path.parent.mkdir(parents=True)
+            write_published(path, record)
+        radar, camera = map(open_subject, paths)
+        assert (radar.is_radar, camera.is_radar) == (True, False)
+        assert radar.size == (24, 16)
+        assert camera.size == (640, 480)
+        assert radar.origin == f"025_mug/robot_collected/0_0_0/exp1/los/{places[0]}"
+
+    def test_photos_of_every_kind(self, tmp_path):
+        red = np.full((4, 6, 3), (200, 10, 10), np.uint8)
+        assert open_subject(photo(tmp_path / "a.jpg", red)).size == (6, 4)
+        turned = Image.Exif()
+        turned[0x0112] = 6  # held upright
+        assert open_subject(photo(tmp_path / "b.jpeg", red, exif=turned)).size == (4, 6)
+        clear = np.dstack([red, np.zeros((4, 6), np.uint8)])
+        assert (open_subject(photo(tmp_path / "c.png", clear)).picture.rgb == 255).all()
+        deep = np.linspace(0, 60000, 24).reshape(4, 6).astype(np.uint16)
+        rgb = open_subject(photo(tmp_path / "d.png", deep)).picture.rgb
+        assert (rgb[0, 0, 0], rgb[-1, -1, 0]) == (0, 255)
+
+    def test_what_is_no_picture(self, tmp_path, radar_file):
+        cases = [("no.png", None, FileError, "no such file")]
+        cases += [("text.png", b"hello", FormatError, "no PNG or JPEG"), ("a.txt", b"hello", FormatError, "a.txt")]
+        whole = photo(tmp_path / "whole.png", np.zeros((64, 64, 3), np.uint8)).read_bytes()
+        cases += [("cut.png", whole[:60], DamagedFileError, "cut.png is damaged")]
+        huge = b"\x89PNG\r\n\x1a\n"
+        for name, body in ((b"IHDR", struct.pack(">IIBBBBB", 60_000, 60_000, 8, 2, 0, 0, 0)), (b"IDAT", b"")):
+            huge += struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body))
+        cases += [("huge.png", huge, InputError, "huge.png has more than")]
+        for name, content, error, said in cases:
+            if content is not None:
+                (tmp_path / name).write_bytes(content)
+            with pytest.raises(error, match=said):
+                open_subject(tmp_path / name)
+        ms.save(tmp_path / "grid.h5", radar_image().grid)
+        with pytest.raises(FormatError, match="holds a VoxelGrid, which is no picture"):
+            open_subject(tmp_path / "grid.h5")
+        with pytest.raises(InputError, match="photograph, which has no other band"):
+            open_subject(tmp_path / "whole.png", other_band=radar_file)
+
+
+class TestTheSession:
+    def test_answers_are_the_segmenters_on_the_screen(self, session):
+        column, row = 7, 3
+        answer = session.mask(asked([[column, row]], [True]))
+        shown = bits(answer, session.subject)
+        assert shown[row, column]
+        assert answer["pixels"] == shown.sum() > 4
+        point = session.subject.on_picture([[column, row]])
+        prompts = Prompts(points=point, positive=np.array([True]))
+        expected = Discs().segment(session.subject.picture, prompts).masks[0]
+        np.testing.assert_array_equal(shown, session.subject.shown(expected))
+        spacing = session.subject.spacing
+        assert answer["area"] == pytest.approx(shown.sum() * spacing[0] * spacing[1])
+
+    def test_no_points_no_mask(self, session):
+        assert session.mask(asked([], []))["pixels"] == 0
+        assert not session.unsaved
+
+    def test_the_masks_rule_warns_and_shows(self, session):
+        many = [[column, row] for column in range(0, 24, 4) for row in range(0, 16, 4)]
+        answer = session.mask(asked(many, [True] * len(many)))
+        assert "right-click what does not belong" in answer["note"]
+        assert answer["pixels"] > 300
+
+    def test_mask_and_points_are_saved_and_gone_on_from(self, session, radar_file):
+        session.mask(asked([[5, 5]], [True]))
+        assert session.unsaved
+        question = asked([[5, 5], [9, 5]], [True, False])
+        session.save(question)
+        assert not session.unsaved
+        mask = ms.load(session.mask_path)
+        shown = bits(session.mask(question), session.subject)
+        np.testing.assert_array_equal(session.subject.shown(mask.inside), shown)
+        assert mask.inside.any()
+        np.testing.assert_array_equal(mask.grid_xy.x, radar_image().grid.x)
+        told = json.loads(session.prompts_path.read_text())
+        assert load_extras(session.mask_path)["annotation"] == told
+        assert (told["method"], told["image"], told["mask"]) == ("discs", "mug.image.h5", "mug.mask.h5")
+        assert told["image_sha256"] == session.subject.sha256
+        prompts = Prompts.from_plain({name: told[name] for name in ("points", "positive")})
+        np.testing.assert_array_equal(session.subject.on_screen(prompts.points), question["points"])
+        later = Session(open_subject(radar_file), session.mask_path, segmenters={"discs": Discs()})
+        assert later.about()["question"] == question
+        assert later.about()["saved"]
+
+    def test_a_photos_mask_is_a_picture(self, tmp_path):
+        path = photo(tmp_path / "a.png", np.full((30, 40, 3), 90, np.uint8))
+        session = Session(open_subject(path), tmp_path / "a.mask.png", segmenters={"discs": Discs()})
+        session.save(asked([[20, 10]], [True]))
+        saved = np.asarray(Image.open(tmp_path / "a.mask.png"))
+        assert saved.shape == (30, 40)
+        assert saved[10, 20] == 255
+        assert set(np.unique(saved)) == {0, 255}
+        assert json.loads((tmp_path / "a.prompts.json").read_text())["points"] == [[10, 20]]
+
+    def test_other_peoples_prompts_are_not_overwritten(self, radar_file, tmp_path):
+        for text in ('{"image_sha256": "0", "image": "cup.h5"}', "[1]", "no json", '{"points": []}', "[" * 99999):
+            (tmp_path / "mug.prompts.json").write_text(text)
+            with pytest.raises(FileError, match="would be overwritten"):
+                Session(open_subject(radar_file), tmp_path / "mug.mask.h5", segmenters={"discs": Discs()})
+
+    def test_what_cannot_be_asked(self, session):
+        cases = [
+            (None, "something else"),
+            ({"method": "discs"}, "something else"),
+            (asked([[1, 1]], [1]), "true and false"),
+            (asked([[1, 1]], []), "positive has shape"),
+            (asked([[-1, 1]], [True]), "point is -1"),
+            (asked([[24, 1]], [True]), "not on the picture"),
+            (asked([[1.5, 1]], [True]), "point is 1.5"),
+            (asked([1, 2], [True, True]), "pairs"),
+            (asked([[1, 1]] * 1001, [True] * 1001), "1000 at most"),
+        ]
+        for value, said in cases:
+            with pytest.raises(InputError, match=said):
+                session.mask(value)
+        for method in ("disks", None, ["discs"]):
+            with pytest.raises(UnknownNameError):
+                session.mask(asked([[1, 1]], [True], method))
+        with pytest.raises(UnknownNameError):
+            session.picture("rainbow")
+
+    def test_segmenters_that_cannot_work_say_why(self, radar_file, tmp_path):
+        subject = open_subject(radar_file)
+        session = Session(subject, tmp_path / "m.h5", segmenters={"big": "needs a model", "discs": Discs()})
+        assert session.about()["question"]["method"] == "discs"
+        assert session.about()["methods"][0] == {"name": "big", "hindrance": "needs a model"}
+        with pytest.raises(InputError, match="big cannot work here: needs a model"):
+            session.mask(asked([], [], "big"))
+        with pytest.raises(InputError, match="big cannot work here"):
+            Session(subject, tmp_path / "m.h5", segmenters=session._segmenters, method="big")
+        with pytest.raises(InputError, match="no segmenter can work here: needs a model"):
+            Session(subject, tmp_path / "m.h5", segmenters={"big": "needs a model"})
+
+
+class TestTheServer:
+    @pytest.fixture
+    def server(self, session):
+        with AnnotatorServer(session) as server:
+            yield server
+
+    def get(self, server, path, *, method="GET", body=None, **headers):
+        connection = http.client.HTTPConnection("127.0.0.1", server.server_address[1], timeout=10)
+        try:
+            connection.request(method, path, body=body, headers={k.replace("_", "-"): v for k, v in headers.items()})
+            reply = connection.getresponse()
+            return reply.status, dict(reply.getheaders()), reply.read()
+        finally:
+            connection.close()
+
+    def test_the_page_fetches_nothing_from_elsewhere(self, server):
+        root = urlsplit(server.address).path
+        for name in ("", "page.css", "page.js"):
+            status, headers, content = self.get(server, root + name)
+            assert status == 200
+            assert "default-src 'none'" in headers["Content-Security-Policy"]
+            assert content
+            assert b"http" not in content
+        assert server.server_address[0] == "127.0.0.1"
+
+    def test_only_the_page_itself_may_ask(self, server):
+        root = urlsplit(server.address).path
+        assert self.get(server, root + "about")[0] == 200
+        refused = [
+            self.get(server, "/about"),
+            self.get(server, "/wrong/about"),
+            self.get(server, "/%ff/about"),
+            self.get(server, root + "about", Host="evil.example"),  # rebinding
+            self.get(server, root + "about", Origin="http://evil.example"),
+            self.get(server, root + "save", method="POST", body="{}", Origin="null"),
+        ]
+        assert [status for status, _, _ in refused] == [403] * len(refused)
+        port = server.server_address[1]
+        assert self.get(server, root + "about", Origin=f"http://127.0.0.1:{port}")[0] == 200
+
+    def test_nonsense_is_answered(self, server):
+        root = urlsplit(server.address).path
+        assert self.get(server, root + "../../etc/passwd")[0] == 404
+        assert self.get(server, root + "picture/rainbow")[0] == 422
+        assert self.get(server, root + "other", method="POST", body="{}")[0] == 404
+        for body in ("no json", "[" * 99999):
+            assert self.get(server, root + "mask", method="POST", body=body)[0] == 400
+        for length in ("1048577", "-1", "many"):
+            assert self.get(server, root + "mask", method="POST", body="", Content_Length=length)[0] == 400
+        status, _, content = self.get(server, root + "mask", method="POST", body="{}")
+        assert status == 422
+        assert "reload" in json.loads(content)["error"]
+
+    def test_a_taken_port_is_said(self, session, server):
+        with pytest.raises(FileError, match=r"port \d+ cannot be had: .*--port"):
+            AnnotatorServer(session, server.server_address[1])
+
+    def test_it_ends_when_the_last_page_is_closed(self, server):
+        waiting = threading.Thread(target=server.wait, kwargs={"until_closed": True, "grace": 0.2}, daemon=True)
+        waiting.start()
+        for _ in range(2):  # a page that is loaded anew is no page closed
+            with socket.create_connection(server.server_address) as page:
+                page.sendall(f"GET {urlsplit(server.address).path}open HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n".encode())
+                assert b"text/event-stream" in page.recv(4096)
+                waiting.join(0.5)
+                assert waiting.is_alive()
+        waiting.join(5)
+        assert not waiting.is_alive()
