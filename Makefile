@@ -8,7 +8,7 @@ TESTS ?=
 COUNT ?= 100000
 WORKERS ?= 2
 
-.PHONY: help setup setup-train demo test fuzz lint bench clean
+.PHONY: help setup setup-train demo test fuzz lint docs bench clean
 
 help:
 	@echo "make setup        everything but torch, into $(VENV)"
@@ -17,6 +17,7 @@ help:
 	@echo "make test         all tests and doctests (TESTS=path or -k name for some, WORKERS=2 processes)"
 	@echo "make fuzz         100 000 damaged files against every reader (COUNT=)"
 	@echo "make lint         formatting, style, types, layers"
+	@echo "make docs         the documentation, into build/docs/html; broken links and missing docstrings fail it"
 	@echo "make bench        the benchmarks and their tables"
 
 setup: $(VENV)/setup.stamp
@@ -47,6 +48,9 @@ lint: setup
 	$(BIN)/ruff check .
 	$(BIN)/pyright
 	$(BIN)/lint-imports
+
+docs: setup
+	$(BIN)/python -m sphinx --quiet --fresh-env --fail-on-warning --keep-going -d build/docs/doctrees docs build/docs/html
 
 bench: setup
 	$(BIN)/python -m pytest benchmarks --benchmark-disable-gc --benchmark-columns=median,iqr,rounds -q -s $(TESTS)

@@ -25,6 +25,7 @@ extensions = [
     "docstrings",
     "command_line",
     "gallery",
+    "offline",
 ]
 exclude_patterns = ["_ext", "_static"]
 html_theme = "furo"

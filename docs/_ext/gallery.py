@@ -41,7 +41,7 @@ class Gallery(SphinxDirective):
         text = script.read_text(encoding="utf-8")
         self.env.note_dependency(str(script))
         title, _, caption = (ast.get_docstring(ast.parse(text)) or "").partition("\n")
-        picture = Path(self.env.app.outdir).parent / "gallery" / f"{script.stem}.svg"
+        picture = Path(self.env.app.outdir).parent / "gallery" / f"{script.stem}.png"
         picture.parent.mkdir(parents=True, exist_ok=True)
         began = time.perf_counter()
         save_figure(runpy.run_path(str(script))["figure"], picture)

@@ -13,20 +13,21 @@ from latex2mathml.converter import convert
 _TAG = re.compile(r"\s*\\tag\{([^}]*)\}")
 
 
-def _mathml(tex: str, **options: str) -> str:
-    # The converter knows these braces by their other names only.
-    return convert(tex.replace(r"\lbrace", r"\{").replace(r"\rbrace", r"\}"), **options)
+def as_mathml(tex: str, **options: str) -> str:
+    """An equation without its dollars as MathML."""
+    # After \bigl the converter leaves these two as they are.
+    return convert(tex, **options).replace(r"\lbrace", "{").replace(r"\rbrace", "}")
 
 
 def _inline(translator: Any, node: Any) -> None:
-    translator.body.append(_mathml(node.astext()))
+    translator.body.append(as_mathml(node.astext()))
     raise nodes.SkipNode
 
 
 def _block(translator: Any, node: Any) -> None:
     text = node.astext()
     tag = _TAG.search(text)
-    equation = _mathml(_TAG.sub("", text).strip(), display="block")
+    equation = as_mathml(_TAG.sub("", text).strip(), display="block")
     number = f'<span class="number">({escape(tag[1])})</span>' if tag else ""
     anchor = f' id="equation-{escape(tag[1])}"' if tag else ""
     translator.body.append(f'<div class="equation"{anchor}>{equation}{number}</div>')

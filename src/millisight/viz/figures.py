@@ -203,7 +203,10 @@ def plot_hidden(
     InputError, UnknownNameError
     """
     shades, colours = Scale.checked(scale, dynamic_range_db), checked_colormap(colormap)
-    seen, shut, through = taken_axes(axes, 1, 3, size=2.9, tall=max(0.75, tallness(image.grid.xy)))
+    for view, name in ((open_view, "open_view"), (closed_view, "closed_view")):
+        check_shape(np.shape(view), name=name, shape=("H", "W", 3))
+    tall = max(*(len(view) / len(view[0]) for view in (open_view, closed_view)), tallness(image.grid.xy))
+    seen, shut, through = taken_axes(axes, 1, 3, size=2.9, tall=tall)
     show_photo(seen, open_view)
     show_photo(shut, closed_view)
     show_image(through, image, shades, colours)

@@ -1,0 +1,12 @@
+"""What the radar measured, before any image.
+
+Range profiles along the scan: the object comes nearer and goes again, the sharper the farther the aperture reaches.
+"""
+
+import millisight as ms
+from millisight.viz import plots
+
+scene = ms.Scene.from_mesh("rubiks_cube", vertices=2000)
+trajectory = ms.Trajectory.raster(size=(0.6, 0.0), step=0.002)
+capture = ms.simulate(scene, ms.Radar.preset("mito-sim-77ghz"), trajectory, model="edge", snr_db=10, rng=0)
+figure = plots.plot_range_profiles(capture, dynamic_range_db=40)
