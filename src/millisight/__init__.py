@@ -42,7 +42,13 @@ if TYPE_CHECKING:
     from millisight.io.hdf5 import open_capture as open_capture
     from millisight.io.hdf5 import save as save
     from millisight.perception.classification import Prediction as Prediction
+    from millisight.perception.projection import Picture as Picture
+    from millisight.perception.projection import project as project
+    from millisight.perception.prompts import Prompts as Prompts
+    from millisight.perception.prompts import power_prompts as power_prompts
     from millisight.perception.segmentation import Mask as Mask
+    from millisight.perception.segmentation import segment as segment
+    from millisight.perception.segmentation import segmenter as segmenter
     from millisight.scene.material import Material as Material
     from millisight.scene.mesh import TriangleMesh as TriangleMesh
     from millisight.scene.scene import Scene as Scene
@@ -57,8 +63,10 @@ _HOMES = {
     "Intrinsics": "capture.camera",
     "Mask": "perception.segmentation",
     "Material": "scene.material",
+    "Picture": "perception.projection",
     "PixelGrid": "imaging.grid",
     "Prediction": "perception.classification",
+    "Prompts": "perception.prompts",
     "Radar": "capture.radar",
     "RawScan": "capture.scan",
     "SarImage": "imaging.image",
@@ -76,10 +84,14 @@ _HOMES = {
     "image_at": "imaging.exact",
     "load": "io.hdf5",
     "open_capture": "io.hdf5",
+    "power_prompts": "perception.prompts",
+    "project": "perception.projection",
     "read_capture": "io.description",
     "read_scan": "io.description",
     "retime": "capture.clock",
     "save": "io.hdf5",
+    "segment": "perception.segmentation",
+    "segmenter": "perception.segmentation",
     "simulate": "capture.simulate",
 }
 

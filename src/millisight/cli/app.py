@@ -4,7 +4,7 @@ from importlib.metadata import version
 
 import typer
 
-from millisight.cli import annotate, collect, dataset, demo, generate, image, info, simulate, view
+from millisight.cli import annotate, collect, dataset, demo, generate, image, info, segment, simulate, view
 
 app = typer.Typer(
     invoke_without_command=True,
@@ -20,6 +20,7 @@ app.command("demo")(demo.demo)
 app.command("simulate")(simulate.simulate)
 app.command("image")(image.image)
 app.command("info")(info.info)
+app.command("segment")(segment.segment)
 app.command("view")(view.view)
 app.command("annotate")(annotate.annotate)
 app.command("collect")(collect.collect)

@@ -1,9 +1,9 @@
 """The segmenter that needs no network: a random walker with priors, by SciPy's sparse matrices.
 
-Each pixel's value is the probability that a walker from there meets a positive prompt before a negative one (Grady 2006,
-doi:10.1109/TPAMI.2006.233). It steps to a neighbour the more easily the more alike the two are, and may end at any pixel by
-that pixel's own brightness (priors: Grady 2005, doi:10.1109/CVPR.2005.239), which lets a handful of prompts do. The
-probabilities x solve (L + g) x = g p + seeds, with the Laplacian L of the pixels' graph and the priors p.
+Each pixel's value is the probability that a walker from there meets a positive prompt before a negative one (Grady
+2006, doi:10.1109/TPAMI.2006.233). It steps to a neighbour the more easily the more alike the two are, and may end at
+any pixel by that pixel's own brightness (priors: Grady 2005, doi:10.1109/CVPR.2005.239), which lets a handful of
+prompts do. The probabilities x solve (L + g) x = g p + seeds, with the Laplacian L of the pixels' graph and priors p.
 
 It knows nothing of what objects look like, and finds only what is brighter than its surroundings.
 """
