@@ -19,8 +19,10 @@ from millisight.capture.camera import CameraFrame, Intrinsics
 from millisight.errors import DamagedFileError, FileError, FormatError, InputError, UnknownNameError
 from millisight.io.hdf5 import load_extras
 from millisight.io.mito_layout import write_published
+from millisight.perception.projection import Picture
 from millisight.perception.prompts import Prompts
 from millisight.viz.annotator import AnnotatorServer, Session, open_subject
+from millisight.viz.annotator.coarse import Coarse
 
 
 @pytest.fixture(scope="module")
@@ -225,6 +227,25 @@ class TestTheSession:
             Session(subject, tmp_path / "m.h5", segmenters=session._segmenters, method="big")
         with pytest.raises(InputError, match="no segmenter can work here: needs a model"):
             Session(subject, tmp_path / "m.h5", segmenters={"big": "needs a model"})
+
+
+class TestCoarse:
+    def test_masks_are_of_blocks_at_their_place(self):
+        picture = Picture(rgb=np.zeros((31, 50, 3), np.uint8))
+        coarse = Coarse(Discs(), 200)  # blocks of 3
+        prompts = Prompts(points=np.array([[30, 49], [4, 4]]), positive=np.array([True, False]))
+        (mask,) = coarse.segment(picture, prompts).masks
+        assert mask.shape == (31, 50)
+        assert mask[30, 49]
+        assert mask[22, 47]  # a disc of three pixels, each three wide
+        assert not mask[20, 47]
+        assert (mask[:30:3, :48:3] == mask[2:30:3, 2:48:3]).all()
+
+    def test_a_small_picture_is_seen_whole(self):
+        picture = Picture(rgb=np.zeros((10, 20, 3), np.uint8))
+        prompts = Prompts(points=np.array([[5, 5]]), positive=np.array([True]))
+        seen = [by.segment(picture, prompts).masks for by in (Coarse(Discs(), 200), Discs())]
+        np.testing.assert_array_equal(*seen)
 
 
 class TestTheServer:

@@ -1,6 +1,7 @@
 """The annotator: a page on which a person tells a segmenter by clicks what belongs to the object.
 
-`subject` opens what is annotated, `session` answers what the page asks and saves, `server` carries it to the browser;
+`subject` opens what is annotated, `session` answers what the page asks and saves (`coarse`: at the speed of clicks),
+`server` carries it to the browser;
 `page.html`, `page.css` and `page.js` are the page.
 """
 

@@ -449,7 +449,7 @@ async function begin() {
   $("name").textContent = about.name;
   $("folder").textContent = about.folder;
   const size = `${about.columns} × ${about.rows} pixels`;
-  const pitch = about.spacing.map((s) => +(s * 1e3).toPrecision(3)).join(" × ");
+  const pitch = [...new Set(about.spacing.map((s) => +(s * 1e3).toPrecision(3)))].join(" × ");
   $("facts").textContent = about.radar ? `radar image, ${size} of ${pitch} mm` : `photograph, ${size}`;
   $("saved").textContent = about.saved ? "Goes on from what was saved before" : "";
   choices("methods", about.methods, setMethod);

@@ -18,9 +18,12 @@ from millisight.files import atomic_path, printable, write_text
 from millisight.perception.prompts import Prompts
 from millisight.perception.segmentation import Mask, Segmenter, chosen, largest_share, segmenter
 from millisight.records import checked_integer
+from millisight.viz.annotator.coarse import Coarse
 from millisight.viz.annotator.subject import COLOURS, Subject
 
 _MOST_POINTS = 1000
+_PHOTO_PIXELS = 50_000
+"""Of a photo that a segmenter without a network sees, so that it answers within a second."""
 
 
 def segmenters_for(subject: Subject, *, sam: str | None = None, device: str = "cpu") -> dict[str, Segmenter | str]:
@@ -40,14 +43,15 @@ def segmenters_for(subject: Subject, *, sam: str | None = None, device: str = "c
     found: dict[str, Segmenter | str] = {}
     for name in ("wave", "classical"):
         try:
-            found[name] = segmenter(name)
+            by = segmenter(name)
         except (MillisightError, ImportError) as error:
             found[name] = str(error)
+        else:
+            found[name] = by if subject.is_radar else Coarse(by, _PHOTO_PIXELS)
     if not subject.is_radar:
         found["wave"] = "it looks at radar images only"
-    found["sam"] = (
-        "start millisight annotate with --sam MODEL" if sam is None else segmenter("sam", model=sam, device=device)
-    )
+    missing = "start millisight annotate with --sam MODEL"
+    found["sam"] = missing if sam is None else segmenter("sam", model=sam, device=device)
     return found
 
 
