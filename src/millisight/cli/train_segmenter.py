@@ -1,0 +1,69 @@
+"""`millisight train segmenter`: the weights of `wave` from a recipe."""
+
+import tomllib
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from millisight.cli.console import progress, say
+from millisight.errors import FormatError
+from millisight.files import check_readable
+
+if TYPE_CHECKING:
+    from millisight.perception.training_wave import SegmenterRecipe
+
+_LARGEST = 1 << 20  # bytes
+
+
+def segmenter(
+    recipe: Annotated[Path, typer.Argument(metavar="RECIPE.toml", help="Scenes, network and schedule.")],
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="DIR", help="Where weights go. [default: the recipe's name, here]"),
+    ] = None,
+    device: Annotated[str, typer.Option(help="Of the training: cpu, or cuda where there is a GPU.")] = "cpu",
+    tensorboard: Annotated[bool, typer.Option(help="Log to DIR/tensorboard as well.")] = False,
+) -> None:
+    """Train the wave segmenter on scenes that the paper's simulator makes, and on nothing else.
+
+    DIR keeps the scenes, a checkpoint after each epoch, and in the end wave.onnx with its description wave.json. Run it
+    again to go on after an interruption: the weights are those of a run that was never interrupted.
+
+    Example: millisight train segmenter examples/recipes/segmenter.toml -o wave
+    """
+    from millisight.perception.training_wave import make_scenes, train_segmenter
+
+    described = read_segmenter_recipe(recipe)
+    folder = output or Path(described.name)
+    with progress("make scenes") as report:
+        scenes = make_scenes(described, folder, progress=report)
+    with progress("train", compiles=False) as report:
+        done = train_segmenter(described, scenes, folder, device=device, tensorboard=tensorboard, progress=report)
+    told = done.description
+    say(f"{told['epochs']} epochs, the best of them {told['best_epoch']}; "
+        f"F1 on the validation scenes {max(told['validation']['mean F1 by cut'].values()):.3f}")  # fmt: skip
+    say(f"weights: {done.weights}")
+
+
+def read_segmenter_recipe(path: Path) -> "SegmenterRecipe":
+    """The recipe that a TOML file holds.
+
+    Raises
+    ------
+    FormatError
+        It is no TOML, or holds a key or a value that cannot be right; the message names the place.
+    FileError
+        It cannot be read.
+    """
+    from millisight.datasets.recipefile import _record
+    from millisight.perception.training_wave import SegmenterRecipe
+
+    path = check_readable(path)
+    if path.stat().st_size > _LARGEST:
+        raise FormatError(f"{path} has {path.stat().st_size} bytes; expected a recipe of under {_LARGEST}")
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
+        raise FormatError(f"{path} is no TOML: {error}") from error
+    return _record(SegmenterRecipe, table, str(path), "")

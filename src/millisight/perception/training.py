@@ -1,0 +1,253 @@
+"""The training loop: the same weights of the same seed, whether it ran through or was cut off and resumed.
+
+Whatever an epoch draws at random follows from the seed and the epoch's number, so that the state between two epochs is
+the weights, the optimiser's moments and the scores so far. They are written as one file after every epoch, atomically
+and as safetensors: nothing that such a file holds can run code.
+"""
+
+import dataclasses
+import hashlib
+import json
+import math
+import os
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from millisight.device import check_device
+from millisight.errors import DamagedFileError, InputError
+from millisight.files import atomic_path, make_folder, printable
+from millisight.records import checked_integer, checked_number, put, record
+
+if TYPE_CHECKING:
+    from torch import Tensor, nn
+
+CHECKPOINT_NAME = "checkpoint.safetensors"
+
+_STATE = "state"
+_WARM = 0.3  # of the learning rate, in the first epoch
+
+
+@record
+class Schedule:
+    """How long and how fast a network learns.
+
+    Attributes
+    ----------
+    epochs : at most
+    patience : epochs without a better score after which it stops
+    learning_rate : of AdamW in the second epoch; it falls to 0 along a cosine
+    weight_decay : of AdamW
+    seed : of the first weights, of dropout, and of the batches as far as they use it
+    """
+
+    epochs: int = 40
+    patience: int = 12
+    learning_rate: float = 2e-3
+    weight_decay: float = 1e-3
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        put(
+            self,
+            epochs=checked_integer(self.epochs, name="epochs"),
+            patience=checked_integer(self.patience, name="patience"),
+            learning_rate=checked_number(self.learning_rate, name="learning_rate", above=0),
+            weight_decay=checked_number(self.weight_decay, name="weight_decay", minimum=0),
+            seed=checked_integer(self.seed, name="seed", minimum=0),
+        )
+
+    def rate(self, epoch: int) -> float:
+        """The learning rate of an epoch, from 0 on."""
+        warmed = _WARM if epoch == 0 and self.epochs > 1 else 1.0
+        return self.learning_rate * warmed * (1 + math.cos(math.pi * epoch / self.epochs)) / 2
+
+
+class Fitted(NamedTuple):
+    """What came of training.
+
+    Attributes
+    ----------
+    epochs : how many were done
+    best_epoch : the one whose weights the network has now, from 0 on
+    history : a mapping of figures for each epoch: "loss", "score", "learning_rate"
+    """
+
+    epochs: int
+    best_epoch: int
+    history: tuple[Mapping[str, float], ...]
+
+    @property
+    def best_score(self) -> float:
+        return self.history[self.best_epoch]["score"]
+
+
+def fit(
+    make_network: "Callable[[], nn.Module]",
+    batches: "Callable[[int], Iterable[tuple[Tensor, ...]]]",
+    loss: "Callable[[nn.Module, tuple[Tensor, ...]], Tensor]",
+    score: "Callable[[nn.Module], float]",
+    *,
+    schedule: Schedule,
+    folder: str | os.PathLike[str],
+    made_of: Mapping[str, Any],
+    device: str = "cpu",
+    tensorboard: bool = False,
+    progress: Callable[[int, int], None] | None = None,
+) -> "tuple[nn.Module, Fitted]":
+    """Train a network, or go on where an earlier run of the same kind in `folder` was cut off.
+
+    Parameters
+    ----------
+    make_network : called once, after the seed is set
+    batches : the batches of an epoch, which must follow from its number alone; tensors on the CPU
+    loss : of the network, in training mode, and a batch on the device
+    score : of the network, in evaluation mode, on the device; higher is better; synthetic validation, never a test
+    schedule : Schedule
+    folder : of the checkpoint; made where it is missing
+    made_of : all that the batches follow from, as JSON holds it: a checkpoint of something else is refused
+    device : "cpu" or "cuda"
+    tensorboard : also log to `folder`/tensorboard
+    progress : called with (epochs done, epochs in all)
+
+    Returns
+    -------
+    The network with the weights of the best epoch, on the CPU; and Fitted
+
+    Raises
+    ------
+    InputError
+        The folder holds a run of another recipe, or the loss is not finite.
+    DamagedFileError, FileError, DeviceError
+    ImportError
+        torch, or for `tensorboard` its package, is not installed.
+    """
+    import torch
+
+    check_device(device)
+    path = make_folder(folder) / CHECKPOINT_NAME
+    writer = _writer(Path(folder) / "tensorboard") if tensorboard else None
+    torch.use_deterministic_algorithms(True)
+    torch.manual_seed(schedule.seed)
+    network = make_network().to(device)
+    optimizer = torch.optim.AdamW(network.parameters(), lr=schedule.learning_rate, weight_decay=schedule.weight_decay)
+    best = _copied(network)
+    digest = _digest(made_of, schedule)
+    history: list[dict[str, float]] = []
+    if path.exists():
+        history, best = _restore(path, digest, network, optimizer)
+    for epoch in range(len(history), schedule.epochs):
+        if epoch - _best_epoch(history) > schedule.patience:
+            break
+        torch.manual_seed(schedule.seed + 1 + epoch)
+        for group in optimizer.param_groups:
+            group["lr"] = schedule.rate(epoch)
+        figures = {
+            "loss": _epoch(network, optimizer, batches(epoch), loss, device),
+            "learning_rate": schedule.rate(epoch),
+        }
+        network.eval()
+        with torch.no_grad():
+            history.append({**figures, "score": float(score(network))})
+        if _best_epoch(history) == epoch:
+            best = _copied(network)
+        _save(path, digest, network, best, optimizer, history)
+        for name, value in history[-1].items():
+            if writer is not None:
+                writer.add_scalar(name, value, epoch)
+        if progress is not None:
+            progress(epoch + 1, schedule.epochs)
+    if writer is not None:
+        writer.close()
+    network.load_state_dict(best)
+    network.cpu().eval()
+    return network, Fitted(len(history), _best_epoch(history), tuple(history))
+
+
+def _epoch(network, optimizer, batches, loss, device: str) -> float:
+    """One pass over the batches; the mean loss."""
+    network.train()
+    losses = []
+    for batch in batches:
+        value = loss(network, tuple(tensor.to(device) for tensor in batch))
+        losses.append(float(value.detach()))
+        if not math.isfinite(losses[-1]):
+            raise InputError(f"the loss is {losses[-1]} in batch {len(losses)}; lower the learning rate")
+        optimizer.zero_grad()
+        value.backward()
+        optimizer.step()
+    if not losses:
+        raise InputError("an epoch has no batches; expected at least one")
+    return math.fsum(losses) / len(losses)
+
+
+def _best_epoch(history: list[dict[str, float]]) -> int:
+    """The first epoch of the highest score; 0 where there is none yet."""
+    return max(range(len(history)), key=lambda i: (history[i]["score"], -i), default=0)
+
+
+def _copied(network: "nn.Module") -> "dict[str, Tensor]":
+    return {name: value.detach().clone() for name, value in network.state_dict().items()}
+
+
+def _digest(made_of: Mapping[str, Any], schedule: Schedule) -> str:
+    """What tells one run from another."""
+    told = {"made_of": dict(made_of), "schedule": dataclasses.asdict(schedule)}
+    return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
+
+
+def _save(path: Path, digest: str, network, best, optimizer, history) -> None:
+    from safetensors.torch import save_file
+
+    tensors = {f"network/{name}": value for name, value in network.state_dict().items()}
+    tensors |= {f"best/{name}": value for name, value in best.items()}
+    for index, moments in optimizer.state_dict()["state"].items():
+        tensors |= {f"optimizer/{index}/{name}": value for name, value in moments.items()}
+    plain = {name: value.detach().cpu().contiguous().clone() for name, value in tensors.items()}
+    state = json.dumps({"made_of": digest, "history": history})
+    with atomic_path(path) as temporary:
+        save_file(plain, temporary, metadata={_STATE: state})
+
+
+def _restore(path: Path, digest: str, network, optimizer) -> "tuple[list[dict[str, float]], dict[str, Tensor]]":
+    """The history and the best weights so far; the network and the optimiser are set as they were."""
+    from safetensors import SafetensorError, safe_open
+
+    name = printable(path)
+    try:
+        with safe_open(path, framework="pt") as file:
+            names = list(file.keys())
+            state = json.loads((file.metadata() or {})[_STATE])
+            if state["made_of"] != digest:
+                raise InputError(
+                    f"{name} is of another recipe or schedule; choose another folder, or delete it to start anew"
+                )
+            tensors = {key: file.get_tensor(key) for key in names}
+        history = [{key: float(entry[key]) for key in ("loss", "learning_rate", "score")} for entry in state["history"]]
+        network.load_state_dict(_part(tensors, "network/"))
+        best = _part(tensors, "best/")
+        if not history or best.keys() != network.state_dict().keys():
+            raise KeyError("best")
+        moments: dict[int, dict[str, Any]] = {}
+        for key, value in _part(tensors, "optimizer/").items():
+            index, _, moment = key.partition("/")
+            moments.setdefault(int(index), {})[moment] = value
+        groups = optimizer.state_dict()["param_groups"]
+        optimizer.load_state_dict({"state": moments, "param_groups": groups})
+    except (SafetensorError, RuntimeError, KeyError, TypeError, ValueError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise DamagedFileError(f"{name} is no whole checkpoint: {error}; delete it to start anew") from error
+    return history, best
+
+
+def _part(tensors: "Mapping[str, Tensor]", prefix: str) -> "dict[str, Tensor]":
+    return {key.removeprefix(prefix): value for key, value in tensors.items() if key.startswith(prefix)}
+
+
+def _writer(folder: Path) -> Any:
+    try:
+        from torch.utils.tensorboard import SummaryWriter
+    except ImportError as error:
+        raise ImportError('logging needs TensorBoard: pip install "millisight[tensorboard]"') from error
+    return SummaryWriter(folder)

@@ -1,0 +1,232 @@
+"""Training of the `wave` segmenter: recipe, scenes, network, and the weights as the package ships them."""
+
+import dataclasses
+import hashlib
+import json
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from millisight.errors import InputError
+from millisight.files import atomic_path, make_folder, write_text
+from millisight.perception.training import Schedule, fit
+from millisight.perception.training_examples import Example, example_of
+from millisight.perception.training_scenes import SceneParts, Scenes, scenes_of
+from millisight.perception.wave_features import CHANNELS, FLOOR_DB, SPACING
+from millisight.records import checked_integer, checked_record, put, record
+
+if TYPE_CHECKING:
+    from torch import Tensor, nn
+
+WEIGHTS_NAME, TENSORS_NAME = "wave.onnx", "wave.safetensors"
+CUTS = tuple(round(0.2 + 0.05 * i, 2) for i in range(13))
+"""Probabilities at which a mask might begin; the best on the validation scenes is taken."""
+
+_VALIDATION_SEED = 1 << 20  # apart from any epoch's
+_VIEWS = 2  # examples of each validation scene
+
+
+@record
+class SegmenterRecipe:
+    """How a segmenter is trained: scenes, network, schedule.
+
+    Attributes
+    ----------
+    name : of the weights
+    about : for the weights' description
+    scenes, schedule : see there; the schedule's seed is that of everything
+    widths : of the network's four sizes, in channels
+    batch : examples in a batch
+    views : examples of each scene in an epoch
+    """
+
+    name: str = "wave"
+    about: str = ""
+    scenes: Scenes = field(default_factory=Scenes)
+    schedule: Schedule = field(default_factory=Schedule)
+    widths: tuple[int, ...] = (16, 32, 64, 96)
+    batch: int = 16
+    views: int = 4
+
+    def __post_init__(self) -> None:
+        checked_record(self.name, str, name="name")
+        widths = tuple(checked_integer(width, name="widths", minimum=8) for width in self.widths)
+        if len(widths) != 4 or any(width % 8 for width in widths):
+            raise InputError(f"widths are {list(widths)}; expected four multiples of 8")
+        for side, names in self.scenes.objects.items():
+            if not names:
+                raise InputError(f"no object is left for {side}; name some in scenes.validation, and not all others")
+        put(
+            self,
+            widths=widths,
+            batch=checked_integer(self.batch, name="batch"),
+            views=checked_integer(self.views, name="views"),
+        )
+
+
+class Trained(NamedTuple):
+    """What `train_segmenter` wrote.
+
+    Attributes
+    ----------
+    weights : the ONNX file; its description lies beside it as .json, the tensors as .safetensors
+    description : what the JSON holds
+    """
+
+    weights: Path
+    description: dict[str, Any]
+
+
+def make_scenes(
+    recipe: SegmenterRecipe, folder: str | os.PathLike[str], *, progress: Callable[[int, int], None] | None = None
+) -> dict[str, list[SceneParts]]:
+    """The recipe's scenes, by "training" and "validation"; those that `folder`/scenes holds already are read.
+
+    Parameters
+    ----------
+    progress : called with (scenes made, scenes in all)
+
+    Raises
+    ------
+    FileError, DamagedFileError
+    """
+    objects = recipe.scenes.objects
+    total, done = recipe.scenes.poses * sum(map(len, objects.values())), 0
+
+    def count() -> None:
+        nonlocal done
+        done += 1
+        if progress is not None:
+            progress(done, total)
+
+    folder = make_folder(folder) / "scenes"
+    return {
+        side: scenes_of(names, recipe.scenes, seed=recipe.schedule.seed, folder=folder, progress=count)
+        for side, names in objects.items()
+    }
+
+
+def train_segmenter(
+    recipe: SegmenterRecipe,
+    scenes: Mapping[str, Sequence[SceneParts]],
+    folder: str | os.PathLike[str],
+    *,
+    device: str = "cpu",
+    tensorboard: bool = False,
+    progress: Callable[[int, int], None] | None = None,
+) -> Trained:
+    """Train the network and write its weights into `folder`; go on where an earlier run stopped.
+
+    Parameters
+    ----------
+    scenes : of `make_scenes`
+    device : "cpu" or "cuda"; two runs on one CPU give the same weights
+    tensorboard : log to `folder`/tensorboard as well
+    progress : called with (epochs done, epochs in all)
+
+    Raises
+    ------
+    InputError
+        The folder holds a run of another recipe.
+    FileError, DamagedFileError, DeviceError, ImportError
+    """
+    import torch
+
+    from millisight.perception.wave_network import WaveNetwork
+
+    folder, schedule = make_folder(folder), recipe.schedule
+    held = [
+        example_of(scene, np.random.default_rng([schedule.seed, _VALIDATION_SEED, i, view]))
+        for i, scene in enumerate(scenes["validation"])
+        for view in range(_VIEWS)
+    ]
+
+    def batches(epoch: int) -> "Iterator[tuple[Tensor, ...]]":
+        rng = np.random.default_rng([schedule.seed, epoch])
+        order = np.concatenate([rng.permutation(len(scenes["training"])) for _ in range(recipe.views)])
+        for start in range(0, len(order), recipe.batch):
+            examples = [example_of(scenes["training"][i], rng) for i in order[start : start + recipe.batch]]
+            yield tuple(torch.from_numpy(np.stack(values)) for values in zip(*examples, strict=True))
+
+    def score(network: "nn.Module") -> float:
+        return max(_f1_by_cut(network, held).values())
+
+    network, fitted = fit(
+        lambda: WaveNetwork(recipe.widths), batches, _loss, score, schedule=schedule, folder=folder,
+        made_of=_plain(recipe), device=device, tensorboard=tensorboard, progress=progress,
+    )  # fmt: skip
+    by_cut = _f1_by_cut(network, held)
+    description = {
+        "name": recipe.name,
+        "about": recipe.about,
+        "channels": list(CHANNELS),
+        "spacing": SPACING,
+        "floor_db": FLOOR_DB,
+        "cut": max(by_cut, key=lambda cut: (by_cut[cut], -cut)),
+        "validation": {"mean F1 by cut": {f"{cut:g}": round(value, 4) for cut, value in by_cut.items()}},
+        "objects": {side: list(names) for side, names in recipe.scenes.objects.items()},
+        "scenes": {side: len(some) for side, some in scenes.items()},
+        "epochs": fitted.epochs,
+        "best_epoch": fitted.best_epoch + 1,
+        "history": [{key: round(value, 5) for key, value in entry.items()} for entry in fitted.history],
+        "recipe": _plain(recipe),
+    }
+    return Trained(write_weights(folder, network, description), description)
+
+
+def write_weights(folder: Path, network: "nn.Module", description: dict[str, Any]) -> Path:
+    """Write the network as ONNX and as safetensors, and beside them the description with the ONNX file's SHA-256."""
+    from safetensors.torch import save_file
+
+    from millisight.perception.wave_network import onnx_bytes
+
+    content = onnx_bytes(network)  # type: ignore[arg-type]
+    with atomic_path(folder / TENSORS_NAME) as temporary:
+        save_file({name: value.contiguous() for name, value in network.state_dict().items()}, temporary)
+    with atomic_path(folder / WEIGHTS_NAME) as temporary:
+        temporary.write_bytes(content)
+    told = {"sha256": hashlib.sha256(content).hexdigest(), **description}
+    write_text((folder / WEIGHTS_NAME).with_suffix(".json"), json.dumps(told, indent=1) + "\n")
+    return folder / WEIGHTS_NAME
+
+
+def _loss(network: "nn.Module", batch: "tuple[Tensor, ...]") -> "Tensor":
+    """Cross-entropy a pixel plus 1 less the soft Dice coefficient of each example."""
+    from torch.nn import functional
+
+    channels, inside, weight = batch
+    logits = network(channels)
+    entropy = functional.binary_cross_entropy_with_logits(logits, inside, reduction="none")
+    found = logits.sigmoid() * weight
+    shared = 2 * (found * inside).sum(dim=(1, 2)) + 1
+    dice = shared / (found.sum(dim=(1, 2)) + inside.sum(dim=(1, 2)) + 1)
+    return (entropy * weight).sum() / weight.sum() + (1 - dice).mean()
+
+
+def _f1_by_cut(network: "nn.Module", examples: Sequence[Example]) -> dict[float, float]:
+    """Mean F1 of the masks that begin at each of `CUTS`."""
+    import torch
+
+    device = next(network.parameters()).device
+    scores = []
+    with torch.no_grad():
+        for start in range(0, len(examples), 16):
+            some = examples[start : start + 16]
+            logits = network(torch.from_numpy(np.stack([e.channels for e in some])).to(device)).cpu().numpy()
+            for example, logit in zip(some, logits, strict=True):
+                truth, valid = example.inside > 0.5, example.weight > 0
+                scores.append([_f1((logit > np.log(cut / (1 - cut))) & valid, truth) for cut in CUTS])
+    return dict(zip(CUTS, np.mean(scores, axis=0).tolist(), strict=True))
+
+
+def _f1(mask: np.ndarray, truth: np.ndarray) -> float:
+    either = mask.sum() + truth.sum()
+    return float(2 * (mask & truth).sum() / either) if either else 1.0
+
+
+def _plain(recipe: SegmenterRecipe) -> dict[str, Any]:
+    return json.loads(json.dumps(dataclasses.asdict(recipe)))

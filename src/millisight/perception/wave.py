@@ -1,0 +1,179 @@
+"""The `wave` segmenter: a small network of our own, trained on simulated images alone, run by ONNX Runtime.
+
+It looks at the image, not at its coloured picture: both bands where there are both, in slices along z. Prompts are not
+needed; a user's points are taken into account. What it learned from is told in the model card.
+"""
+
+import hashlib
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from millisight.errors import DamagedFileError, FormatError, InputError
+from millisight.files import check_readable, printable
+from millisight.imaging.image import SarImage
+from millisight.perception import wave_features
+from millisight.perception.projection import Picture
+from millisight.perception.prompts import Prompts
+from millisight.perception.segmentation import Candidates
+
+WEIGHTS = Path(__file__).with_name("weights") / "wave.onnx"
+"""Shipped; its description lies beside it as .json."""
+
+_LARGEST = 1 << 26  # bytes of a weights file
+_STEPS = (0.0, 0.15, -0.15, 0.3)  # from the probability at which a mask begins: what is offered
+_CRUMB = 0.1  # parts smaller than this share of the largest are no object's
+
+
+class WaveSegmenter:
+    """Masks by the `wave` network.
+
+    Parameters
+    ----------
+    weights : ONNX file as `millisight train segmenter` writes it, its description beside it; None: the shipped one
+
+    Raises
+    ------
+    ImportError
+        ONNX Runtime is not installed.
+    DamagedFileError, FormatError, FileError
+        The weights are damaged, are no weights of this network, or cannot be read.
+    """
+
+    name = "wave"
+    needs_prompts = False
+
+    def __init__(self, weights: str | os.PathLike[str] | None = None):
+        path = check_readable(WEIGHTS if weights is None else weights)
+        self.description = _description(path.with_suffix(".json"))
+        self._session = _session(path, self.description["sha256"])
+
+    def probability(self, picture: Picture, prompts: Prompts | None = None) -> np.ndarray:
+        """(A, B) float32, how probable it is that the object lies over each pixel of the picture.
+
+        Raises
+        ------
+        InputError
+            The picture is a photo or blank, or the other band has no place in common with it.
+        """
+        image = picture.image
+        if image is None or picture.grid_xy is None:
+            raise InputError("wave looks at radar images, and this picture is a photo; use another method")
+        grid = picture.grid_xy
+        if not np.any(image.values):
+            raise InputError("the image is 0 everywhere, and there is nothing to segment; check how it was formed")
+        x, y = wave_features.canvas_of(grid)
+        power = _power(image, x, y)
+        other = None if picture.other_band is None else _power(picture.other_band, x, y)
+        if other is not None and not other.any():
+            raise InputError(
+                "the other band is 0 wherever the image is, or on another grid; image both bands over one place, or "
+                "leave it out"
+            )
+        channels = wave_features.stacked(power, other, _on_canvas(prompts, picture, x, y))
+        (logits,) = self._session.run(None, {self._session.get_inputs()[0].name: channels[None]})
+        inner = logits[0, : len(x), : len(y)]
+        fine = wave_features.resampling(x, grid.x) @ inner @ wave_features.resampling(y, grid.y).T
+        return 1 / (1 + np.exp(-fine))
+
+    def segment(self, picture: Picture, prompts: Prompts | None = None) -> Candidates:
+        """Masks that begin at several probabilities, the one that did best on the validation scenes first.
+
+        A mask's score is the intersection over union that the probabilities let expect of it; the first one's is at
+        least as high as the others'.
+
+        Raises
+        ------
+        InputError
+            As `probability`.
+        """
+        probability = self.probability(picture, prompts)
+        cut = min(self.description["cut"], 0.9 * float(probability.max()))
+        cuts = [cut, *(cut + step for step in _STEPS[1:] if 0.05 < cut + step < probability.max())]
+        masks = np.stack([_without_crumbs(probability > c) for c in cuts])
+        scores = np.array([_expected_iou(mask, probability) for mask in masks])
+        scores[0] = scores.max()
+        order = np.argsort(-scores, kind="stable")
+        return Candidates(masks=masks[order], scores=scores[order])
+
+
+def _power(image: SarImage, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """(A, B, Z) power of an image on the network's pixels."""
+    along_x, along_y = wave_features.resampling(image.grid.x, x), wave_features.resampling(image.grid.y, y)
+    magnitude = image.magnitude
+    # Of any unit: squared as it is, a very weak image would vanish.
+    peak = magnitude.max()
+    return wave_features.resampled_power(magnitude / (peak if peak > 0 else 1), along_x, along_y)
+
+
+def _on_canvas(
+    prompts: Prompts | None, picture: Picture, x: np.ndarray, y: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Positive and negative points (n, 2) as indices into the network's pixels."""
+    if prompts is None or picture.grid_xy is None:
+        return np.zeros((0, 2), int), np.zeros((0, 2), int)
+    prompts.check_on(picture)
+    places = picture.grid_xy.x[prompts.points[:, 0]], picture.grid_xy.y[prompts.points[:, 1]]
+    points = np.column_stack(
+        [abs(axis - place[:, None]).argmin(axis=1) for axis, place in zip((x, y), places, strict=True)]
+    )
+    return points[prompts.positive], points[~prompts.positive]
+
+
+def _without_crumbs(mask: np.ndarray) -> np.ndarray:
+    """The mask without its parts that are much smaller than its largest."""
+    from scipy.ndimage import label
+
+    parts: Any = label(mask, structure=np.ones((3, 3)))[0]  # type: ignore[index]
+    sizes = np.bincount(parts.ravel())
+    sizes[0] = 0
+    return mask & (sizes >= _CRUMB * sizes.max())[parts]
+
+
+def _expected_iou(mask: np.ndarray, probability: np.ndarray) -> float:
+    """Of a mask, by expected intersection and union: sum of p inside over inside plus the sum of p outside."""
+    return float(probability[mask].sum() / (mask.sum() + probability[~mask].sum()))
+
+
+def _description(path: Path) -> dict[str, Any]:
+    """What the weights' JSON tells, checked as far as it is used."""
+    path = check_readable(path)
+    if path.stat().st_size > _LARGEST:
+        raise FormatError(f"{printable(path)} has {path.stat().st_size} bytes; expected a description of weights")
+    try:
+        told = json.loads(path.read_text(encoding="utf-8"))
+        sha256, cut, channels = told["sha256"], told["cut"], told["channels"]
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise DamagedFileError(
+            f"{printable(path)} describes no weights: {error!r}; train anew, or reinstall"
+        ) from error
+    if channels != list(wave_features.CHANNELS) or told.get("spacing") != wave_features.SPACING:
+        raise FormatError(f"{printable(path)}: the weights are of another version of the network; train anew")
+    if not isinstance(sha256, str) or not isinstance(cut, float) or not 0 < cut < 1:
+        raise DamagedFileError(f"{printable(path)}: cut is {cut!r}; expected a number between 0 and 1")
+    return told
+
+
+def _session(path: Path, sha256: str) -> Any:
+    """The network, ready to run."""
+    try:
+        import onnxruntime
+    except ImportError as error:
+        raise ImportError('wave runs by ONNX Runtime: pip install "millisight[perception]"') from error
+    if path.stat().st_size > _LARGEST:
+        raise FormatError(f"{printable(path)} has {path.stat().st_size} bytes; expected under {_LARGEST} of weights")
+    content = path.read_bytes()
+    if hashlib.sha256(content).hexdigest() != sha256:
+        raise DamagedFileError(
+            f"{printable(path)} is not the file that {path.stem}.json describes: its SHA-256 differs; copy both anew"
+        )
+    options = onnxruntime.SessionOptions()
+    options.log_severity_level = 3
+    try:
+        # From bytes: a file that names others to read from is refused.
+        return onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # of ONNX Runtime's own kinds, which have no common public base
+        raise FormatError(f"{printable(path)} is no network that ONNX Runtime can run: {error}") from error

@@ -1,0 +1,76 @@
+"""The `wave` network in torch, for training: a small U-Net, and how it becomes the file that ONNX Runtime runs."""
+
+import io
+import logging
+import warnings
+from collections.abc import Sequence
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from millisight.perception.wave_features import CHANNELS
+
+INPUT, OUTPUT = "channels", "logits"
+"""Names in the exported file."""
+
+_GROUPS = 8
+
+
+class WaveNetwork(nn.Module):
+    """Logits of "here lies the object", a pixel each.
+
+    After Ronneberger, Fischer & Brox, "U-Net" (2015): three halvings and back, at each size what was before is beside
+    what comes from below. Groups of channels are normalised over each image, not over batches, so that training and use
+    are one function.
+    """
+
+    def __init__(self, widths: Sequence[int] = (16, 32, 64, 96)):
+        super().__init__()
+        inputs = (len(CHANNELS), *widths[:-1])
+        self.down = nn.ModuleList(_block(a, b) for a, b in zip(inputs, widths, strict=True))
+        pairs = zip(widths[:0:-1], widths[-2::-1], strict=True)
+        self.up = nn.ModuleList(_block(below + beside, beside) for below, beside in pairs)
+        self.last = nn.Conv2d(widths[0], 1, 1)
+
+    def forward(self, channels: Tensor) -> Tensor:
+        """(N, A, B) logits of channels (N, C, A, B), A and B multiples of `wave_features.MULTIPLE`."""
+        passed, x = [], channels
+        for i, block in enumerate(self.down):
+            x = block(functional.max_pool2d(x, 2) if i else x)
+            passed.append(x)
+        for block, beside in zip(self.up, passed[-2::-1], strict=True):
+            x = block(torch.cat([functional.interpolate(x, scale_factor=2.0, mode="nearest"), beside], dim=1))
+        return self.last(x).squeeze(1)
+
+
+def _block(inputs: int, outputs: int) -> nn.Sequential:
+    steps: list[nn.Module] = []
+    for width in (inputs, outputs):
+        steps += [
+            nn.Conv2d(width, outputs, 3, padding=1, bias=False),
+            nn.GroupNorm(_GROUPS, outputs),
+            nn.ReLU(inplace=True),
+        ]
+    return nn.Sequential(*steps)
+
+
+def onnx_bytes(network: WaveNetwork) -> bytes:
+    """The network as an ONNX file, for images of any size."""
+    target: Any = io.BytesIO()
+    logger = logging.getLogger("torch.onnx")
+    example = torch.zeros(1, len(CHANNELS), 64, 64)
+    level = logger.level
+    logger.setLevel(logging.ERROR)
+    network.eval()
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # torch's own, about its own ways of exporting
+            torch.onnx.export(
+                network, (example,), target, input_names=[INPUT], output_names=[OUTPUT], opset_version=18, dynamo=False,
+                dynamic_axes={INPUT: {0: "n", 2: "a", 3: "b"}, OUTPUT: {0: "n", 1: "a", 2: "b"}},
+            )  # fmt: skip
+    finally:
+        logger.setLevel(level)
+    return target.getvalue()
