@@ -16,7 +16,7 @@ from millisight.rig.virtual.camera import camera_mask
 
 K = Intrinsics.published()
 X, Y = np.arange(0, 0.2, 0.005), np.arange(0.05, 0.22, 0.005)
-BLOCKS = {"001_thin": (0.10, 0.14, 0.0475, 0.0175), "002_wide": (0.11, 0.13, 0.0375, 0.0375)}
+BLOCKS = {"073-a_lego_duplo": (0.10, 0.14, 0.0475, 0.0175), "074-x_wide": (0.11, 0.13, 0.0375, 0.0375)}
 """By folder: middle and half edges along x and y [m]; the top lies at -0.25, on a support at -0.30."""
 TOP, LID = -0.25, -0.22
 INFO = {"aperture size": "normal", "rx offset": "x", "background": "tripod", "simulated": True, "physics": "by hand"}

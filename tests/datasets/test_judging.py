@@ -22,7 +22,7 @@ class Bright:
 
     def __init__(self, above=0.4):
         self.above = above
-        self.fingerprint = str(above)
+        self.description = {"sha256": str(above)}
 
     def segment(self, picture, prompts):
         Bright.calls += 1
@@ -75,9 +75,9 @@ def test_only_what_changed_is_done_again(root, tmp_path):
     assert again(options={"bright": {"above": 0.3}}).kept == 0
     assert again(seeds=(1,)).kept == 0
     assert again().kept == 0
-    (tmp_path / "out" / "bright.001_thin.0_0_0.exp1.los.json").write_text('{"key": "cut off')
+    (tmp_path / "out" / "bright.073-a_lego_duplo.0_0_0.exp1.los.json").write_text('{"key": "cut off')
     assert again().kept == 1
-    image = root / "002_wide/robot_collected/0_0_0/exp1/los/processed/radars/77_ghz/processed_image.pkl"
+    image = root / "074-x_wide/robot_collected/0_0_0/exp1/los/processed/radars/77_ghz/processed_image.pkl"
     os.utime(image, (1, 1))
     last = again()
     assert last.kept == 1
@@ -85,12 +85,12 @@ def test_only_what_changed_is_done_again(root, tmp_path):
 
 
 def test_a_damaged_scene_fails_alone_and_is_tried_again(root, tmp_path):
-    image = root / "001_thin/robot_collected/0_0_0/exp1/nlos/processed/radars/77_ghz/processed_image.pkl"
+    image = root / "073-a_lego_duplo/robot_collected/0_0_0/exp1/nlos/processed/radars/77_ghz/processed_image.pkl"
     whole = image.read_bytes()
     image.write_bytes(whole[:500])
     done = run(root, tmp_path, seeds=(0,))
     ((scene, method, why),) = done.failures
-    assert (scene, method) == ("001_thin/0_0_0/exp1/nlos", "bright")
+    assert (scene, method) == ("073-a_lego_duplo/0_0_0/exp1/nlos", "bright")
     assert "processed_image.pkl" in why
     assert len({one.scene for one in done.trials}) == 3
     image.write_bytes(whole)

@@ -35,6 +35,8 @@ def test_every_sight_of_every_object_is_a_scene(dataset):
         f"{folder}/0_0_0/exp1/{sight}" for folder in BLOCKS for sight in ("los", "nlos")
     ]
     assert [files.name for files in scenes(dataset, sight="nlos")] == [found[1].name, found[3].name]
+    # The catalogue's name, with its sibling's letter, where it is of it.
+    assert {files.object for files in found} == {"a_lego_duplo", "wide"}
     assert {physics_of(files) for files in found} == {"by hand"}
 
 
@@ -70,10 +72,10 @@ def test_what_is_not_simulated_has_no_exact_truth_and_the_published_transform(ow
 
 def test_the_mask_of_another_experiment_serves_only_where_the_object_was_not_moved(own):
     for sight in ("los", "nlos"):
-        (own / "001_thin/robot_collected/0_0_0/exp2").mkdir(exist_ok=True)
-        source = own / "001_thin/robot_collected/0_0_0/exp1"
-        shutil.copytree(source / "nlos", own / "001_thin/robot_collected/0_0_0/exp2" / sight)
-    info = own / "001_thin/robot_collected/0_0_0/exp2/experiment_info.json"
+        (own / "073-a_lego_duplo/robot_collected/0_0_0/exp2").mkdir(exist_ok=True)
+        source = own / "073-a_lego_duplo/robot_collected/0_0_0/exp1"
+        shutil.copytree(source / "nlos", own / "073-a_lego_duplo/robot_collected/0_0_0/exp2" / sight)
+    info = own / "073-a_lego_duplo/robot_collected/0_0_0/exp2/experiment_info.json"
     info.write_text(json.dumps(INFO))
     files = next(one for one in scenes(own) if one.name.endswith("exp2/nlos"))
     assert read_scene(files).truth
@@ -83,12 +85,12 @@ def test_the_mask_of_another_experiment_serves_only_where_the_object_was_not_mov
 
 
 def test_a_band_or_the_camera_may_be_missing(own):
-    folder = own / "001_thin/robot_collected/0_0_0/exp1/los"
+    folder = own / "073-a_lego_duplo/robot_collected/0_0_0/exp1/los"
     shutil.rmtree(folder / "processed/radars/24_ghz")
     shutil.rmtree(folder / "unprocessed")
     assert read_scene(scenes(own)[0]).inputs == ("77 GHz",)
     shutil.rmtree(folder / "processed/camera")
-    with pytest.raises(FileError, match="001_thin/0_0_0/exp1/los has no camera mask"):
+    with pytest.raises(FileError, match="073-a_lego_duplo/0_0_0/exp1/los has no camera mask"):
         read_scene(scenes(own)[0])
 
 

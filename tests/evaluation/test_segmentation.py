@@ -35,7 +35,7 @@ class Blind(Bright):
         raise InputError("sees nothing")
 
 
-def scene(sight="los", block=BLOCKS["002_wide"], images=(LOW, HIGH), view=True):
+def scene(sight="los", block=BLOCKS["074-x_wide"], images=(LOW, HIGH), view=True):
     hidden = sight == "nlos"
     frame, _ = shot(block, hidden=hidden)
     radars = {LOW: "24_ghz", HIGH: "77_ghz"}

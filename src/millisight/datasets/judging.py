@@ -114,13 +114,13 @@ def _judged(job: _Job) -> list[Trial]:
 
 
 def _key(job: _Job) -> str:
-    """What the result follows from; files are known by size and time, networks by their own `fingerprint`."""
+    """What the result follows from; files are known by size and time, networks by the checksum of their weights."""
     stats = [path.stat() if path.exists() else None for path in job.files.paths]
     content = {
         "format": _FORMAT,
         "version": version("millisight"),
         "method": job.method,
-        "network": getattr(job.settings.segmenter(job.method), "fingerprint", ""),
+        "network": getattr(job.settings.segmenter(job.method), "description", {}).get("sha256"),
         "options": dict(job.settings.options.get(job.method, {})),
         "seeds": job.settings.seeds,
         "reading": dict(job.settings.reading),

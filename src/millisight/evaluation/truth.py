@@ -17,6 +17,7 @@ from millisight.perception.segmentation import Mask
 from millisight.records import check_shape, checked_array, checked_record
 
 _REACH = 1.0  # a point covers what is nearer to it than the spacing of its neighbours, in spacings
+_PINHOLE = 2  # pixels
 
 
 def radar_from_camera(pose: ArrayLike, origin: ArrayLike) -> np.ndarray:
@@ -154,7 +155,19 @@ def pixels_on_grid(
         np.stack([x.ravel(), y.ravel()], axis=1), distance_upper_bound=_REACH * spacing.max()
     )
     reach = np.append(_REACH * spacing, 0.0)[nearest]  # where none is near, the tree names one past the last
-    return Mask(grid_xy=grid_xy, inside=(far <= reach).reshape(grid_xy.shape))
+    return Mask(grid_xy=grid_xy, inside=_without_pinholes((far <= reach).reshape(grid_xy.shape)))
+
+
+def _without_pinholes(inside: np.ndarray) -> np.ndarray:
+    """A mask with holes of `_PINHOLE` pixels and less filled: where a slope hides from the camera, points lie apart."""
+    from scipy.ndimage import label
+
+    numbers, count = label(~inside)
+    sizes = np.bincount(numbers.ravel(), minlength=count + 1)
+    edge = np.concatenate([numbers[0], numbers[-1], numbers[:, 0], numbers[:, -1]])
+    filled = sizes <= _PINHOLE
+    filled[edge] = False
+    return inside | filled[numbers]
 
 
 def _filled(pixels: np.ndarray, depth: np.ndarray) -> np.ndarray:
