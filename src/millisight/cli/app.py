@@ -4,7 +4,7 @@ from importlib.metadata import version
 
 import typer
 
-from millisight.cli import annotate, collect, dataset, demo, generate, image, info, segment, simulate, train, view
+from millisight.cli import annotate, collect, dataset, demo, evaluate, generate, image, info, segment, simulate, train, view
 
 app = typer.Typer(
     invoke_without_command=True,
@@ -26,6 +26,7 @@ app.command("annotate")(annotate.annotate)
 app.command("collect")(collect.collect)
 app.command("generate")(generate.generate)
 app.add_typer(dataset.app, name="dataset")
+app.add_typer(evaluate.app, name="evaluate")
 app.add_typer(train.app, name="train")
 
 

@@ -1,0 +1,13 @@
+"""`millisight evaluate`: tables beside the paper's."""
+
+import typer
+
+from millisight.cli import evaluate_segmentation
+
+app = typer.Typer(
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="How well it works: tables of a dataset's images, the paper's figures beside.",
+)
+app.command("segmentation")(evaluate_segmentation.segmentation)
