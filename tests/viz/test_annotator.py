@@ -7,6 +7,7 @@ import socket
 import struct
 import threading
 import zlib
+from pathlib import Path
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -15,13 +16,17 @@ from PIL import Image
 
 import millisight as ms
 from annotating import Discs, radar_image
+from commands import refused
 from millisight.capture.camera import CameraFrame, Intrinsics
+from millisight.cli.annotate import _beside
+from millisight.cli.segment import segment
 from millisight.errors import DamagedFileError, FileError, FormatError, InputError, UnknownNameError
 from millisight.io.hdf5 import load_extras
 from millisight.io.mito_layout import write_published
 from millisight.perception.projection import Picture
 from millisight.perception.prompts import Prompts
-from millisight.viz.annotator import AnnotatorServer, Session, open_subject
+from millisight.perception.segmentation import segmenter
+from millisight.viz.annotator import AnnotatorServer, Session, Subject, open_subject
 from millisight.viz.annotator.coarse import Coarse
 
 
@@ -170,7 +175,7 @@ class TestTheSession:
         assert mask.inside.any()
         np.testing.assert_array_equal(mask.grid_xy.x, radar_image().grid.x)
         told = json.loads(session.prompts_path.read_text())
-        assert load_extras(session.mask_path)["annotation"] == told
+        assert load_extras(session.mask_path)["segmentation"] == told
         assert (told["method"], told["image"], told["mask"]) == ("discs", "mug.image.h5", "mug.mask.h5")
         assert told["image_sha256"] == session.subject.sha256
         prompts = Prompts.from_plain({name: told[name] for name in ("points", "positive")})
@@ -178,6 +183,17 @@ class TestTheSession:
         later = Session(open_subject(radar_file), session.mask_path, segmenters={"discs": Discs()})
         assert later.about()["question"] == question
         assert later.about()["saved"]
+
+    def test_the_saved_points_make_the_same_mask_on_the_command_line(self, radar_file, tmp_path):
+        session = Session(
+            open_subject(radar_file), tmp_path / "mug.mask.h5", segmenters={"classical": segmenter("classical")}
+        )
+        session.save(asked([[17, 11], [2, 2]], [True, False], "classical"))
+        again = tmp_path / "again.mask.h5"
+        segment([radar_file], output=again, method="classical", prompts=session.prompts_path, no_picture=True)
+        masks = [ms.load(path).inside for path in (session.mask_path, again)]
+        assert masks[0].any()
+        np.testing.assert_array_equal(*masks)
 
     def test_a_photos_mask_is_a_picture(self, tmp_path):
         path = photo(tmp_path / "a.png", np.full((30, 40, 3), 90, np.uint8))
@@ -227,6 +243,34 @@ class TestTheSession:
             Session(subject, tmp_path / "m.h5", segmenters=session._segmenters, method="big")
         with pytest.raises(InputError, match="no segmenter can work here: needs a model"):
             Session(subject, tmp_path / "m.h5", segmenters={"big": "needs a model"})
+
+    def test_a_mask_goes_into_a_file_of_its_kind(self, radar_file, tmp_path):
+        with pytest.raises(InputError, match=r"mug.png; expected a name that ends in .h5"):
+            Session(open_subject(radar_file), tmp_path / "mug.png", segmenters={"discs": Discs()})
+
+
+class TestTheCommand:
+    def test_what_cannot_begin_is_said_in_a_line(self, tmp_path):
+        (tmp_path / "cup.png").write_bytes(b"no picture")
+        assert "cup.png is no PNG or JPEG picture" in refused("annotate", "cup.png", cwd=tmp_path)
+        photo(tmp_path / "cup.png", np.zeros((9, 9, 3), np.uint8))
+        with socket.create_server(("127.0.0.1", 0)) as taken:
+            port = taken.getsockname()[1]
+            assert f"port {port} cannot be had" in refused("annotate", "cup.png", "--port", port, cwd=tmp_path)
+
+    @pytest.mark.parametrize(
+        ("place", "name"),
+        [
+            ("here/mug.image.h5", "here/mug.mask.h5"),
+            (
+                "025_mug/robot_collected/0_0_0/exp1/los/processed/radars/77_ghz/processed_image_edges.pkl",
+                "025_mug.0_0_0.exp1.los.77_ghz_edges.mask.h5",
+            ),
+        ],
+    )
+    def test_the_masks_name_is_that_of_segment(self, place, name, radar_file):
+        subject = Subject(path=Path(place), sha256="", picture=open_subject(radar_file).picture)
+        assert _beside(subject) == Path(name)
 
 
 class TestCoarse:

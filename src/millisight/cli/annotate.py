@@ -42,13 +42,14 @@ def annotate(
         str | None,
         typer.Option(help="Segmenter to begin with: wave, classical or sam. [default: the first that can work]"),
     ] = None,
-    sam: Annotated[
+    model: Annotated[
         str | None,
         typer.Option(
-            metavar="MODEL", help="Offer Segment Anything too: a folder with its model, or vit-b, vit-l, vit-h."
+            help="Offer sam, with this model: vit-b, vit-l, vit-h, sam2-tiny or sam2-large, which are downloaded; or a "
+            "folder with a model. [default: sam is not offered; vit-b with --method sam]"
         ),
     ] = None,
-    device: Annotated[str, typer.Option(help="For Segment Anything: cpu or cuda.")] = "cpu",
+    device: Annotated[str, typer.Option(help="Of sam: cpu or cuda.")] = "cpu",
     port: Annotated[int, typer.Option(min=0, max=65535, help="To serve the page at. [default: a free one]")] = 0,
     no_browser: Annotated[
         bool, typer.Option("--no-browser", help="Serve the page until Ctrl-C, and open no window.")
@@ -67,7 +68,8 @@ def annotate(
 
     subject = open_subject(image, other_band=other_band)
     mask_path = output or _beside(subject)
-    session = Session(subject, mask_path, segmenters=segmenters_for(subject, sam=sam, device=device), method=method)
+    segmenters = segmenters_for(subject, sam=model or ("vit-b" if method == "sam" else None), device=device)
+    session = Session(subject, mask_path, segmenters=segmenters, method=method)
     check_outputs(session.mask_path, session.prompts_path, source=image)
     with AnnotatorServer(session, port) as server:
         say(f"annotate {image} at {server.address}")
@@ -92,8 +94,8 @@ def _beside(subject: "Subject") -> Path:
     parts = Path(subject.origin).parts
     if len(parts) > 1:  # in a dataset, whose folders are no place for it
         passed_over = ("robot_collected", "processed", "unprocessed", "radars")
-        names = [part for part in parts[:-1] if part not in passed_over] + [subject.path.stem]
-        return Path(".".join(names) + suffix)
+        name = ".".join(part for part in parts[:-1] if part not in passed_over)
+        return Path(name + subject.path.stem.removeprefix("processed_image").removeprefix("continuous") + suffix)
     return subject.path.with_name(subject.path.name.removesuffix(subject.path.suffix).removesuffix(".image") + suffix)
 
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from millisight.errors import FileError, InputError, MillisightError, UnknownNameError
 from millisight.files import atomic_path, printable, write_text
+from millisight.io.mito_names import origin
 from millisight.perception.prompts import Prompts
 from millisight.perception.segmentation import Mask, Segmenter, chosen, largest_share, segmenter
 from millisight.records import checked_integer
@@ -22,6 +23,7 @@ from millisight.viz.annotator.coarse import Coarse
 from millisight.viz.annotator.subject import COLOURS, Subject
 
 _MOST_POINTS = 1000
+_LARGEST_FILE = 1 << 24  # of prompts
 _PHOTO_PIXELS = 50_000
 """Of a photo that a segmenter without a network sees, so that it answers within a second."""
 
@@ -37,7 +39,7 @@ def segmenters_for(subject: Subject, *, sam: str | None = None, device: str = "c
 
     Raises
     ------
-    FileError, FormatError, DeviceError, ImportError
+    FileError, FormatError, DeviceError, InputError
         `sam` cannot be had.
     """
     found: dict[str, Segmenter | str] = {}
@@ -50,8 +52,11 @@ def segmenters_for(subject: Subject, *, sam: str | None = None, device: str = "c
             found[name] = by if subject.is_radar else Coarse(by, _PHOTO_PIXELS)
     if not subject.is_radar:
         found["wave"] = "it looks at radar images only"
-    missing = "start millisight annotate with --sam MODEL"
-    found["sam"] = missing if sam is None else segmenter("sam", model=sam, device=device)
+    missing = "start millisight annotate with --model MODEL"
+    try:
+        found["sam"] = missing if sam is None else segmenter("sam", model=sam, device=device)
+    except ImportError as error:
+        raise InputError(str(error)) from error
     return found
 
 
@@ -91,7 +96,7 @@ class Session:
     Raises
     ------
     InputError, UnknownNameError
-        `method` cannot work on this picture, or does not exist.
+        `method` cannot work on this picture, or does not exist; the mask's name ends otherwise.
     FileError
         There are prompts of another picture where these would be saved.
     """
@@ -105,7 +110,7 @@ class Session:
         method: str | None = None,
     ) -> None:
         self.subject = subject
-        self.mask_path = mask_path
+        self.mask_path = _checked_name(mask_path, ".h5" if subject.is_radar else ".png")
         self.prompts_path = prompts_beside(mask_path)
         self._lock = threading.Lock()
         self._segmenters = dict(segmenters)
@@ -202,7 +207,7 @@ class Session:
                 from millisight.io.hdf5 import save
 
                 mask = Mask(grid_xy=self.subject.picture.grid_xy, inside=answer.inside)
-                save(self.mask_path, mask, extras={"annotation": told})
+                save(self.mask_path, mask, extras={"segmentation": told})
             lines = ",\n".join(f"  {json.dumps(name)}: {json.dumps(value)}" for name, value in told.items())
             write_text(self.prompts_path, f"{{\n{lines}\n}}\n")
             self._saved, self.saved_now = question, True
@@ -269,12 +274,14 @@ class Session:
         return {**plain, "points": self.subject.on_screen(plain["points"]).tolist() if plain["points"] else []}
 
     def _provenance(self, question: Question, answer: Answer) -> dict[str, Any]:
+        other = self.subject.other_band
         return {
             **points_of(question.prompts),
             "method": question.method,
             "score": answer.score,
             "image": self.subject.origin,
             "image_sha256": self.subject.sha256,
+            "other_band": None if other is None else origin(other),
             "mask": printable(self.mask_path.name),
             "made": f"{datetime.now(UTC).isoformat(timespec='seconds')} by millisight annotate, "
             f"millisight {importlib.metadata.version('millisight')}",
@@ -286,6 +293,8 @@ class Session:
         if not path.is_file():
             return None
         try:
+            if path.stat().st_size > _LARGEST_FILE:
+                raise InputError("it is too large")
             told = json.loads(path.read_text(encoding="utf-8"))
             if told["image_sha256"] != self.subject.sha256:
                 raise InputError(f"it is of another picture, {told['image']}")
@@ -304,6 +313,12 @@ class Session:
         except (MillisightError, LookupError):
             return Question(otherwise, prompts)
         return Question(told["method"], prompts)
+
+
+def _checked_name(mask_path: Path, suffix: str) -> Path:
+    if mask_path.suffix.lower() != suffix:
+        raise InputError(f"the mask would be written to {printable(mask_path)}; expected a name that ends in {suffix}")
+    return mask_path
 
 
 def prompts_beside(mask_path: Path) -> Path:

@@ -37,11 +37,13 @@ class Subject:
     path : the file it came from
     sha256 : of that file, hexadecimal
     picture : Picture, what segmenters look at
+    other_band : the file of the same scene at the radar's other frequency; None: there is none
     """
 
     path: Path
     sha256: str
     picture: Picture
+    other_band: Path | None = None
 
     @property
     def origin(self) -> str:
@@ -119,7 +121,8 @@ def open_subject(path: str | os.PathLike[str], *, other_band: str | os.PathLike[
         raise InputError(f"{printable(path)} is a photograph, which has no other band; leave the other band out")
     else:
         picture = Picture(rgb=content)
-    return Subject(path=path, sha256=checksum(path), picture=picture)
+    other = None if other_band is None else Path(other_band)
+    return Subject(path=path, sha256=checksum(path), picture=picture, other_band=other)
 
 
 def _image(path: Path) -> SarImage:
@@ -143,7 +146,7 @@ def _recorded(path: Path) -> SarImage | np.ndarray:
 
 
 def _reader(path: Path) -> Callable[[Path], Any]:
-    if path.suffix == ".pkl":
+    if path.suffix.lower() == ".pkl":
         from millisight.io.mito_layout import read_published
 
         return lambda path: read_published(path).record
