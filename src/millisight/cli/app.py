@@ -4,7 +4,20 @@ from importlib.metadata import version
 
 import typer
 
-from millisight.cli import annotate, collect, dataset, demo, evaluate, generate, image, info, segment, simulate, train, view
+from millisight.cli import (
+    annotate,
+    collect,
+    dataset,
+    demo,
+    evaluate,
+    generate,
+    image,
+    info,
+    segment,
+    simulate,
+    train,
+    view,
+)
 
 app = typer.Typer(
     invoke_without_command=True,
