@@ -1,7 +1,7 @@
-"""Slices in decibels, with the mesh's cross-section.
+"""Slices in decibels.
 
-Two reflectors at different heights: the three planes through the brighter one. Along z the image is wider than across:
-see (5) and (6) in the primer.
+Three point reflectors at two heights: the three planes through the brightest place. Along z the image is wider than
+across: see (5) and (6) in the primer.
 """
 
 import numpy as np

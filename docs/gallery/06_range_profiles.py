@@ -1,6 +1,6 @@
 """What the radar measured, before any image.
 
-Range profiles along the scan: the object comes nearer and goes again, the sharper the farther the aperture reaches.
+Range profiles along a scan of 60 cm: the object comes nearer and goes away again. Imaging undoes this curve.
 """
 
 import millisight as ms

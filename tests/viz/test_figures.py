@@ -99,7 +99,7 @@ class TestSamples:
         np.testing.assert_array_equal(shown(axes[0, 1]), projected(image()))
         np.testing.assert_array_equal(shown(axes[1, 1]), projected(image(1)))
         assert [a.axison for a in axes.ravel()] == [True, True, False, False, True, False]
-        assert [a.texts[0].get_text() for a in axes[:, 0]] == ["mug", "adjustable wrench"]
+        assert [a.texts[0].get_text() for a in axes[:, 0]] == ["mug", "adjustable\nwrench"]
 
     def test_nothing_to_show_is_refused(self):
         for samples in ({}, {"mug": {}}):

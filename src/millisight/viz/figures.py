@@ -65,8 +65,10 @@ def plot_samples(
         raise InputError("samples hold no picture; expected {object: {column: image or photo}}")
     shades, colours = Scale.checked(scale, dynamic_range_db), checked_colormap(colormap)
     shape = len(samples), len(columns)
-    images = [picture for row in samples.values() for picture in row.values() if isinstance(picture, SarImage)]
-    tall = max((tallness(image.grid.xy) for image in images), default=0.75)
+    tall = [
+        max((tallness(picture.grid.xy) for picture in row.values() if isinstance(picture, SarImage)), default=0.75)
+        for row in samples.values()
+    ]
     grid = np.array(taken_axes(axes, *shape, tall=tall)).reshape(shape)
     for row, (name, pictures) in zip(grid, samples.items(), strict=True):
         for place, column in zip(row, columns, strict=True):
@@ -78,7 +80,7 @@ def plot_samples(
             else:
                 place.set_axis_off()
         row[0].annotate(
-            name.replace("_", " "), (0, 0.5), (-6, 0), xycoords="axes fraction", textcoords="offset points",
+            name.replace("_", "\n"), (0, 0.5), (-6, 0), xycoords="axes fraction", textcoords="offset points",
             rotation=90, ha="right", va="center",
         )  # fmt: skip
     for place, column in zip(grid[0], columns, strict=True):
@@ -249,19 +251,25 @@ def draw_mesh(ax: Axes, mesh: TriangleMesh, axis: str, *, color: str = "#c9ced3"
 
 
 def taken_axes(
-    axes: Sequence[Axes] | np.ndarray | None, rows: int, columns: int, *, size: float = _PANEL, tall: float = 1.0
+    axes: Sequence[Axes] | np.ndarray | None,
+    rows: int,
+    columns: int,
+    *,
+    size: float = _PANEL,
+    tall: float | Sequence[float] = 1.0,
 ) -> list[Axes]:
     """`axes` as a list if they are `rows` x `columns`; of None those of a new figure.
 
-    Its panels are `size` inches wide and `tall` times as high.
+    Its panels are `size` inches wide and `tall` times as high, which may differ from row to row.
 
     Raises
     ------
     InputError
     """
     if axes is None:
-        figure = Figure(figsize=(0.25 + size * columns, 0.3 + size * tall * rows), layout="constrained")
-        return list(figure.subplots(rows, columns, squeeze=False).ravel())
+        heights = np.broadcast_to(tall, rows).tolist()
+        figure = Figure(figsize=(0.25 + size * columns, 0.3 + size * sum(heights)), layout="constrained")
+        return list(figure.subplots(rows, columns, squeeze=False, height_ratios=heights).ravel())
     taken = list(np.ravel(np.array(axes, dtype=object)))
     if len(taken) != rows * columns or not all(isinstance(one, Axes) for one in taken):
         raise InputError(f"axes are {len(taken)}; expected {rows * columns} Matplotlib Axes, row by row")

@@ -1,7 +1,7 @@
 """The paper's figures of perception: the steps of a segmentation, holes in a camera's depth, and tables."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -205,7 +205,7 @@ def plot_table(table: "Table", *, axes: Axes | None = None) -> Axes:
             left = i == 0 or (number and isinstance(table.rows[number - 1][i], str))
             x = edges[i] + 0.6 if left else edges[i + 1] - 0.6
             bold = number == 0 or (best[i] is not None and table.rows[number - 1][i] == best[i])
-            look = {"ha": "left" if left else "right", "weight": "bold" if bold else "normal"}
+            look: dict[str, Any] = {"ha": "left" if left else "right", "weight": "bold" if bold else "normal"}
             axes.text(x, -number - 0.5, text, va="center", **look)
     for number, note in enumerate(table.notes):
         axes.text(0.6, -height - number - 0.6, note, va="center", fontsize=7, color="0.35")

@@ -1,0 +1,92 @@
+"""Makes the pictures of this folder that show a generated dataset.
+
+millisight generate examples/recipes/bench24.toml -o bench24
+python docs/images/from_dataset.py bench24
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from millisight.imaging.image import SarImage
+from millisight.io.mito_layout import read_published
+from millisight.perception.projection import project
+from millisight.perception.prompts import NLOS, power_prompts
+from millisight.perception.segmentation import segment
+from millisight.viz import plots
+
+HERE = Path(__file__).parent
+SHOWN = ("037_scissors", "042_adjustable_wrench", "035_power_drill", "025_mug")
+
+
+class Experiment:
+    """One object's files under the published layout."""
+
+    def __init__(self, root: Path, name: str):
+        self.folder = root / name / "robot_collected" / "0_0_0" / "exp1"
+
+    def image(self, where: str, band: int) -> SarImage:
+        return read_published(self.folder / where / f"processed/radars/{band}_ghz/processed_image.pkl").record
+
+    def frame(self, where: str):
+        return read_published(next((self.folder / where / "unprocessed/camera").glob("*.pkl"))).record
+
+    @property
+    def mask(self):
+        return read_published(self.folder / "los/processed/camera/camera_masks.pkl").record
+
+
+def hidden(of: Experiment):
+    """The first page's picture: photos cut to the shut box, which reaches a little farther than the object."""
+    where = np.argwhere(of.mask.pixels)
+    low, high = where.min(axis=0), where.max(axis=0)
+    margin = ((0.45, 0.28) * (high - low)).astype(int) + 12
+    cut = tuple(slice(max(0, a), b) for a, b in zip(low - margin, high + margin, strict=True))
+    return plots.plot_hidden(of.frame("los").rgb[cut], of.frame("nlos").rgb[cut], of.image("nlos", 77))
+
+
+def samples(root: Path):
+    rows = {}
+    for name in SHOWN:
+        of = Experiment(root, name)
+        rows[name.partition("_")[2]] = {
+            "camera": plots.cut_out(of.frame("los").rgb, of.mask.pixels),
+            **{f"{band} GHz {where.upper()}": of.image(where, band) for band in (77, 24) for where in ("los", "nlos")},
+        }
+    return plots.plot_samples(rows)
+
+
+def multispectral(of: Experiment, colormap: str):
+    los, nlos = ({f"{band} GHz": of.image(where, band) for band in (77, 24)} for where in ("los", "nlos"))
+    return plots.plot_multispectral(los, nlos, colormap=colormap)
+
+
+def segmentation(of: Experiment):
+    picture = project(of.image("nlos", 77))
+    prompts = power_prompts(picture, thresholds=NLOS, rng=0)
+    return plots.plot_segmentation(picture, prompts, segment(picture.image, method="classical", prompts=prompts))
+
+
+def depth_holes(of: Experiment):
+    image = of.image("los", 77)
+    mask = segment(image, method="classical", rng=0)
+    return plots.plot_depth_holes(of.frame("los"), image, mask, pixels=of.mask.pixels)
+
+
+def main(root: Path) -> None:
+    scissors, padlock = Experiment(root, "037_scissors"), Experiment(root, "038_padlock")
+    made = {
+        "hidden": hidden(scissors),
+        "samples": samples(root),
+        "multispectral": multispectral(padlock, "inferno"),
+        "multispectral_jet": multispectral(padlock, "jet"),
+        "segmentation": segmentation(scissors),
+        "depth_holes": depth_holes(scissors),
+    }
+    for name, axes in made.items():
+        plots.save_figure(np.ravel(axes)[0].figure, HERE / f"{name}.png", dpi=110)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))
