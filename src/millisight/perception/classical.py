@@ -20,21 +20,23 @@ _DECADES = 3.0  # of power that are told apart: the published negatives lie belo
 _BETA = 20.0  # how much harder a step is between pixels as different as the two kinds of prompts: exp(-20)
 _PULL = 0.1  # g: of a pixel's own brightness, against 1 for a neighbour that is alike
 _WIDTH = 0.1  # of the step of the priors, where dark prompts are 0 and bright ones 1
-_LEVELS = (0.4, 0.7, 0.9)  # where that step is: one mask each, from the whole object to its brightest part
+_ACCURACY = 1e-5  # of the probabilities, relative
+_LEVELS = (0.4, 0.7, 0.85, 0.95)  # where that step is: one mask each, from the whole object to its brightest part
 
 
 class ClassicalSegmenter:
     """A random walker with priors.
 
-    Three masks are offered, for brightness near and far below the positive prompts'; the best first by how well each
-    parts bright from dark (Otsu's between-class variance, of the logarithm of power; of a photo, of its colours).
+    Four masks are offered, for brightness near and far below the positive prompts', without holes but for those that
+    hold a negative prompt; the best first by how well each parts bright from dark (Otsu's between-class variance, of
+    the logarithm of power; of a photo, of its colours).
     """
 
     name = "classical"
     needs_prompts = True
 
     def segment(self, picture: Picture, prompts: Prompts | None) -> Candidates:
-        """Three masks, (3, A, B).
+        """Four masks, (4, A, B).
 
         Raises
         ------
@@ -51,8 +53,9 @@ class ClassicalSegmenter:
         dark = values[labels == 0].mean(axis=0) if (labels == 0).any() else values.min(axis=(0, 1))
         span = float(((bright - dark) ** 2).sum()) or 1.0
         share = (values - dark) @ (bright - dark) / span
-        conductance = _conductances(values, span)
-        masks = [_walked(conductance, labels, _step(share - level)) > 0.5 for level in _LEVELS]
+        priors = [_step(share - level) for level in _LEVELS]
+        found = [chances > 0.5 for chances in _walked(_conductances(values, span), labels, priors)]
+        masks = [_filled(mask, labels == 0) for mask in found]
         scores = np.array([_separation(share, mask) for mask in masks])
         order = np.argsort(-scores, kind="stable")
         return Candidates(masks=np.array(masks)[order], scores=scores[order])
@@ -91,25 +94,36 @@ def _conductances(values: np.ndarray, span: float) -> list[np.ndarray]:
     return [np.exp(-_BETA / span * (np.diff(values, axis=axis) ** 2).sum(axis=-1)) for axis in (0, 1)]
 
 
-def _walked(conductances: list[np.ndarray], labels: np.ndarray, prior: np.ndarray) -> np.ndarray:
-    """(A, B) probabilities; prompts have theirs."""
+def _walked(conductances: list[np.ndarray], labels: np.ndarray, priors: list[np.ndarray]) -> list[np.ndarray]:
+    """(A, B) probabilities for each of the priors; prompts have theirs."""
     from scipy.sparse import coo_array, diags_array
     from scipy.sparse.linalg import cg
 
     index = np.arange(labels.size).reshape(labels.shape)
-    down, right = (c.ravel() for c in conductances)
     start = np.concatenate([index[:-1].ravel(), index[:, :-1].ravel()])
     stop = np.concatenate([index[1:].ravel(), index[:, 1:].ravel()])
-    both = np.concatenate([down, right])
-    links = coo_array((np.tile(both, 2), (np.r_[start, stop], np.r_[stop, start])), shape=(labels.size,) * 2).tocsr()
-    told, free = np.flatnonzero(labels.ravel() >= 0), np.flatnonzero(labels.ravel() < 0)
-    found = labels.ravel().astype(float)
-    if len(free):
-        diagonal = links.sum(axis=1)[free] + _PULL
-        matrix = diags_array(diagonal) - links[free][:, free]
-        right_side = links[free][:, told] @ found[told] + _PULL * prior.ravel()[free]
-        found[free], _ = cg(matrix, right_side, x0=prior.ravel()[free], rtol=1e-6, M=diags_array(1 / diagonal))
-    return found.reshape(labels.shape)
+    both = np.tile(np.concatenate([c.ravel() for c in conductances]), 2)
+    links = coo_array((both, (np.r_[start, stop], np.r_[stop, start])), shape=(labels.size, labels.size)).tocsr()
+    free = np.flatnonzero(labels.ravel() < 0)
+    fixed = np.maximum(labels, 0).ravel().astype(float)
+    diagonal = np.asarray(links.sum(axis=1)).ravel()[free] + _PULL
+    matrix, seeds = (diags_array(diagonal) - links[free][:, free]).tocsr(), (links @ fixed)[free]
+    inverse = diags_array(1 / diagonal)
+    found = []
+    for prior in priors:
+        chances, own = fixed.copy(), prior.ravel()[free]
+        if len(free):
+            chances[free], _ = cg(matrix, seeds + _PULL * own, x0=own, rtol=_ACCURACY, M=inverse)
+        found.append(chances.reshape(labels.shape))
+    return found
+
+
+def _filled(mask: np.ndarray, beside: np.ndarray) -> np.ndarray:
+    """The mask without its holes, but for those that hold a pixel known to lie `beside` the object."""
+    from scipy.ndimage import binary_fill_holes, label
+
+    holes = np.asarray(label(np.asarray(binary_fill_holes(mask)) & ~mask)[0])  # pyright: ignore[reportIndexIssue]
+    return mask | ((holes > 0) & ~np.isin(holes, holes[beside]))
 
 
 def _separation(share: np.ndarray, mask: np.ndarray) -> float:

@@ -57,7 +57,7 @@ def _draw_prompts(axes: Axes, found: Segmented, grid: PixelGrid) -> None:
     points, positive = found.prompts.points, found.prompts.positive
     for kind, marker, colour in ((positive, "o", "white"), (~positive, "X", "black")):
         i, j = points[kind].T
-        axes.scatter(grid.x[i], grid.y[j], s=16, marker=marker, c=colour, edgecolors="0.5", linewidths=0.4, zorder=4)
+        axes.scatter(grid.x[i], grid.y[j], s=16, marker=marker, c=colour, edgecolors="0.6", linewidths=0.5, zorder=4)
     axes.set_title(f"{int(positive.sum())} prompts on the object \u25cf, {int((~positive).sum())} beside it \u2716")
 
 
