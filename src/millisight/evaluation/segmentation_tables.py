@@ -1,0 +1,197 @@
+"""Tables of judged segmenters: medians with bootstrap intervals, and paired differences, beside the paper's figures."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from millisight.errors import InputError
+from millisight.evaluation.masks import METRICS, medians
+from millisight.evaluation.segmentation import BOTH, CAMERA, HIGH, INPUTS, LOW, Trial
+from millisight.evaluation.tables import Table, bootstrap_interval
+
+SIGHTS = {"los": "line of sight", "nlos": "out of sight"}
+PAPER = {
+    "los": {
+        CAMERA: (99.7, 99.5, 99.4, 98.9, 99.9),
+        LOW: (57.9, 50.1, 37.3, 22.9, 93.7),
+        HIGH: (98.2, 56.4, 71.4, 55.5, 97.9),
+        BOTH: (97.1, 62.6, 74.4, 59.3, 98.0),
+    },
+    "nlos": {
+        CAMERA: (3.6, 100.0, 7.0, 3.6, 14.0),
+        LOW: (53.0, 38.7, 29.1, 17.0, 92.1),
+        HIGH: (95.4, 57.7, 70.2, 54.1, 97.7),
+        BOTH: (95.1, 63.1, 70.8, 54.9, 97.6),
+    },
+}
+"""The paper's Table 2: medians of METRICS [%], of real captures, by Segment Anything."""
+
+_HEADINGS = ("precision", "recall", "F1", "IoU", "accuracy")
+
+
+class Chosen(NamedTuple):
+    """The trials of one row: a segmenter on one kind of input."""
+
+    method: str
+    input: str
+
+    def __str__(self) -> str:
+        return f"{self.method}, {self.input}"
+
+
+class Difference(NamedTuple):
+    """Of two rows' scores over the same scenes, each scene's the mean over its seeds.
+
+    `mean` and `median` of the differences (first minus second), the mean's 95 % interval, and on how many of `scenes`
+    the first is better, and worse.
+    """
+
+    scenes: int
+    mean: float
+    low: float
+    high: float
+    median: float
+    better: int
+    worse: int
+
+
+def by_scene(trials: Sequence[Trial], row: Chosen, sight: str, metric: str) -> dict[str, list[float]]:
+    """A metric of a row's trials, by scene; of each in the order of the seeds."""
+    found: dict[str, list[tuple[int, float]]] = {}
+    for one in trials:
+        if (one.method, one.input, one.sight) == (*row, sight):
+            found.setdefault(one.scene, []).append((one.seed, getattr(one.scores, metric)))
+    return {scene: [value for _, value in sorted(values)] for scene, values in sorted(found.items())}
+
+
+def rows_of(trials: Sequence[Trial]) -> list[Chosen]:
+    """Segmenters in the order in which they come, each with its inputs in the paper's order."""
+    there = {(one.method, one.input) for one in trials}
+    methods = dict.fromkeys(one.method for one in trials)
+    return [Chosen(method, given) for method in methods for given in INPUTS if (method, given) in there]
+
+
+def interval_of_median(values: dict[str, list[float]], rng: int = 0) -> tuple[float, float]:
+    """The 95 % bootstrap interval of the median over scenes and seeds; scenes are drawn, with all their seeds."""
+    counts = {len(one) for one in values.values()}
+    if len(counts) != 1:
+        raise InputError(f"scenes have {sorted(counts)} seeds; expected as many each, one scene at least")
+    return bootstrap_interval(np.array(list(values.values())), np.median, rng=rng)
+
+
+def difference(trials: Sequence[Trial], first: Chosen, second: Chosen, sight: str, metric: str) -> Difference | None:
+    """What `first` is better by than `second`, paired by scene; None where they have no scene in common."""
+    one, other = (by_scene(trials, row, sight, metric) for row in (first, second))
+    common = [scene for scene in one if scene in other]
+    if not common:
+        return None
+    values = np.array([np.mean(one[scene]) - np.mean(other[scene]) for scene in common])
+    low, high = bootstrap_interval(values, np.mean, rng=0)
+    return Difference(
+        scenes=len(values),
+        mean=float(values.mean()),
+        low=low,
+        high=high,
+        median=float(np.median(values)),
+        better=int((values > 0).sum()),
+        worse=int((values < 0).sum()),
+    )
+
+
+def median_table(trials: Sequence[Trial], sight: str, *, data: str, notes: Sequence[str] = ()) -> Table:
+    """The paper's table for one sight: medians [%], in brackets their 95 % intervals, the paper's rows below.
+
+    Parameters
+    ----------
+    trials : of any sights; those of `sight` are taken
+    data : what the trials were made on, for the title
+    notes : said below
+    """
+    rows: list[tuple[str | float | None, ...]] = []
+    for row in rows_of([one for one in trials if one.sight == sight]):
+        mine = [one for one in trials if (one.method, one.input, one.sight) == (*row, sight)]
+        values = medians(one.scores for one in mine)
+        spans = [interval_of_median(by_scene(trials, row, sight, metric)) for metric in METRICS]
+        cells = [f"{100 * v:.1f} ({100 * a:.1f} to {100 * b:.1f})" for v, (a, b) in zip(values, spans, strict=True)]
+        scenes = len({one.scene for one in mine})
+        rows.append((row.method, row.input, *cells, scenes, sum(bool(one.failure) for one in mine)))
+    for given in INPUTS:
+        rows.append(("paper: SAM, real data", given, *(f"{v:.1f}" for v in PAPER[sight][given]), None, None))
+    seeds = sorted({one.seed for one in trials})
+    return Table(
+        title=f"Segmentation, {SIGHTS[sight]}: {data}",
+        columns=("segmenter", "input", *(f"{name} [%]" for name in _HEADINGS), "scenes", "no mask"),
+        rows=tuple(rows),
+        notes=(
+            f"Medians over scenes and prompts of the seeds {', '.join(map(str, seeds))}; in brackets 95 % bootstrap "
+            "intervals, scenes drawn with all their seeds. Where no mask was found, an empty one is judged.",
+            *notes,
+        ),
+    )
+
+
+def difference_table(trials: Sequence[Trial], *, data: str) -> Table:
+    """Multi-spectral minus 77 GHz alone for each segmenter, and each segmenter minus those after it."""
+    pairs = list(_pairs(rows_of(trials)))
+    rows: list[tuple[str | float | None, ...]] = []
+    for metric, heading in (("f1", "F1"), ("recall", "recall")):
+        for sight, words in SIGHTS.items():
+            for first, second in pairs:
+                found = difference(trials, first, second, sight, metric)
+                if found is not None:
+                    mean = f"{100 * found.mean:+.1f} ({100 * found.low:+.1f} to {100 * found.high:+.1f})"
+                    median = f"{100 * found.median:+.1f}"
+                    counts = (found.better, found.worse, found.scenes)
+                    rows.append((heading, words, str(first), str(second), mean, median, *counts))
+    return Table(
+        title=f"Paired differences: {data}",
+        columns=("metric", "sight", "first", "second", "mean difference [points]", "median [points]", "better", "worse",
+                 "scenes"),
+        rows=tuple(rows),
+        notes=(
+            "First minus second, in percentage points, of each scene the mean over its seeds; in brackets the 95 % "
+            "bootstrap interval of the mean, over scenes.",
+        ),
+    )  # fmt: skip
+
+
+def _pairs(rows: Sequence[Chosen]):
+    methods = list(dict.fromkeys(row.method for row in rows))
+    for method in methods:
+        if Chosen(method, BOTH) in rows and Chosen(method, HIGH) in rows:
+            yield Chosen(method, BOTH), Chosen(method, HIGH)
+    for number, method in enumerate(methods):
+        for other in methods[number + 1 :]:
+            for given in INPUTS:
+                if Chosen(method, given) in rows and Chosen(other, given) in rows:
+                    yield Chosen(method, given), Chosen(other, given)
+
+
+def trial_table(trials: Sequence[Trial], *, data: str) -> Table:
+    """Every single mask, for other programs: scores from 0 to 1."""
+    return Table(
+        title=f"Every mask: {data}",
+        columns=("scene", "object", "sight", "segmenter", "input", "seed", *METRICS, "failure"),
+        rows=tuple(
+            (one.scene, one.object, one.sight, one.method, one.input, one.seed, *one.scores, one.failure)
+            for one in trials
+        ),
+        notes=(),
+    )
+
+
+def worst(trials: Sequence[Trial], count: int) -> list[Trial]:
+    """Of each segmenter the `count` worst masks of radar images, of each scene one at most."""
+    found = []
+    for method in dict.fromkeys(one.method for one in trials):
+        mine = sorted((one for one in trials if one.method == method and one.input in (HIGH, BOTH)), key=_f1)
+        taken: dict[str, Trial] = {}
+        for one in mine:
+            taken.setdefault(one.scene, one)
+        found += list(taken.values())[:count]
+    return found
+
+
+def _f1(one: Trial) -> float:
+    return one.scores.f1
