@@ -26,7 +26,7 @@ from millisight.io.mito_layout import write_published
 from millisight.perception.projection import Picture
 from millisight.perception.prompts import Prompts
 from millisight.perception.segmentation import segmenter
-from millisight.viz.annotator import AnnotatorServer, Session, Subject, open_subject
+from millisight.viz.annotator import AnnotatorServer, Session, Subject, open_subject, segmenters_for
 from millisight.viz.annotator.coarse import Coarse
 
 
@@ -231,6 +231,16 @@ class TestTheSession:
                 session.mask(asked([[1, 1]], [True], method))
         with pytest.raises(UnknownNameError):
             session.picture("rainbow")
+
+    def test_what_is_offered(self, radar_file, tmp_path):
+        subjects = open_subject(radar_file), open_subject(photo(tmp_path / "a.png", np.zeros((9, 9, 3), np.uint8)))
+        radar, seen = map(segmenters_for, subjects)
+        assert list(radar) == list(seen) == ["wave", "classical", "sam"]
+        assert [name for name, by in seen.items() if not isinstance(by, str)] == ["classical"]
+        assert "radar images only" in seen["wave"]
+        assert "--model" in radar["sam"]
+        answer = Session(subjects[0], tmp_path / "m.h5", segmenters=radar).mask(asked([[17, 11]], [True], "classical"))
+        assert answer["pixels"] > 0
 
     def test_segmenters_that_cannot_work_say_why(self, radar_file, tmp_path):
         subject = open_subject(radar_file)

@@ -213,7 +213,7 @@ function showMask(answer) {
 
 function maskText(of) {
   const share = (100 * of.pixels) / (about.columns * about.rows);
-  const area = of.area === null ? "" : `, ${(of.area * 1e4).toPrecision(3)} cm²`;
+  const area = of.area === null ? "" : `, ${+(of.area * 1e4).toPrecision(2)} cm²`;
   return `mask: ${share.toPrecision(2)} % of the picture${area}`;
 }
 
@@ -267,7 +267,7 @@ function drawNow() {
   pen.setTransform(ratio, 0, 0, ratio, 0, 0);
   pen.clearRect(0, 0, canvas.clientWidth, canvas.clientHeight);
   const size = [about.columns * stretch[0] * view.scale, about.rows * stretch[1] * view.scale];
-  pen.imageSmoothingEnabled = view.scale < 8; // from near, pixels are seen as what they are
+  pen.imageSmoothingEnabled = view.scale < Math.max(8, 2 * fitScale()); // from near, pixels are seen as what they are
   pen.imageSmoothingQuality = "high";
   pen.drawImage(picture, view.left, view.top, ...size);
   if (mask && maskShown) {

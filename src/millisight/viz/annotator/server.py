@@ -107,6 +107,7 @@ class _Handler(BaseHTTPRequestHandler):
     protocol_version = "HTTP/1.1"
     server_version, sys_version = "millisight", ""
     timeout = 60
+    disable_nagle_algorithm = True  # it holds every answer back for 40 ms
 
     def do_GET(self) -> None:
         path = self._path()
