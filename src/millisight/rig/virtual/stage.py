@@ -21,7 +21,7 @@ FLOOR = -0.95
 
 _CLEARANCE = 0.03  # between the aperture and what is looked at [m]
 _TOUCH = 1e-3  # things may overlap by this much and count as touching [m]
-_PLATE = 0.012  # thickness of the tripod's plate [m]
+_NUT = 0.012  # thickness of the tripod's nut [m]
 _POLE = 0.006  # radius of its pole [m]
 _BLOCK = 0.20  # height of the styrofoam block [m]
 
@@ -189,7 +189,7 @@ def block(lower: np.ndarray, upper: np.ndarray) -> TriangleMesh:
 
 
 def _support_parts(world: World) -> tuple[ObjectPart, ...]:
-    """The plate on its pole, or the block."""
+    """The nut on its pole, or the block."""
     support = world.support
     places = np.array(
         [thing.at[:2] if thing.at else world.scan.middle for thing in world.objects] or [world.scan.middle]
@@ -200,12 +200,12 @@ def _support_parts(world: World) -> tuple[ObjectPart, ...]:
     if support.kind == "styrofoam":
         mesh = block(np.array([x - sx, y - sy, top - _BLOCK]), np.array([x + sx, y + sy, top]))
         return (_part("styrofoam", mesh, "styrofoam"),)
-    plate = block(np.array([x - sx, y - sy, top - _PLATE]), np.array([x + sx, y + sy, top]))
-    return tuple(_part("tripod", mesh, "plastic") for mesh in (plate, _pole(np.array([x, y]), top - _PLATE)))
+    nut = block(np.array([x - sx, y - sy, top - _NUT]), np.array([x + sx, y + sy, top]))
+    return tuple(_part("tripod", mesh, "plastic") for mesh in (nut, _pole(np.array([x, y]), top - _NUT)))
 
 
 def _pole(at: np.ndarray, top: float) -> TriangleMesh:
-    """An upright bar of six sides from under the plate down to the floor."""
+    """An upright bar of six sides from under the nut down to the floor."""
     turn = np.radians(60 * np.arange(6))
     ring = at + _POLE * np.stack([np.cos(turn), np.sin(turn)], axis=1)
     corners = np.concatenate([np.column_stack([ring, np.full(6, height)]) for height in (FLOOR, top)])

@@ -71,9 +71,10 @@ class Support:
 
     Attributes
     ----------
-    kind : "tripod", a plate of plastic on its pole (the legs stand in absorber); "styrofoam", a block of it
+    kind : "tripod", a nut of plastic on its pole, glued to the object, nothing else below it (the legs stand in
+        absorber); "styrofoam", a block of it
     top : height of its upper face [m]; None: -0.30 for the tripod, -0.48 for the styrofoam
-    size : of the plate or the block along x and y [m]; None: 0.08 m for the tripod, 0.30 m for the styrofoam
+    size : of the nut or the block along x and y [m]; None: 0.02 m for the tripod, 0.30 m for the styrofoam
     at : x and y of its middle [m]; None: under the middle of the objects
     """
 
@@ -85,7 +86,7 @@ class Support:
     def __post_init__(self) -> None:
         if self.kind not in _TOPS:
             raise UnknownNameError("support", self.kind, _TOPS)
-        size = (0.08, 0.08) if self.kind == "tripod" else (0.30, 0.30)
+        size = (0.02, 0.02) if self.kind == "tripod" else (0.30, 0.30)
         put(
             self,
             top=checked_number(self.height, name="top", unit="m"),
