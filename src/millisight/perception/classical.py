@@ -51,10 +51,11 @@ class ClassicalSegmenter:
         labels = _labels(values, prompts)
         bright = values[labels == 1].mean(axis=0)
         dark = values[labels == 0].mean(axis=0) if (labels == 0).any() else values.min(axis=(0, 1))
-        span = float(((bright - dark) ** 2).sum()) or 1.0
-        share = (values - dark) @ (bright - dark) / span
+        span = float(((bright - dark) ** 2).sum())
+        # Where nothing tells the two kinds apart, all is the object.
+        share = (values - dark) @ (bright - dark) / span if span else np.ones(labels.shape)
         priors = [_step(share - level) for level in _LEVELS]
-        found = [chances > 0.5 for chances in _walked(_conductances(values, span), labels, priors)]
+        found = [chances > 0.5 for chances in _walked(_conductances(values, span or 1.0), labels, priors)]
         masks = [_filled(mask, labels == 0) for mask in found]
         scores = np.array([_separation(share, mask) for mask in masks])
         order = np.argsort(-scores, kind="stable")
