@@ -1,0 +1,88 @@
+"""`millisight train segmenter` on a recipe made in seconds: what it writes, again and resumed, and what it refuses."""
+
+import json
+import shutil
+
+import pytest
+
+from commands import refused
+from millisight.cli.train_segmenter import read_segmenter_recipe, segmenter
+from millisight.errors import FormatError
+from millisight.scene.objects import CATALOGUE
+
+TEXT = """
+name = "small"
+widths = [8, 8, 8, 8]
+batch = 4
+views = 2
+{extra}
+[scenes]
+poses = 1
+vertices = 200
+spacing = [0.008, 0.008, 0.02]
+without = {without}
+validation = ["golf_ball"]
+
+[schedule]
+epochs = 2
+seed = 1
+"""
+
+
+def written(folder, *, extra="", keep=("dice", "golf_ball")):
+    path = folder / "small.toml"
+    path.write_text(TEXT.format(extra=extra, without=json.dumps([name for name in CATALOGUE if name not in keep])))
+    return path
+
+
+def test_one_command_makes_the_weights_and_again_the_same_ones_even_when_resumed(tmp_path, capsys):
+    pytest.importorskip("torch")
+    pytest.importorskip("onnxruntime")
+    from millisight.perception.training_wave import make_scenes, train_segmenter
+    from millisight.perception.wave import WaveSegmenter
+
+    recipe = written(tmp_path)
+    segmenter(recipe, tmp_path / "a")
+    out = capsys.readouterr().out
+    assert "2 epochs, the best of them" in out
+    assert out.splitlines()[-1] == f"weights: {tmp_path / 'a' / 'wave.onnx'}"
+    told = WaveSegmenter(tmp_path / "a" / "wave.onnx").description
+    assert told["objects"] == {"training": ["dice"], "validation": ["golf_ball"]}
+    assert told["scenes"] == {"training": 1, "validation": 1}
+    assert len(told["history"]) == 2
+
+    def cut_off(done, total):
+        raise KeyboardInterrupt
+
+    described = read_segmenter_recipe(recipe)
+    scenes = make_scenes(described, tmp_path / "b")
+    with pytest.raises(KeyboardInterrupt):
+        train_segmenter(described, scenes, tmp_path / "b", progress=cut_off)
+    assert not (tmp_path / "b" / "wave.onnx").exists()
+    segmenter(recipe, tmp_path / "b")
+    for name in ("wave.onnx", "wave.json", "wave.safetensors"):
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes(), name
+
+
+def test_a_recipe_that_cannot_be_right_is_refused_by_its_place(tmp_path):
+    for extra, place in (
+        ("wdths = [8]", r"small\.toml: wdths: unknown key 'wdths'\. Did you mean 'widths'\?"),
+        ("device = 1", r"small\.toml: device: unknown key"),
+        ("about = 3", r"small\.toml: about: expected a text, got 3"),
+    ):
+        with pytest.raises(FormatError, match=place):
+            read_segmenter_recipe(written(tmp_path, extra=extra))
+    with pytest.raises(FormatError, match="no object is left for validation"):
+        read_segmenter_recipe(written(tmp_path, keep=("dice",)))
+    with pytest.raises(FormatError, match="no object is left for training"):
+        read_segmenter_recipe(written(tmp_path, keep=("golf_ball",)))
+    (tmp_path / "small.toml").write_text("= 3")
+    with pytest.raises(FormatError, match=r"small\.toml is no TOML"):
+        read_segmenter_recipe(tmp_path / "small.toml")
+    shutil.copy(written(tmp_path), tmp_path / "other.toml")
+    assert read_segmenter_recipe(tmp_path / "other.toml").scenes.poses == 1
+
+
+def test_the_command_says_in_one_line_what_is_wrong(tmp_path):
+    line = refused("train", "segmenter", "missing.toml", cwd=tmp_path)
+    assert line == "millisight: missing.toml: no such file"

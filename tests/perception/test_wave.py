@@ -1,0 +1,272 @@
+"""The wave segmenter: its shipped weights, what it does with images of every kind, its scenes, and what it refuses."""
+
+import json
+import subprocess
+import sys
+import time
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from millisight.datasets.recipe import catalogue_name
+from millisight.errors import DamagedFileError, FileError, FormatError, InputError
+from millisight.imaging.grid import VoxelGrid
+from millisight.imaging.image import SarImage
+from millisight.perception import wave_features
+from millisight.perception.projection import Picture, project
+from millisight.perception.prompts import Prompts
+from millisight.perception.training_examples import SIDE, example_of
+from millisight.perception.training_scenes import BANDS, PARTS, Scenes, footprint, make_scene
+from millisight.perception.wave import WEIGHTS, WaveSegmenter
+from millisight.scene.objects import CATALOGUE, build_object
+
+EXAMPLES = Path(__file__).parents[2] / "examples" / "recipes"
+DESCRIPTION = WEIGHTS.with_suffix(".json")
+
+
+@pytest.fixture(scope="module")
+def wave():
+    pytest.importorskip("onnxruntime")
+    return WaveSegmenter()
+
+
+@pytest.fixture(scope="module")
+def scene():
+    """A small box by the simulator, both bands: an object that the shipped network was not trained on."""
+    settings = Scenes(vertices=800, spacing=(0.004, 0.004, 0.02))
+    return make_scene("rubiks_cube", settings, rng=np.random.default_rng(1))
+
+
+def images(scene, *, gain=1.0, without=0):
+    """The scene's object as images of both bands, less so many pixels at each end along x."""
+    cut = slice(without, len(scene.x) - without)
+    made = []
+    for band in BANDS:
+        values = gain * (scene.images[band][0] + 0.3 * scene.images[band][1])[cut]
+        grid = VoxelGrid(x=scene.x[cut], y=scene.y, z=0.02 * np.arange(values.shape[2]))
+        made.append(SarImage(grid=grid, values=values.astype(np.complex64)))
+    return made
+
+
+def f1(mask, truth):
+    return 2 * (mask & truth).sum() / (mask.sum() + truth.sum())
+
+
+@pytest.mark.parametrize("bands", ["77", "24", "both"])
+def test_it_finds_an_object_that_it_never_saw_with_either_band_or_both(wave, scene, bands):
+    assert scene.inside.sum() > 150
+    first, second = images(scene)
+    picture = project(second if bands == "24" else first, other_band=second if bands == "both" else None)
+    started = time.perf_counter()
+    found = wave.segment(picture)
+    assert time.perf_counter() - started < 1
+    assert f1(found.masks[0], scene.inside) > 0.7
+    assert found.masks.shape[1:] == scene.inside.shape
+    again = wave.segment(picture)
+    np.testing.assert_array_equal(found.masks, again.masks)
+    np.testing.assert_array_equal(found.scores, again.scores)
+
+
+def test_gain_and_unit_of_the_image_do_not_matter(wave, scene):
+    plain = wave.probability(project(*images(scene)[:1]))
+    for gain in (1e-20, 1e6):
+        np.testing.assert_allclose(wave.probability(project(*images(scene, gain=gain)[:1])), plain, atol=1e-4)
+
+
+def test_the_mask_is_on_the_images_own_grid_however_fine(wave, scene):
+    image = images(scene)[0]
+    fine = VoxelGrid(
+        x=np.linspace(image.grid.x[0], image.grid.x[-1], 2 * len(scene.x) - 1), y=image.grid.y, z=image.grid.z
+    )
+    weights = wave_features.resampling(image.grid.x, fine.x)
+    values = np.einsum("wk,kyz->wyz", weights, image.values)
+    found = wave.segment(project(SarImage(grid=fine, values=values.astype(np.complex64)))).masks[0]
+    assert found.shape == fine.shape[:2]
+    assert f1(found[::2], wave.segment(project(image)).masks[0]) > 0.9
+
+
+def test_points_of_a_user_move_the_mask(wave, scene):
+    picture = project(images(scene)[0])
+    plain = wave.probability(picture)
+    inside = np.argwhere(scene.inside)
+    points = inside[:: len(inside) // 6]
+    yes = wave.probability(picture, Prompts(points=points, positive=np.ones(len(points), bool)))
+    no = wave.probability(picture, Prompts(points=points, positive=np.zeros(len(points), bool)))
+    at = tuple(points.T)
+    assert yes[at].mean() > no[at].mean()
+    assert not np.array_equal(yes, plain)
+    with pytest.raises(InputError, match="indices below"):
+        wave.probability(picture, Prompts(points=[[0, 1000]], positive=[True]))
+
+
+def test_an_image_of_a_single_voxel_is_a_picture_too(wave):
+    grid = VoxelGrid(x=np.array([0.0]), y=np.array([0.0]), z=np.array([0.0]))
+    found = wave.segment(project(SarImage(grid=grid, values=np.ones((1, 1, 1), np.complex64))))
+    assert found.masks.shape[1:] == (1, 1)
+
+
+def test_pictures_that_it_cannot_work_with_are_refused(wave, scene):
+    first, second = images(scene)
+    with pytest.raises(InputError, match="photo"):
+        wave.segment(Picture(rgb=np.zeros((8, 8, 3), np.uint8)))
+    with pytest.raises(InputError, match="0 everywhere"):
+        wave.segment(project(SarImage(grid=first.grid, values=np.zeros_like(first.values))))
+    away = VoxelGrid(x=second.grid.x + 3, y=second.grid.y, z=second.grid.z)
+    with pytest.raises(InputError, match="another grid"):
+        wave.segment(project(first, other_band=SarImage(grid=away, values=second.values)))
+    huge = VoxelGrid(x=1e3 * first.grid.x, y=1e3 * first.grid.y, z=first.grid.z)
+    with pytest.raises(InputError, match="everyday object"):
+        wave.segment(project(SarImage(grid=huge, values=first.values)))
+
+
+def test_damaged_weights_are_refused(tmp_path, wave):
+    weights, description = tmp_path / "w.onnx", tmp_path / "w.json"
+    content, told = WEIGHTS.read_bytes(), json.loads(DESCRIPTION.read_text())
+
+    def written(changed=content, **entries):
+        weights.write_bytes(changed)
+        description.write_text(json.dumps({**told, **entries}))
+        return weights
+
+    WaveSegmenter(written())
+    description.unlink()
+    with pytest.raises(FileError, match=r"w\.json: no such file"):
+        WaveSegmenter(weights)
+    flipped = bytearray(content)
+    flipped[len(content) // 2] ^= 1
+    with pytest.raises(DamagedFileError, match=r"w\.onnx is not the file that w\.json describes"):
+        WaveSegmenter(written(bytes(flipped)))
+    with pytest.raises(DamagedFileError, match="cut is 2"):
+        WaveSegmenter(written(cut=2.0))
+    with pytest.raises(FormatError, match="another version"):
+        WaveSegmenter(written(channels=["mean"]))
+    import hashlib
+
+    with pytest.raises(FormatError, match="no network that ONNX Runtime can run"):
+        WaveSegmenter(written(b"no network", sha256=hashlib.sha256(b"no network").hexdigest()))
+    description.write_text("[]")
+    with pytest.raises(DamagedFileError, match=r"w\.json describes no weights"):
+        WaveSegmenter(weights)
+
+
+def test_without_onnx_runtime_it_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "onnxruntime", None)
+    with pytest.raises(ImportError, match=r"millisight\[perception\]"):
+        WaveSegmenter()
+
+
+def test_the_shipped_weights_are_small_and_saw_no_object_of_the_benchmark():
+    assert WEIGHTS.stat().st_size + DESCRIPTION.stat().st_size < 4e6
+    told = json.loads(DESCRIPTION.read_text())["objects"]
+    tested = tomllib.loads((EXAMPLES / "bench24.toml").read_text())["objects"]["names"]
+    seen, judged, tested = set(told["training"]), set(told["validation"]), {catalogue_name(name) for name in tested}
+    assert len(tested) == 24
+    assert len(seen) >= 30
+    assert len(judged) >= 8
+    assert not (seen | judged) & tested
+    assert not seen & judged
+    assert seen | judged | tested == set(CATALOGUE)
+
+
+def test_the_shipped_weights_are_those_of_the_recipe():
+    recipe = tomllib.loads((EXAMPLES / "segmenter.toml").read_text())
+    told = json.loads(DESCRIPTION.read_text())["recipe"]
+    for key, value in recipe.items():
+        assert told[key] == value if not isinstance(value, dict) else told[key] | value == told[key], key
+
+
+def test_onnx_runtime_and_torch_agree(wave):
+    torch = pytest.importorskip("torch")
+    onnx = pytest.importorskip("onnx")
+    from millisight.perception.wave_network import WaveNetwork
+
+    network = WaveNetwork(wave.description["recipe"]["widths"])
+    graph, state = onnx.load(WEIGHTS).graph, network.state_dict()
+    held = {w.name: onnx.numpy_helper.to_array(w) for w in graph.initializer}
+    # Convolutions keep their names; the normalisations' weights and biases are what nodes multiply by and add.
+    norms = (held[n.input[1]] for n in graph.node if n.op_type in ("Mul", "Add") and n.input[1] in held)
+    found = {name: held[name] if name in held else next(norms) for name in state}
+    assert len(found) == 15 + 2 * 14 + 1
+    assert next(norms, None) is None
+    network.load_state_dict({name: torch.from_numpy(found[name].reshape(state[name].shape).copy()) for name in state})
+    rng = np.random.default_rng(0)
+    for shape in ((64, 64), (24, 104)):
+        channels = rng.random((1, len(wave_features.CHANNELS), *shape), dtype=np.float32)
+        (by_onnx,) = wave._session.run(None, {"channels": channels})
+        with torch.no_grad():
+            by_torch = network.eval()(torch.from_numpy(channels)).numpy()
+        assert abs(by_torch).max() > 0.5
+        np.testing.assert_allclose(by_onnx, by_torch, atol=1e-5, rtol=1e-5)
+
+
+def test_neither_the_rig_nor_torch_is_loaded_where_it_is_not_used():
+    code = (
+        "import sys, numpy as np\n"
+        "from millisight.perception import training_examples, training_scenes, training_wave, wave\n"
+        "settings = training_scenes.Scenes(vertices=200, spacing=(0.01, 0.01, 0.02))\n"
+        "scene = training_scenes.make_scene('dice', settings, rng=np.random.default_rng(0))\n"
+        "training_examples.example_of(scene, np.random.default_rng(0))\n"
+        "print(sorted(m for m in sys.modules if m.startswith(('millisight.rig', 'millisight.datasets', 'torch'))))\n"
+        "print('millisight.capture.simulate' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split("\n")[:2] == ["[]", "True"]
+
+
+def test_a_scene_follows_from_its_seed_and_holds_all_parts(scene):
+    settings = Scenes(vertices=300, spacing=(0.006, 0.006, 0.02))
+    first, again, other = (make_scene("dice", settings, rng=np.random.default_rng(seed)) for seed in (3, 3, 4))
+    for band in BANDS:
+        assert first.images[band].shape == (len(PARTS), *first.inside.shape, first.images[band].shape[3])
+        np.testing.assert_array_equal(first.images[band], again.images[band])
+        assert abs(first.images[band][0]).max() == pytest.approx(1, abs=1e-5)
+    assert first.images["77_ghz"].shape != other.images["77_ghz"].shape or not np.array_equal(
+        first.images["77_ghz"], other.images["77_ghz"]
+    )
+
+
+def test_a_footprint_is_the_objects_shadow():
+    box = build_object("sugar_box")
+    x, y = np.arange(-0.1, 0.1, 0.001), np.arange(-0.06, 0.06, 0.001)
+    inside = footprint(box, x, y)
+    assert inside.sum() * 0.001**2 == pytest.approx(np.prod(box.extent[:2]), rel=0.03)
+    away = (abs(x)[:, None] > box.extent[0] / 2) | (abs(y)[None] > box.extent[1] / 2)
+    assert not inside[away].any()
+
+
+def test_examples_follow_from_the_seed_and_keep_the_object_where_it_is(scene):
+    examples = [example_of(scene, np.random.default_rng(seed)) for seed in range(30)]
+    again = example_of(scene, np.random.default_rng(7))
+    for held, made in zip(examples[7], again, strict=True):
+        np.testing.assert_array_equal(held, made)
+    bright = []
+    for example in examples:
+        assert example.channels.shape == (len(wave_features.CHANNELS), SIDE, SIDE)
+        assert example.channels.min() >= 0
+        assert example.channels.max() <= 1
+        assert (example.channels[3 + wave_features.SLICES] == example.weight).all()
+        assert not example.inside[example.weight == 0].any()
+        seen = example.channels[0]
+        bright.append(seen[example.inside > 0.9].mean() - seen[(example.inside == 0) & (example.weight == 1)].mean())
+    assert np.mean(bright) > 0.1
+    with_other = [example.channels[2 + wave_features.SLICES].any() for example in examples]
+    assert 5 < sum(with_other) < 25
+
+
+def test_resampling_keeps_means_and_places():
+    coarse, fine = np.arange(0, 0.1, 0.004), np.arange(0, 0.1, 0.001)
+    down = wave_features.resampling(fine, coarse)
+    np.testing.assert_allclose(down.sum(axis=1), 1, atol=1e-6)
+    np.testing.assert_allclose((down @ fine)[2:-2], coarse[2:-2], atol=1e-7)
+    up = wave_features.resampling(coarse, fine[:90])
+    np.testing.assert_allclose(up @ coarse, fine[:90], atol=1e-7)
+    assert not wave_features.resampling(coarse, coarse + 0.2).any()
+
+
+def test_levels_tell_decibels_below_the_maximum():
+    power = np.array([1.0, 0.1, 1e-9, 0.0])
+    expected = [1, 1 - 10 / wave_features.FLOOR_DB, 0, 0]
+    np.testing.assert_allclose(wave_features.levels(power), expected, atol=1e-6)
+    assert not wave_features.levels(np.zeros(3)).any()
