@@ -24,6 +24,7 @@ import millisight
 from millisight import errors
 
 _SECTIONS = ("Parameters", "Attributes", "Returns", "Yields", "Raises", "Examples", "Notes")
+_PRIMER = re.compile(r"\bprimer (\(\d+\)|\d+)")
 _LOG = logging.getLogger(__name__)
 
 
@@ -153,8 +154,13 @@ def _escaped(line: str) -> str:
             code = part.strip("`")
             parts[i] = f"`{code}`" if re.fullmatch(r"[A-Za-z_][\w.]*", code) else f"``{code}``"
         else:
-            parts[i] = re.sub(r"([|*]|_(?=\W|$))", r"\\\1", part)
+            parts[i] = _PRIMER.sub(_linked, re.sub(r"([|*]|_(?=\W|$))", r"\\\1", part))
     return "".join(parts)
+
+
+def _linked(cited: re.Match[str]) -> str:
+    """ "primer (7)" as a link to the equation; every page that shows docstrings is in `reference`."""
+    return f"`{cited[0]} <../explanation/primer.html#equation-{cited[1].strip('()')}>`__"
 
 
 def _process(app: Any, what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:

@@ -65,7 +65,7 @@ def multispectral(of: Experiment, colormap: str):
 def segmentation(of: Experiment):
     picture = project(of.image("nlos", 77))
     prompts = power_prompts(picture, thresholds=NLOS, rng=0)
-    return plots.plot_segmentation(picture, prompts, segment(picture.image, method="classical", prompts=prompts))
+    return plots.plot_segmentation_steps(picture, prompts, segment(picture.image, method="classical", prompts=prompts))
 
 
 def depth_holes(of: Experiment):

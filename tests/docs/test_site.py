@@ -32,6 +32,11 @@ class TestDocstrings:
         assert "    * :py:exc:`~millisight.errors.InputError`\n\n      Never." in rst
         assert rst.index(":Parameters:") < rst.index("**z**") < rst.index(":Raises:")
 
+    def test_the_primer_is_linked(self):
+        (line,) = docstrings.to_rst(["The image (paper Eq. 1, primer 4) by primer (7)."])
+        link = "`primer {} <../explanation/primer.html#equation-{}>`__"
+        assert line == f"The image (paper Eq. 1, {link.format('4', 4)}) by {link.format('(7)', 7)}."
+
     def test_doctests_and_drawings_keep_their_shape(self):
         lines = ["A tree:", "", "    a|b", "    c*d", "", "Examples", "--------", ">>> f(*x)", "2"]
         rst = docstrings.to_rst(lines)
@@ -53,6 +58,12 @@ class TestEquations:
         numbers = [tag for equation in self.EQUATIONS for tag in re.findall(r"\\tag\{(\d+)\}", equation)]
         assert len(numbers) >= 15
         assert numbers == [str(n) for n in range(1, len(numbers) + 1)]
+
+    def test_every_equation_that_the_code_cites_is_there(self):
+        code = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "src").rglob("*.py"))
+        cited = {int(number) for number in re.findall(r"\bprimer \(?(\d+)", code)}
+        assert len(cited) >= 10
+        assert cited <= set(range(1, len(self.EQUATIONS) + 1))
 
     def test_nothing_of_tex_is_left(self):
         assert len(self.EQUATIONS) >= 15
@@ -93,3 +104,12 @@ class TestOffline:
         sheets = list((DOCS / "_static").rglob("*.css"))
         assert sheets
         assert all(offline.fetched(sheet.read_text(encoding="utf-8")) == [] for sheet in sheets)
+
+
+def test_the_first_page_shows_what_the_readme_shows_and_what_is_run_there():
+    first, readme = (
+        re.findall(r"```python\n(.*?)```", path.read_text(encoding="utf-8"), re.DOTALL)
+        for path in (DOCS / "index.md", ROOT / "README.md")
+    )
+    assert first
+    assert set(first) <= set(readme)

@@ -1,7 +1,6 @@
 """The paper's figures: what they show is read back from their own artists."""
 
 import io
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +10,7 @@ from matplotlib.image import AxesImage
 
 import millisight as ms
 from millisight.errors import InputError, UnknownNameError
+from millisight.evaluation.tables import Table
 from millisight.perception.projection import Picture, project
 from millisight.perception.prompts import Prompts
 from millisight.viz import plots
@@ -49,7 +49,7 @@ FIGURES = {
     "multispectral": (lambda **k: plots.plot_multispectral({"77": image()}, {"77": image(1)}, **k), 2),
     "simulation": (lambda **k: plots.plot_simulation(tetrahedron(), image(), image(1), **k), 5),
     "hidden": (lambda **k: plots.plot_hidden(photo(), photo(1), image(), **k), 3),
-    "segmentation": (lambda **k: plots.plot_segmentation(project(image()), PROMPTS, inside(), **k), 3),
+    "segmentation": (lambda **k: plots.plot_segmentation_steps(project(image()), PROMPTS, inside(), **k), 3),
     "depth holes": (lambda **k: plots.plot_depth_holes(frame(), image(), inside(), **k), 4),
     "reflections": (lambda **k: plots.plot_reflection_principle(**k), 3),
 }
@@ -229,7 +229,7 @@ def inside():
 class TestSegmentation:
     def test_pictures_are_drawn_with_x_to_the_right_and_y_up(self):
         picture = project(image())
-        axes = plots.plot_segmentation(picture, PROMPTS, ms.Mask(grid_xy=GRID.xy, inside=inside()))
+        axes = plots.plot_segmentation_steps(picture, PROMPTS, ms.Mask(grid_xy=GRID.xy, inside=inside()))
         assert [a.get_title() for a in axes] == ["a) colours", "b) prompts", "c) mask"]
         np.testing.assert_array_equal(axes[0].collections[0].get_array(), picture.rgb.transpose(1, 0, 2))
         darkened = axes[2].collections[0].get_array()
@@ -237,7 +237,7 @@ class TestSegmentation:
         assert (darkened[~inside().T] <= 0.36 * picture.rgb.transpose(1, 0, 2)[~inside().T]).all()
 
     def test_prompts_stand_at_their_pixels(self):
-        axes = plots.plot_segmentation(project(image()), PROMPTS, inside())[1]
+        axes = plots.plot_segmentation_steps(project(image()), PROMPTS, inside())[1]
         lines = {line.get_marker(): np.transpose(line.get_data()) for line in axes.lines if line.get_marker() in "ox"}
         places = np.column_stack([GRID.x[PROMPTS.points[:, 0]], GRID.y[PROMPTS.points[:, 1]]])
         np.testing.assert_allclose(lines["o"], places[:2])
@@ -246,7 +246,7 @@ class TestSegmentation:
     def test_of_a_photo_rows_run_down(self):
         found = np.zeros((HEIGHT, WIDTH), bool)
         found[10:20, 30:50] = True
-        axes = plots.plot_segmentation(Picture(rgb=photo()), PROMPTS, found, truth=~found)
+        axes = plots.plot_segmentation_steps(Picture(rgb=photo()), PROMPTS, found, truth=~found)
         np.testing.assert_array_equal(shown(axes[0]), photo())
         np.testing.assert_allclose(np.transpose(axes[1].lines[0].get_data()), PROMPTS.points[:2, ::-1])
         assert axes[0].yaxis_inverted()
@@ -257,10 +257,10 @@ class TestSegmentation:
 
     def test_a_mask_or_prompts_of_another_size_are_refused(self):
         with pytest.raises(InputError, match="mask"):
-            plots.plot_segmentation(project(image()), PROMPTS, inside()[:-1])
+            plots.plot_segmentation_steps(project(image()), PROMPTS, inside()[:-1])
         beyond = Prompts(points=np.array([[99, 0]]), positive=np.array([True]))
         with pytest.raises(InputError, match="prompts"):
-            plots.plot_segmentation(project(image()), beyond, inside())
+            plots.plot_segmentation_steps(project(image()), beyond, inside())
 
 
 def frame():
@@ -315,7 +315,7 @@ class TestCutOut:
 
 
 class TestTable:
-    TABLE = SimpleNamespace(
+    TABLE = Table(
         title="Accuracy", columns=("input", "LOS", "NLOS"), notes=("Median.",),
         rows=(("camera", 99.7, 3.6), ("77 GHz", 98.25, None), ("24 GHz", 57.9, 53.0)),
     )  # fmt: skip
@@ -332,6 +332,10 @@ class TestTable:
         assert bold == {"input", "LOS", "NLOS", "99.7", "53"}
         assert {texts[name].get_ha() for name in ("camera", "input")} == {"left"}
         assert {texts[name].get_ha() for name in ("99.7", "–")} == {"right"}
+
+    def test_nothing_is_bold_but_the_columns_names_where_less_is_better(self):
+        axes = plots.plot_table(self.TABLE, bold_largest=False)
+        assert {t.get_text() for t in axes.texts if t.get_weight() == "bold"} == {"input", "LOS", "NLOS"}
 
     def test_columns_do_not_run_into_each_other(self):
         axes = plots.plot_table(self.TABLE)

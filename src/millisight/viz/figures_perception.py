@@ -29,7 +29,7 @@ _CELL = 0.075  # width of a letter [inches]
 
 
 @styled
-def plot_segmentation(
+def plot_segmentation_steps(
     picture: Picture,
     prompts: Prompts,
     mask: Mask | np.ndarray,
@@ -171,12 +171,13 @@ def cut_out(rgb: np.ndarray, pixels: np.ndarray) -> np.ndarray:
 
 
 @styled
-def plot_table(table: "Table", *, axes: Axes | None = None) -> Axes:
-    """A table as a figure with ruled lines; numbers at the right, the largest of a column in bold.
+def plot_table(table: "Table", *, bold_largest: bool = True, axes: Axes | None = None) -> Axes:
+    """A table as a figure with ruled lines; numbers at the right.
 
     Parameters
     ----------
     table : evaluation.tables.Table
+    bold_largest : the largest number of each column in bold: for scores, of which more is better
     axes : one; default that of a new figure, as large as the table
 
     Returns
@@ -195,14 +196,15 @@ def plot_table(table: "Table", *, axes: Axes | None = None) -> Axes:
         below = len(table.notes)
         figure = Figure(figsize=(_CELL * edges[-1] + 0.4, 0.26 * (height + 1.2 + below)), layout="constrained")
         (axes,) = taken_axes([figure.subplots()], 1, 1)
-    best = [_largest([row[i] for row in table.rows]) for i in range(len(table.columns))]
+    best = [_largest([row[i] for row in table.rows]) if bold_largest else None for i in range(len(table.columns))]
+    text_columns = [i == 0 or any(isinstance(row[i], str) for row in table.rows) for i in range(len(table.columns))]
     axes.set(xlim=(0, edges[-1]), ylim=(-height - len(table.notes), 0), title=table.title)
     axes.set_axis_off()
     for y, width in ((0, 1.1), (-1, 0.7), (-height, 1.1)):
         axes.plot([0, edges[-1]], [y, y], color="black", linewidth=width, clip_on=False)
     for number, row in enumerate([list(table.columns), *cells]):
         for i, text in enumerate(row):
-            left = i == 0 or (number and isinstance(table.rows[number - 1][i], str))
+            left = text_columns[i]
             x = edges[i] + 0.6 if left else edges[i + 1] - 0.6
             bold = number == 0 or (best[i] is not None and table.rows[number - 1][i] == best[i])
             look: dict[str, Any] = {"ha": "left" if left else "right", "weight": "bold" if bold else "normal"}

@@ -17,7 +17,7 @@ from millisight.records import checked_array
 from millisight.scene.mesh import TriangleMesh
 from millisight.viz.figures import draw_mesh, plot_hidden, plot_multispectral, plot_samples, plot_simulation
 from millisight.viz.figures_background import plot_aperture_principle, plot_reflection_principle
-from millisight.viz.figures_perception import cut_out, plot_depth_holes, plot_segmentation, plot_table
+from millisight.viz.figures_perception import cut_out, plot_depth_holes, plot_segmentation_steps, plot_table
 from millisight.viz.outline import PLANE, cross_section, outline_of
 from millisight.viz.sheets import plot_aperture, plot_range_profiles, plot_sheet
 from millisight.viz.style import (
@@ -47,7 +47,7 @@ __all__ = [
     "plot_range_profiles",
     "plot_reflection_principle",
     "plot_samples",
-    "plot_segmentation",
+    "plot_segmentation_steps",
     "plot_sheet",
     "plot_simulation",
     "plot_slices",
