@@ -15,6 +15,7 @@ from PIL import Image
 import millisight as ms
 from annotating import Discs, radar_image
 from browser import chromium, complaints
+from millisight.perception.prompts import Prompts
 from millisight.viz.annotator import AnnotatorServer, Session, open_subject
 
 
@@ -242,11 +243,24 @@ def test_the_newest_answer_wins_and_errors_are_shown(driver, tmp_path):
     driver.get("about:blank")
 
 
+class Middle(Discs):
+    """Finds the picture's middle without a prompt."""
+
+    needs_prompts = False
+
+    def segment(self, picture, prompts):
+        if prompts is None:
+            prompts = Prompts(points=[[n // 2 for n in picture.shape]], positive=[True])
+        return super().segment(picture, prompts)
+
+
 def test_colours_change_and_the_mask_does_not(driver, tmp_path):
     ms.save(tmp_path / "a.h5", radar_image())
-    session = Session(open_subject(tmp_path / "a.h5"), tmp_path / "a.mask.h5", segmenters={"discs": Discs()})
+    session = Session(open_subject(tmp_path / "a.h5"), tmp_path / "a.mask.h5", segmenters={"discs": Middle()})
     with AnnotatorServer(session) as server:
         page = Page(driver, server.address)
+        assert page.mask_pixels == 29  # before the first click, and it can be saved
+        assert page.driver.find_element("id", "save").is_enabled()
         page.click([6, 6])
         jet = page.brightness([22, 2]), page.mask_pixels
         page.press("c")

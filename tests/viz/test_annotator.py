@@ -156,6 +156,10 @@ class TestTheSession:
     def test_no_points_no_mask(self, session):
         assert session.mask(asked([], []))["pixels"] == 0
         assert not session.unsaved
+        session.save(asked([], []))
+        assert not ms.load(session.mask_path).inside.any()
+        later = Session(session.subject, session.mask_path, segmenters={"discs": Discs()})
+        assert later.about()["question"]["points"] == []
 
     def test_the_masks_rule_warns_and_shows(self, session):
         many = [[column, row] for column in range(0, 24, 4) for row in range(0, 16, 4)]
@@ -319,7 +323,7 @@ class TestTheServer:
 
     def test_the_page_fetches_nothing_from_elsewhere(self, server):
         root = urlsplit(server.address).path
-        for name in ("", "page.css", "page.js"):
+        for name in ("", "page.css", "page.js", "drawing.js"):
             status, headers, content = self.get(server, root + name)
             assert status == 200
             assert "default-src 'none'" in headers["Content-Security-Policy"]

@@ -75,14 +75,14 @@ def annotate(
         say(f"annotate {image} at {server.address}")
         say("close the page to end, or press Ctrl-C here" if not no_browser else "press Ctrl-C here to end")
         sys.stdout.flush()
-        opened = not no_browser and _open(server.address)
         try:
+            opened = not no_browser and _open(server.address)
             server.wait(until_closed=opened)
             say("the page was closed")
         except Interrupted:  # the usual way to end
             say("ended")
-    for path in (session.mask_path, session.prompts_path):
-        if session.saved_now:
+    if session.saved_now:
+        for path in (session.mask_path, session.prompts_path):
             say(f"wrote {path}")
     if session.unsaved:
         typer.echo("millisight: the last points were not saved", err=True)

@@ -2,7 +2,7 @@
 
 `subject` opens what is annotated, `session` answers what the page asks and saves (`coarse`: at the speed of clicks),
 `server` carries it to the browser;
-`page.html`, `page.css` and `page.js` are the page.
+`page.html`, `page.css`, `page.js` and `drawing.js` are the page.
 """
 
 from millisight.viz.annotator.server import AnnotatorServer as AnnotatorServer

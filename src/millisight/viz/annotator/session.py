@@ -128,8 +128,9 @@ class Session:
 
     @property
     def unsaved(self) -> bool:
-        """Whether the page has points that no file holds."""
-        return self._question.prompts is not None and not self._question.same(self._saved)
+        """Whether the page has other points than the files, or points and no file."""
+        touched = self._question.prompts is not None or self._saved is not None
+        return touched and not self._question.same(self._saved)
 
     def about(self) -> dict[str, Any]:
         """What the page needs to know at first; points are places on the screen, [column, row]."""
@@ -335,5 +336,5 @@ def _png(pixels: np.ndarray) -> bytes:
     from PIL import Image
 
     held = io.BytesIO()
-    Image.fromarray(pixels).save(held, "PNG")
+    Image.fromarray(pixels).save(held, "PNG", compress_level=1)
     return held.getvalue()
