@@ -1,5 +1,6 @@
 """Tables of judged segmenters: medians with bootstrap intervals, and paired differences, beside the paper's figures."""
 
+import statistics
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -77,7 +78,12 @@ def interval_of_median(values: dict[str, list[float]], rng: int = 0) -> tuple[fl
     counts = {len(one) for one in values.values()}
     if len(counts) != 1:
         raise InputError(f"scenes have {sorted(counts)} seeds; expected as many each, one scene at least")
-    return bootstrap_interval(np.array(list(values.values())), np.median, rng=rng)
+    return bootstrap_interval(np.array(list(values.values())), _median, rng=rng)
+
+
+def _median(values: np.ndarray) -> float:
+    """As np.median, which takes ten times as long over so few."""
+    return statistics.median(values.ravel().tolist())
 
 
 def difference(trials: Sequence[Trial], first: Chosen, second: Chosen, sight: str, metric: str) -> Difference | None:

@@ -162,8 +162,9 @@ def _without_pinholes(inside: np.ndarray) -> np.ndarray:
     """A mask with holes of `_PINHOLE` pixels and less filled: where a slope hides from the camera, points lie apart."""
     from scipy.ndimage import label
 
-    numbers, count = label(~inside)
-    sizes = np.bincount(numbers.ravel(), minlength=count + 1)
+    numbers = np.empty(inside.shape, np.int32)
+    label(~inside, output=numbers)
+    sizes = np.bincount(numbers.ravel())
     edge = np.concatenate([numbers[0], numbers[-1], numbers[:, 0], numbers[:, -1]])
     filled = sizes <= _PINHOLE
     filled[edge] = False
