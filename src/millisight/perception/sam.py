@@ -58,6 +58,7 @@ class SamSegmenter:
     needs_prompts = True
 
     def __init__(self, model: str | Path = "vit-b", device: str = "cpu"):
+        source = _source(str(model))
         try:
             import torch
             import transformers
@@ -68,7 +69,7 @@ class SamSegmenter:
         if device == "cuda" and not torch.cuda.is_available():
             raise DeviceError('device="cuda" found no GPU that torch can use; use device="cpu"')
         self._device = device
-        self._model, self._stretches = _loaded(transformers, str(model))
+        self._model, self._stretches = _loaded(transformers, str(model), source)
         self._model = self._model.eval().to(device)
         self._size = int(self._model.config.prompt_encoder_config.image_size)
         self._embeddings: OrderedDict[bytes, Any] = OrderedDict()
@@ -140,15 +141,22 @@ def _resized(values: Any, size: tuple[int, int], *, antialias: bool = False) -> 
     )
 
 
-def _loaded(transformers: Any, name: str) -> tuple[Any, bool]:
-    """The network, and whether it stretches pictures; every weight must be there."""
-    local = Path(name).is_dir()
-    source = name if local else MODELS.get(name, name)
-    if not local and (source.count("/") != 1 or source.startswith((".", "/", "~"))):
+def _source(name: str) -> str:
+    """The folder, or the id on the hub, that a name stands for."""
+    if Path(name).is_dir():
+        return name
+    source = MODELS.get(name, name)
+    if source.count("/") != 1 or source.startswith((".", "/", "~")):
         raise FileError(
             f"{printable(name)} is no folder with a model; expected one that `save_pretrained` wrote, an id on the hub "
             f"such as {MODELS['vit-b']}, or one of {', '.join(MODELS)}"
         )
+    return source
+
+
+def _loaded(transformers: Any, name: str, source: str) -> tuple[Any, bool]:
+    """The network, and whether it stretches pictures; every weight must be there."""
+    local = Path(source).is_dir()
     try:
         kind = transformers.AutoConfig.from_pretrained(source, local_files_only=local).model_type
         cls = {"sam": "SamModel", "sam2": "Sam2Model", "sam2_video": "Sam2Model"}.get(kind)
