@@ -15,7 +15,6 @@ project = "millisight"
 author = "The millisight authors"
 copyright = author
 version = release = installed("millisight")
-nitpicky = False
 
 extensions = [
     "myst_parser",
@@ -35,13 +34,11 @@ html_css_files = ["site.css"]
 html_copy_source = False
 html_show_sphinx = False
 html_theme_options = {"navigation_with_keys": True, "top_of_page_buttons": []}
-templates_path: list[str] = []
+suppress_warnings = ["toc.empty_glob"]  # a folder's contents may come later than its list
 
 myst_enable_extensions = ["dollarmath", "colon_fence"]
 myst_heading_anchors = 4
-math_number_all = False
 html_math_renderer = "mathml"
-
 
 autodoc_member_order = "bysource"
 autodoc_typehints_format = "short"
