@@ -1,6 +1,6 @@
 """The documentation's settings for Sphinx: `make docs` builds it into build/docs, warnings being errors.
 
-A new page in `how-to`, `explanation`, `explanation/decisions` or `tutorials` needs no line anywhere: the contents of
+A new page in `how-to`, `explanation`, its `decisions` or its `model-cards` needs no line anywhere: the contents of
 those folders are globs. Nothing is fetched, at build time or by the reader's browser: equations become MathML, and
 fonts are the system's.
 """
