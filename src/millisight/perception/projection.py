@@ -57,7 +57,7 @@ class Picture:
 def project(
     image: SarImage, *, other_band: SarImage | None = None, values: str = "mean", colours: str = "jet"
 ) -> Picture:
-    """An image seen along z, coloured; as published, the mean of |I| in the colours of the rainbow (primer 8).
+    """An image seen along z, coloured; as published, the mean of |I| in the colours of the rainbow (paper section 6.1).
 
     Parameters
     ----------

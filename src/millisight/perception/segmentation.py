@@ -241,7 +241,7 @@ def segment(
     rng: int | np.random.Generator | None = None,
     condition: str = "los",
 ) -> Mask:
-    """The mask of the object in an image, by the rules of `find_mask` (paper section 5.1).
+    """The mask of the object in an image, by the rules of `find_mask` (paper section 6.1).
 
     Parameters
     ----------

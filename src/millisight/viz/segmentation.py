@@ -55,9 +55,9 @@ def _draw_prompts(axes: Axes, found: Segmented, grid: PixelGrid) -> None:
         axes.set_title("without prompts")
         return
     points, positive = found.prompts.points, found.prompts.positive
-    for kind, marker, colour in ((positive, "o", "white"), (~positive, "X", "black")):
+    for kind, marker, colour, edge in ((positive, "o", "white", "0.4"), (~positive, "X", "black", "white")):
         i, j = points[kind].T
-        axes.scatter(grid.x[i], grid.y[j], s=16, marker=marker, c=colour, edgecolors="0.6", linewidths=0.5, zorder=4)
+        axes.scatter(grid.x[i], grid.y[j], s=24, marker=marker, c=colour, edgecolors=edge, linewidths=0.6, zorder=4)
     axes.set_title(f"{int(positive.sum())} prompts on the object \u25cf, {int((~positive).sum())} beside it \u2716")
 
 
