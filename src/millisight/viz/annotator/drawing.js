@@ -59,21 +59,30 @@ const middle = () => [canvas.clientWidth / 2, canvas.clientHeight / 2];
 
 // --- The mask -------------------------------------------------------------------------------------------------------
 
+// 1 inside and 0 outside, row by row, with a rim of zeros around: pixel [c, r] is at (r + 1) * (columns + 2) + c + 1.
+function unpacked(bits) {
+  const bytes = atob(bits), wide = about.columns + 2, inside = new Uint8Array(wide * (about.rows + 2));
+  for (let row = 0, bit = 0; row < about.rows; row++) {
+    for (let column = 0, at = (row + 1) * wide + 1; column < about.columns; column++, bit++, at++) {
+      inside[at] = (bytes.charCodeAt(bit >> 3) >> (7 - (bit & 7))) & 1;
+    }
+  }
+  return inside;
+}
+
 // The borders between pixels inside and outside, as long lines as there are.
 function outlineOf(inside) {
-  const path = new Path2D();
+  const path = new Path2D(), wide = about.columns + 2;
   for (let row = 0; row <= about.rows; row++) {
-    let start = -1;
-    for (let column = 0; column <= about.columns; column++) {
-      const border = column < about.columns && inside(column, row - 1) !== inside(column, row);
+    for (let column = 0, start = -1, at = (row + 1) * wide + 1; column <= about.columns; column++, at++) {
+      const border = column < about.columns && inside[at - wide] !== inside[at];
       if (border && start < 0) start = column;
       if (!border && start >= 0) { path.moveTo(start, row); path.lineTo(column, row); start = -1; }
     }
   }
   for (let column = 0; column <= about.columns; column++) {
-    let start = -1;
-    for (let row = 0; row <= about.rows; row++) {
-      const border = row < about.rows && inside(column - 1, row) !== inside(column, row);
+    for (let row = 0, start = -1, at = wide + column + 1; row <= about.rows; row++, at += wide) {
+      const border = row < about.rows && inside[at - 1] !== inside[at];
       if (border && start < 0) start = row;
       if (!border && start >= 0) { path.moveTo(column, start); path.lineTo(column, row); start = -1; }
     }
@@ -85,8 +94,9 @@ function outlineOf(inside) {
 function shadeOf(inside) {
   const shade = new OffscreenCanvas(about.columns, about.rows), context = shade.getContext("2d");
   const pixels = context.createImageData(about.columns, about.rows);
-  for (let row = 0, at = 3; row < about.rows; row++) {
-    for (let column = 0; column < about.columns; column++, at += 4) pixels.data[at] = inside(column, row) ? 0 : 115;
+  for (let row = 0, to = 3; row < about.rows; row++) {
+    let at = (row + 1) * (about.columns + 2) + 1;
+    for (let column = 0; column < about.columns; column++, at++, to += 4) pixels.data[to] = inside[at] ? 0 : 115;
   }
   context.putImageData(pixels, 0, 0);
   return shade;

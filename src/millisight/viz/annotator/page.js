@@ -147,12 +147,7 @@ function next(names, name) {
 function showMask(answer) {
   mask = null;
   if (answer && answer.pixels) {
-    const bytes = Uint8Array.from(atob(answer.bits), (c) => c.charCodeAt(0));
-    const inside = (column, row) => {
-      if (column < 0 || row < 0 || column >= about.columns || row >= about.rows) return 0;
-      const bit = row * about.columns + column;
-      return (bytes[bit >> 3] >> (7 - (bit & 7))) & 1;
-    };
+    const inside = unpacked(answer.bits);
     mask = { outline: outlineOf(inside), shade: shadeOf(inside), ...answer };
   }
   if (answer && answer.note) notify(answer.note);
