@@ -19,7 +19,8 @@ class Cluster:
             "stdout": subprocess.DEVNULL,
             "stderr": subprocess.DEVNULL,
             "cwd": folder,
-            "env": {**os.environ, "PYTHONPATH": str(Path(__file__).parent)},  # for small_jobs
+            # One thread each in BLAS as well, as a nanny would see to.
+            "env": {**os.environ, "PYTHONPATH": str(Path(__file__).parent), "OPENBLAS_NUM_THREADS": "1"},
         }
         self._scheduler = self._started("dask_scheduler", "--port", "0")
         self.workers = []
@@ -36,6 +37,13 @@ class Cluster:
             self.workers.append(self._started("dask_worker", "--nthreads", "1", "--no-nanny"))
         wait_for(lambda: engine_of(self.address).workers == workers)
         return self.address
+
+    def processor_seconds(self):
+        """That all workers took of the processor so far."""
+        import psutil
+
+        times = [psutil.Process(worker.pid).cpu_times() for worker in self.workers]
+        return sum(time.user + time.system for time in times)
 
     def kill_one(self):
         worker = self.workers.pop()

@@ -1,16 +1,20 @@
-"""One serpentine experiment from raw files to image, with the true path hidden from the processing."""
+"""Serpentine experiments from raw files to image, with the true path hidden from the processing."""
+
+import dataclasses
 
 import numpy as np
 import pytest
 
 import oracles
+from millisight.capture.calibrate import subtract_background
 from millisight.capture.capture import Capture
 from millisight.capture.clock import retime
 from millisight.capture.trajectory import Trajectory
 from millisight.imaging.form import form_image
 from millisight.imaging.grid import VoxelGrid
 from millisight.imaging.synchronise import estimate_clock
-from millisight.io.mito_layout import experiment_folder, read_experiment
+from millisight.io.mito_layout import experiment_folder, radar_folder, read_experiment
+from millisight.io.position2go import read_position2go
 from millisight.rig.recorder import record_scan
 from millisight.rig.virtual.arm import ArmSettings
 from millisight.rig.virtual.radar import REFERENCE, RadarSettings
@@ -19,16 +23,25 @@ from millisight.rig.virtual.world import Scan, World
 
 MIDDLE = np.array([0.08, 0.08, -0.25])
 POINTS = MIDDLE + np.random.default_rng(0).uniform(-0.02, 0.02, (5, 3)) * [1, 1, 0.3]
-ARM = ArmSettings(
-    speed=0.5,
-    acceleration=4.0,
-    settle=0.05,
-    path_error=0.3e-3,
-    encoder_noise=0.03e-3,
-    clock_offset=0.02,
-    clock_drift=50e-6,
+DRIFTING = {"clock_offset": -0.013, "clock_drift": -30e-6}
+
+AT_77 = World(
+    seed=4,
+    scan=Scan(size=(0.16, 0.16), row_spacing=0.004),
+    arm=ArmSettings(
+        speed=0.5, acceleration=4.0, settle=0.05, path_error=0.3e-3, encoder_noise=0.03e-3,
+        clock_offset=0.02, clock_drift=50e-6,
+    ),
+    radars=(RadarSettings(**DRIFTING),),
+)  # fmt: skip
+AT_24 = World(  # a wave three times as long: an arm that strays by 1.5 mm does the same harm
+    seed=4,
+    scan=Scan(size=(0.14, 0.14), row_spacing=0.006),
+    arm=ArmSettings(
+        speed=0.1, acceleration=1.0, path_error=1.5e-3, encoder_noise=0.1e-3, clock_offset=0.07, clock_drift=50e-6
+    ),
+    radars=(RadarSettings(preset="position2go", mount=(0, 0, 0), **DRIFTING),),
 )
-RADAR = RadarSettings(clock_offset=-0.013, clock_drift=-30e-6)
 
 
 def scattered(settings, trajectory):
@@ -41,15 +54,40 @@ def scattered(settings, trajectory):
     )
 
 
-@pytest.fixture(scope="module")
-def experiment(tmp_path_factory):
-    """The rig, which knows the truth, and what the processing knows: capture and log."""
-    world = World(seed=4, scan=Scan(size=(0.16, 0.16), row_spacing=0.004), arm=ARM, radars=(RADAR,))
-    rig = VirtualRig(world, frames=scattered)
-    out = experiment_folder(tmp_path_factory.mktemp("experiment"), "000_points", (0, 0, 0), 1, "los")
+def nothing(settings, trajectory):
+    array = settings.radar.array
+    return np.zeros((len(trajectory), 1, len(array.rx_positions), settings.radar.waveform.samples_per_chirp), complex)
+
+
+def recorded(world, folder, frames, name):
+    rig = VirtualRig(world, frames=frames)
+    out = experiment_folder(folder, name, (0, 0, 0), 1, "los")
     record_scan(rig.arm, rig.radars, None, rig.plan, out, info=experiment_info(world), hdf5=False)
+    return rig, out
+
+
+@pytest.fixture(scope="module")
+def at_77(tmp_path_factory):
+    """The rig, which knows the truth, and what the processing knows: capture and log."""
+    rig, out = recorded(AT_77, tmp_path_factory.mktemp("at_77"), scattered, "000_points")
     scan = read_experiment(out, "77_ghz")
     return rig, scan.to_capture(), scan.log
+
+
+@pytest.fixture(scope="module")
+def raw_24(tmp_path_factory):
+    """The rig, and the folders of two experiments: of the scene, and of the empty scene as others find it later."""
+    folder = tmp_path_factory.mktemp("at_24")
+    empty = dataclasses.replace(AT_24, seed=5, scan=Scan(size=(0.01, 0.14), row_spacing=0.01))
+    rig, out = recorded(AT_24, folder, scattered, "000_points")
+    return rig, out, recorded(empty, folder, nothing, "000_background")[1]
+
+
+@pytest.fixture(scope="module")
+def at_24(raw_24):
+    rig, *folders = raw_24
+    scan, empty = (read_experiment(folder, "24_ghz") for folder in folders)
+    return rig, subtract_background(scan.to_capture(), empty.to_capture(), frame="first"), scan.log
 
 
 def at(capture, positions):
@@ -69,11 +107,12 @@ def sharpness_and_match(values, truth):
     return sharpness, match
 
 
-def test_the_log_and_the_frames_alone_give_the_image_of_the_true_path(experiment):
-    rig, capture, log = experiment
-    truth, planned = rig.truth("77_ghz"), rig.planned("77_ghz")
+@pytest.mark.parametrize(("band", "strayed_by"), [("77_ghz", 0.3e-3), ("24_ghz", 1.5e-3)])
+def test_the_log_and_the_frames_alone_give_the_image_of_the_true_path(band, strayed_by, request):
+    rig, capture, log = request.getfixturevalue(f"at_{band[:2]}")
+    truth, planned = rig.truth(band), rig.planned(band)
     strayed = np.linalg.norm(truth.positions - planned.positions, axis=1)
-    assert np.sqrt((strayed**2).mean()) == pytest.approx(0.3e-3, rel=0.2)
+    assert np.sqrt((strayed**2).mean()) == pytest.approx(strayed_by, rel=0.2)
 
     estimate = estimate_clock(capture, log)
     assert estimate.observable, estimate.reason
@@ -95,3 +134,17 @@ def test_the_log_and_the_frames_alone_give_the_image_of_the_true_path(experiment
     assert figures["planned"][1] < 0.95
     assert figures["as logged"][0] < 0.95
     assert figures["as logged"][1] < 0.95
+
+
+def test_at_24_ghz_every_chirp_of_a_frame_has_noise_of_its_own(raw_24):
+    rig, out, _ = raw_24
+    files = sorted((radar_folder(out, "24_ghz", processed=False) / "radar_data").iterdir())
+    assert len(files) == len(rig.plan.rows) == 24
+    samples = read_position2go(files[0]).samples
+    assert samples.shape == (rig.plan.frames(0.1), 16, 2, 256)
+    sigma = 10 ** (-AT_24.radars[0].snr_db / 20) / 10 ** (AT_24.radars[0].full_scale_db / 20) * 32767
+    # Thermal noise, and the converter's steps; all else of a frame's chirps is the same.
+    spread = (abs(samples - samples.mean(axis=1, keepdims=True)) ** 2).mean() * 16 / 15
+    assert spread == pytest.approx(sigma**2 + 2 / 12, rel=0.02)
+    # The first is what is used.
+    assert np.array_equal(read_experiment(out, "24_ghz").rows[0].read()[:, 0], np.conj(samples[:, 0]))

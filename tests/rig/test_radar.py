@@ -174,3 +174,8 @@ def test_unknown_radars_and_wild_levels_are_refused():
         RadarSettings(preset="iwr1444")
     with pytest.raises(InputError, match="snr_db is 300 dB"):
         RadarSettings(snr_db=300)
+    # A published file of the 24 GHz radar has 16 chirps a frame, one of the other has one.
+    assert RadarSettings(preset="position2go", chirps=1).chirps == 1
+    for preset, chirps in (("position2go", 8), ("iwr1443", 2)):
+        with pytest.raises(InputError, match=f"chirps is {chirps}; expected"):
+            RadarSettings(preset=preset, chirps=chirps)

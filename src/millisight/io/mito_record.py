@@ -30,7 +30,8 @@ class RecordedRow(NamedTuple):
     ----------
     number : in the file's name, of ten digits at most
     created : when the first frame was taken, on the robot's clock [s]
-    frames : (F, 1, R, N) complex of whole numbers that fit int16, the phase sign ours; R is 4 (77 GHz) or 2 (24 GHz)
+    frames : (F, C, R, N) complex of whole numbers that fit int16, the phase sign ours; C is 1 (77 GHz) or 16 (24 GHz),
+        or 1 for 16 alike; R is 4 or 2
     """
 
     number: int
@@ -49,7 +50,7 @@ def write_raw_experiment(
     """Write one radar's raw capture into an experiment of the published layout.
 
     Frames are conjugated at the door. The log goes into the robot's base frame, and into the tables of both radars; its
-    orientations too, which the published imaging ignores. At 24 GHz every chirp of a frame is written as the first.
+    orientations too, which the published imaging ignores. At 24 GHz a frame of one chirp is written 16 times over.
 
     Parameters
     ----------
@@ -77,12 +78,13 @@ def write_raw_experiment(
         if number >= 10**10:
             raise InputError(f"number is {number}; expected ten digits at most")
         path = data / _FILE_NAMES[radar].format(number)
-        shape = ("F", 1, _RECEIVERS[radar], "N")
+        chirps = CHIRPS[radar]
+        shape = ("F", chirps if np.shape(row.frames)[1:2] == (chirps,) else 1, _RECEIVERS[radar], "N")
         frames = np.conj(as_array(row.frames, name=f"frames of row {number}", shape=shape, dtype=np.complex64))
         if radar == "77_ghz":
             write_dca1000(path, frames)
         else:
-            write_position2go(path, np.repeat(frames, CHIRPS[radar], axis=1))
+            write_position2go(path, np.repeat(frames, chirps // frames.shape[1], axis=1))
     _write_log(raw / "antenna.npz", log)
     listed = {
         "all_radar_filenames": [int(row.number) for row in rows],

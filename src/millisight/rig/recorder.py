@@ -118,7 +118,7 @@ class _Spool(Sequence):
     def __getitem__(self, index: Any) -> Any:
         number, created = self._rows[index]
         frames = np.load(self._path(index % len(self)), mmap_mode="r")
-        return RecordedRow(number=number, created=created, frames=frames[:, :1])
+        return RecordedRow(number=number, created=created, frames=frames)
 
     def _path(self, index: int) -> Path:
         return self._folder / f"{index}.npy"

@@ -62,7 +62,7 @@ class RadarSettings:
     preset : "iwr1443" (77 GHz) or "position2go" (24 GHz)
     rx_axis : "x" or "y", along which its receivers lie; None: as the preset
     frame_period : by its own clock [s]; None: as published, 0.003 and 0.1
-    chirps : in a frame; None: as published, 1 and 16
+    chirps : in a frame, each with its own noise; None: as published, 1 and 16; 1: at 24 GHz, where the file repeats it
     mount : its transmitter in the radar frame [m]; None: (0, 0, 0) at 77 GHz, (0, 0.10, 0) at 24 GHz
     path_offset : its true one [m]; None: as the preset
     beamwidth_deg : full widths of the antennas' beams at half power, in the plane of the receivers' row and across it
@@ -103,6 +103,9 @@ class RadarSettings:
             value = getattr(self, name)
             if value is not None and not abs(checked_number(value, name=name, unit="dB")) <= 200:
                 raise InputError(f"{name} is {value:g} dB; expected between -200 and 200 dB")
+        chirps = checked_integer(self.chirps, name="chirps")
+        if chirps not in (1, published.chirps):
+            raise InputError(f"chirps is {chirps}; expected {published.chirps}, as the published files hold, or 1")
         lost = checked_number(self.lost_packets, name="lost_packets", minimum=0)
         if lost > 1:
             raise InputError(f"lost_packets is {lost:g}; expected a share from 0 to 1")
@@ -110,7 +113,7 @@ class RadarSettings:
         put(
             self,
             frame_period=checked_number(self.frame_period or 0, name="frame_period", unit="s", above=0),
-            chirps=checked_integer(self.chirps, name="chirps"),
+            chirps=chirps,
             mount=checked_numbers(self.mount, name="mount", count=3, unit="m"),
             path_offset=checked_number(self.path_offset or 0, name="path_offset", unit="m"),
             beamwidth_deg=checked_numbers(self.beamwidth_deg, name="beamwidth_deg", count=2, unit="deg", above=0),
