@@ -1,7 +1,7 @@
 """What files hold for the viewer: images, and what belongs around each of them."""
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,12 +12,10 @@ from millisight.files import check_readable, printable
 from millisight.imaging.grid import VoxelGrid
 from millisight.imaging.image import SarImage
 from millisight.perception.segmentation import Mask
-from millisight.records import checked_record, put, record
+from millisight.records import checked_numbers, checked_record, put, record
 from millisight.scene.mesh import TriangleMesh
 from millisight.viz.viewer.levels import MOST_VOXELS, Levels, levels_of, mixed_levels, spans
 from millisight.viz.viewer.titles import titles_of
-
-Progress = Callable[[int, int], None]
 
 _LARGEST_PICKLE = 1 << 30  # [bytes]: a pickle can only be read whole
 _HDF5 = b"\x89HDF\r\n\x1a\n"
@@ -92,7 +90,6 @@ def gather(
     combine: bool = True,
     alpha: tuple[float, float] = (0.5, 0.5),
     unit: str | None = None,
-    progress: Callable[[str], Any] | None = None,
 ) -> Contents:
     """Everything that files hold for the viewer, put together by what belongs to what.
 
@@ -113,8 +110,12 @@ def gather(
     FileError, FormatError, DamagedFileError, MeshError
         A file cannot be read, or holds nothing to look at.
     InputError
-        Nothing was given.
+        Nothing was given, or the weights cannot be right.
     """
+    a1, a2 = checked_numbers(alpha, name="alpha", count=2, minimum=0)
+    if not a1 + a2 > 0:
+        raise InputError("alpha is (0, 0); expected at least one weight above zero")
+    share = a2 / (a1 + a2)
     found = _Found([], [], [], [], [])
     for path in paths:
         _read(check_readable(path), found)
@@ -124,7 +125,6 @@ def gather(
     groups = _pairs(found.images) if combine else [(image,) for image in found.images]
     masks = _masks_of(found, notes)
     titles = iter(titles_of([group[0].path for group in groups], [len(group) == 2 for group in groups]))
-    share = alpha[1] / (alpha[0] + alpha[1])
     exhibits = []
     for group in groups:
         first = group[0]
@@ -218,7 +218,7 @@ def _hdf5_image(path: Path) -> _Image:
             if values.id.get_storage_size() < values.nbytes:
                 raise InputError("less is stored than its shape claims")
             grid = VoxelGrid(**{name: file[f"grid/{name}"][...] for name in "xyz"})  # pyright: ignore
-            levels = levels_of(grid, values)
+            levels = levels_of(grid, values, most=MOST_VOXELS)
         except (OSError, LookupError, TypeError, ValueError) as error:
             reason = " ".join(str(error).split())
             raise DamagedFileError(f"{printable(path)} is damaged: {reason}; make or copy it again") from error
@@ -349,10 +349,15 @@ def _fits(mask: Mask, grid: VoxelGrid) -> bool:
 
 
 def _paths_of(image: _Image, found: _Found) -> tuple[np.ndarray, ...]:
-    """The radar's paths that belong to an image: of the captures it was made of, or else all, and its file's own."""
-    made_of = [path for path, metadata in found.paths if metadata and _made_of(image.metadata, metadata)]
+    """The radar's paths that belong to an image, and its file's own."""
     own = () if image.path_beside is None else (image.path_beside,)
-    return (*(made_of or [path for path, _ in found.paths]), *own)
+    return (*(path for path, metadata in found.paths if _belongs(image, metadata, found.images)), *own)
+
+
+def _belongs(image: _Image, capture: Mapping[str, Any], images: list[_Image]) -> bool:
+    """Whether an image was made of a capture, or no image was, or the capture does not tell."""
+    made = [other for other in images if capture and _made_of(other.metadata, capture)]
+    return not made or any(other is image for other in made)
 
 
 def _made_of(image: Mapping[str, Any], capture: Mapping[str, Any]) -> bool:

@@ -1,6 +1,5 @@
 """An image as it is looked at: levels in dB on a grid, the strongest voxels, slices and slabs of them."""
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,7 +8,7 @@ from millisight.errors import InputError
 from millisight.imaging.grid import VoxelGrid
 from millisight.imaging.image import SarImage, combine
 from millisight.records import check_shape, checked_array, checked_number, checked_record, put, record
-from millisight.viz.style import borders, to_db
+from millisight.viz.style import borders
 
 FLOOR_DB = -60.0
 """Nothing weaker is shown, under an image's own maximum [dB]."""
@@ -19,6 +18,7 @@ MOST_VOXELS = 32_000_000
 
 _SLAB_VOXELS = 4_000_000  # read at a time
 _MOST_PIXELS = 512  # of a slice, along each side
+_MOST_SLAB_PIXELS = 256
 
 
 class Cloud(NamedTuple):
@@ -79,27 +79,35 @@ class Levels:
         return Cloud(points.astype(np.float32), flat[chosen], above)
 
     def slice(self, axis: int, at: float) -> tuple[np.ndarray, float]:
-        """The plane across `axis` nearest to `at` [m], as `picture` has it, and where it is [m]."""
+        """The plane across `axis` nearest to `at` [m], as `_picture` makes it, and where it is [m]."""
         coordinates = (self.grid.x, self.grid.y, self.grid.z)[axis]
         nearest = int(np.abs(coordinates - at).argmin())
-        return self.picture(self.db.take(nearest, axis=axis), axis), float(coordinates[nearest])
+        return self._picture(self.db.take(nearest, axis=axis), axis, _MOST_PIXELS), float(coordinates[nearest])
 
     def slabs(self, axis: int, most: int) -> list[tuple[np.ndarray, float]]:
-        """The image in at most `most` slabs across `axis`: the strongest of each, as `picture` has it, and its middle
-        [m]."""
+        """The image in at most `most` slabs across `axis`: the strongest in each, as a picture, and its middle [m]."""
         coordinates = (self.grid.x, self.grid.y, self.grid.z)[axis]
         thick = -(-len(coordinates) // most)
         parts = [slice(start, start + thick) for start in range(0, len(coordinates), thick)]
         views = np.moveaxis(self.db, axis, 0)
-        return [(self.picture(views[part].max(axis=0), axis), float(coordinates[part].mean())) for part in parts]
+        return [
+            (self._picture(views[part].max(axis=0), axis, _MOST_SLAB_PIXELS), float(coordinates[part].mean()))
+            for part in parts
+        ]
 
-    def picture(self, plane: np.ndarray, axis: int) -> np.ndarray:
-        """A plane (U, V) across `axis` as (rows, columns): columns along u, rows along v, pixels of one size.
+    def _picture(self, plane: np.ndarray, axis: int, most: int) -> np.ndarray:
+        """A plane (U, V) across `axis` as (rows, columns): rows along v, columns along u, pixels of one size.
 
-        Where the grid's spacings differ, a pixel shows the voxel in which its centre lies.
+        Where the grid's spacings differ, a pixel shows the voxel in which its centre lies; of more than `most` voxels
+        the strongest of each few.
         """
-        u, v = (_even_pixels((self.grid.x, self.grid.y, self.grid.z)[i]) for i in range(3) if i != axis)
-        return plane[np.ix_(u, v)].T
+        for side, i in enumerate(j for j in range(3) if j != axis):
+            coordinates = (self.grid.x, self.grid.y, self.grid.z)[i]
+            few = -(-len(coordinates) // most)
+            starts = np.arange(0, len(coordinates), few)
+            pixels = np.maximum.reduceat(plane, starts, axis=side) if few > 1 else plane
+            plane = pixels.take(_even_pixels(coordinates[starts]), side)
+        return plane.T
 
 
 def spans(grid: VoxelGrid) -> np.ndarray:
@@ -110,11 +118,10 @@ def spans(grid: VoxelGrid) -> np.ndarray:
 
 
 def _even_pixels(coordinates: np.ndarray) -> np.ndarray:
-    """Indices of the voxels at evenly spaced places along an axis, at most `_MOST_PIXELS`."""
-    count = min(len(coordinates), _MOST_PIXELS)
+    """Of as many evenly spaced places as there are coordinates, in which of their cells each lies."""
     edges = borders(coordinates, 1e-3)
-    centres = edges[0] + (np.arange(count) + 0.5) * (edges[-1] - edges[0]) / count
-    return np.clip(np.searchsorted(edges, centres) - 1, 0, len(coordinates) - 1)
+    places = edges[0] + (np.arange(len(coordinates)) + 0.5) * (edges[-1] - edges[0]) / len(coordinates)
+    return np.clip(np.searchsorted(edges, places) - 1, 0, len(coordinates) - 1)
 
 
 def levels_of(
@@ -122,7 +129,6 @@ def levels_of(
     values: Any,
     *,
     most: int = MOST_VOXELS,
-    progress: Callable[[int, int], None] | None = None,
 ) -> Levels:
     """The levels of complex `values` (X, Y, Z), an array or a dataset on disk, which is read in slabs along x.
 
@@ -143,8 +149,6 @@ def levels_of(
             if b > 1:
                 slab = np.maximum.reduceat(slab, np.arange(0, slab.shape[axis], b), axis=axis)
         strongest[start // block[0] : start // block[0] + len(slab)] = slab
-        if progress is not None:
-            progress(min(start + rows, grid.shape[0]), grid.shape[0])
     peak = float(strongest.max())
     if not np.isfinite(peak):
         raise InputError("values hold NaN or infinite numbers; remove or mend them")
@@ -152,10 +156,20 @@ def levels_of(
         np.add.reduceat(a, np.arange(0, len(a), b)) / np.diff(np.r_[np.arange(0, len(a), b), len(a)])
         for a, b in zip((grid.x, grid.y, grid.z), block, strict=True)
     ]
-    if peak > 0:
-        strongest /= np.float32(peak)
     shown = grid if block == (1, 1, 1) else VoxelGrid(x=axes[0], y=axes[1], z=axes[2])
-    return Levels(grid=shown, db=to_db(strongest, FLOOR_DB), peak=peak, block=block)
+    return Levels(grid=shown, db=_in_db(strongest, peak), peak=peak, block=block)
+
+
+def _in_db(magnitude: np.ndarray, peak: float) -> np.ndarray:
+    """The magnitudes turned into dB under the peak, in their own memory."""
+    if peak > 0:
+        magnitude /= np.float32(peak)
+    np.maximum(magnitude, np.float32(10 ** (FLOOR_DB / 20)), out=magnitude)
+    np.log10(magnitude, out=magnitude)
+    magnitude *= 20
+    np.maximum(magnitude, FLOOR_DB, out=magnitude)
+    magnitude.flags.writeable = False  # so that the record takes it as it is
+    return magnitude
 
 
 def _block(shape: tuple[int, int, int], most: int) -> tuple[int, int, int]:

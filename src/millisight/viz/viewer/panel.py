@@ -25,7 +25,6 @@ class Panel:
             self._add_weights(settings)
         if self._images:
             self._add_image(settings)
-            self._add_slices(settings)
         self._add_around(settings)
         self._add_views()
         self._add_export()
@@ -54,6 +53,7 @@ class Panel:
         with self._gui.add_folder("Image"):
             self._check("points", "points", settings, "voxels above the threshold")
             self._check("slices", "slices", settings, "three planes, which can be moved")
+            self._add_slices(settings)
             self._check("volume", "volume", settings, "all slices along z, half transparent")
             threshold = self._gui.add_slider(
                 "threshold [dB]", FLOOR_DB, 0.0, 0.5, max(settings.threshold_db, FLOOR_DB), hint="weaker is hidden"
@@ -75,12 +75,11 @@ class Panel:
         boxes = [spans(e.levels.grid) for e in self._images if e.levels is not None]
         lower, upper = np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
         self._sliders = []
+        lower, upper = np.floor(lower * 1e3) / 1e3, np.ceil(upper * 1e3) / 1e3
         for axis, name in enumerate("xyz"):
-            at = float(np.clip(settings.at[axis], lower[axis], upper[axis]))
-            step = float(upper[axis] - lower[axis]) / 400
-            slider = self._gui.add_slider(
-                f"slice {name} [m]", float(lower[axis]), float(upper[axis]), step, at, visible=settings.slices
-            )
+            first, last = float(lower[axis]), float(upper[axis])
+            at = float(np.clip(round(settings.at[axis], 3), first, last))
+            slider = self._gui.add_slider(f"{name} [m]", first, last, 0.001, at, visible=settings.slices)
             slider.on_update(lambda _: self._viewer.change(at=tuple(float(s.value) for s in self._sliders)))
             self._sliders.append(slider)
 

@@ -1,5 +1,6 @@
 """The viewer's web server: found a port, started without chatter, stopped; and browsers, with a window or without."""
 
+import logging
 import os
 import shutil
 import socket
@@ -41,6 +42,8 @@ def start(host: str = HOST, port: int | None = None) -> Any:
     # viser would try a thousand other ports, and wait for ever where there is no such host.
     found = _free_port(host, port)
     rich.get_console().quiet = True  # viser prints boxes to it, from several threads
+    # A browser that opens a connection ahead and does not use it is no error to tell of.
+    logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
     server = viser.ViserServer(host=host, port=found, label="millisight", verbose=False)
     if server.get_port() != found:
         server.stop()
@@ -59,7 +62,9 @@ def _free_port(host: str, port: int | None) -> int:
                 probe.bind(address)
                 return int(probe.getsockname()[1])
         except (socket.gaierror, UnicodeError, OverflowError) as error:
-            raise InputError(f"--host {host}, --port {number}: {error}; expected an address of this machine") from error
+            raise InputError(
+                f"--host {host}, --port {number}: {error.args[-1]}; expected an address of this machine"
+            ) from error
         except OSError as error:
             if port is not None or (not isinstance(error, PermissionError) and error.errno not in _TAKEN):
                 raise InputError(

@@ -147,7 +147,7 @@ class Viewer:
         """Let the panes follow a browser's camera; asynchronous, so that places arrive in the camera's order."""
 
         async def follow(camera: Any) -> None:
-            self.stage.place(camera.position - 0.0, camera.up_direction)
+            self.stage.place(camera.position, camera.up_direction)
 
         if len(self.stage.panes) > 1:
             client.camera.on_update(follow)
@@ -180,7 +180,7 @@ class Viewer:
             raise DeviceError(f"the browser gives no picture: {error}; is its window open and in front?") from error
         return _with_colour_bar(shown, self.settings, any(pane.levels for pane in self.stage.panes))
 
-    def screenshot(self, path: Path, *, size: tuple[int, int] = (1500, 1000)) -> None:
+    def screenshot(self, path: Path, *, size: tuple[int, int] = (1200, 800)) -> None:
         """Write a PNG of the start view, drawn by a browser without a window.
 
         Raises
@@ -231,7 +231,7 @@ def _with_colour_bar(shown: np.ndarray, settings: Settings, bar: bool) -> bytes:
     rgb = (shown[..., :3] * opaque + np.array(BACKGROUND) * (1 - opaque)).astype(np.uint8)
     rows, columns = rgb.shape[:2]
     under, dpi = (70 if bar else 0), 100
-    figure = Figure(figsize=(columns / dpi, (rows + under) / dpi), dpi=dpi, facecolor="white")
+    figure = Figure(figsize=((columns + 0.5) / dpi, (rows + under + 0.5) / dpi), dpi=dpi, facecolor="white")
     figure.figimage(rgb, 0, under)
     if bar:
         place = (0.3, 42 / (rows + under), 0.4, 14 / (rows + under))

@@ -22,7 +22,9 @@ def _title(path: Path, paired: bool) -> str:
     kind = kind_of("radars", path.name)
     if len(parts) < 3 or kind is None:
         name = path.name.removesuffix(path.suffix).removesuffix(".image")
-        return printable(name) + (", weighed" if paired else "")
+        for word in ("specular", "edges", "edge") if paired else ():
+            name = name.replace(word, "")
+        return printable(name.strip(". -_") or path.stem) + (", specular + edge" if paired else "")
     called = object_of(parts[0])
     words = [called[1] if called else parts[0]]
     words += [part.replace("_", "/") + "°" for part in parts if angles_of(part) and part != "0_0_0"]

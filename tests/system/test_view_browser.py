@@ -1,0 +1,169 @@
+"""The viewer in a browser without a window: load, threshold, slice, compare, weigh, take a picture, share a page."""
+
+import time
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+import browser
+import millisight as ms
+from millisight.viz.viewer.contents import gather
+from millisight.viz.viewer.layout import placed
+from millisight.viz.viewer.session import Viewer, first_settings
+from millisight.viz.viewer.share import write_page
+
+pytest.importorskip("viser", reason='needs viser: pip install "millisight[viewer]"')
+
+_VIEWER = "const m = window.__viserMutable;"  # viser's own hook for tests of its page
+_POINTS = (
+    _VIEWER + "let n = null; const node = m && m.nodeRefFromName[arguments[0] + '/points'];"
+    "if (node) node.traverse(p => { if (p.isPoints) n = Math.min(p.geometry.attributes.position.count,"
+    "p.geometry.drawRange.count) }); return n;"
+)
+_POSITION = _VIEWER + "const n = m.nodeRefFromName[arguments[0]]; return n && n.position.toArray();"
+_CAMERA = (
+    _VIEWER + "const root = m.nodeRefFromName['/pane0'].parent;"
+    "return root.worldToLocal(m.camera.position.clone()).toArray();"
+)
+_TURN = _VIEWER + "m.cameraControl.rotate(0.8, -0.3, false);"
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """A specular and an edge image of one simulation, a square and a ring, and another image on their pixels."""
+    folder = tmp_path_factory.mktemp("browser")
+    grid = ms.VoxelGrid.regular((-0.05, -0.05, -0.02), (0.05, 0.05, 0.02), 0.01)
+    x, y, z = np.meshgrid(grid.x, grid.y, grid.z, indexing="ij")
+    square = (np.maximum(abs(x), abs(y)) < 0.025) & (abs(z) < 0.005)
+    ring = (abs(np.hypot(x, y) - 0.04) < 0.006) & (abs(z) < 0.005)
+    for name, shape, model in (("specular", square, "specular"), ("edge", ring, "edge"), ("other", square | ring, "")):
+        history = [{"step": "simulate", "model": model}] if model else []
+        values = np.where(shape, 1.0, 0.01 * np.exp(-abs(x) / 0.05)).astype(np.complex64)
+        ms.save(folder / f"{name}.h5", ms.SarImage(grid=grid, values=values, metadata={"history": history}))
+    return {name: folder / f"{name}.h5" for name in ("specular", "edge", "other")}, int(square.sum()), int(ring.sum())
+
+
+@pytest.fixture(scope="module")
+def driver():
+    with browser.chromium(*browser.WEBGL, "--window-size=900,560") as driver:
+        yield driver
+
+
+def wait(condition, seconds=20):
+    """Until `condition` gives something true, which is returned; software draws slowly."""
+    end = time.monotonic() + seconds
+    while not (value := condition()):
+        assert time.monotonic() < end, "it did not come"
+        time.sleep(0.05)
+    return value
+
+
+def test_the_viewer_draws_and_follows_its_controls(files, driver, tmp_path):
+    paths, square, ring = files
+    found = gather([paths["specular"], paths["edge"], paths["other"]])
+    assert [e.title for e in found.exhibits] == ["specular, specular + edge", "other"]
+
+    def points(pane="/pane0"):
+        return driver.execute_script(_POINTS, pane)
+
+    with Viewer(found) as viewer:
+        driver.get(viewer.url)
+        # Load: half the voxels of each model are 6 dB down when both weigh the same.
+        wait(lambda: points() == square + ring and points("/pane1") == square + ring)
+        client = wait(lambda: next(iter(viewer.server.get_clients().values()), None))
+        size = (240, 160)
+        first = client.get_render(size[1], size[0], transport_format="png", timeout=30)
+        assert first[..., 3].any()
+        assert np.ptp(first[..., :3][first[..., 3] > 0], axis=0).max() > 50  # not blank, not of one colour
+
+        # Weights: all edge leaves the ring, and a picture that is another.
+        set_number(driver, "edge share", 1)
+        wait(lambda: points() == ring)
+        assert points("/pane1") == square + ring
+        second = client.get_render(size[1], size[0], transport_format="png", timeout=30)
+        changed = (first != second).any(axis=-1)
+        half = size[0] // 2
+        assert changed[:, :half].sum() > 20  # the left image
+        assert changed[:, half:].sum() < changed[:, :half].sum() / 4  # and hardly the right one
+
+        # Threshold: what is 40 dB down comes, too, and goes again.
+        set_number(driver, "threshold [dB]", -60)
+        wait(lambda: points() == points("/pane1") == 11 * 11 * 5)
+        set_number(driver, "threshold [dB]", -3)
+        wait(lambda: points() == ring)
+
+        # Slices: planes come, and follow.
+        assert driver.execute_script(_POSITION, "/pane0/slice_z") is None
+        check(driver, "slices")
+        wait(lambda: driver.execute_script(_POSITION, "/pane0/slice_z"))
+        set_number(driver, "z [m]", -0.02)
+        wait(lambda: abs(driver.execute_script(_POSITION, "/pane0/slice_z")[2] + 0.02) < 1e-6)
+
+        # Compare: the panes stay side by side across the line of sight when the camera turns.
+        before = driver.execute_script(_POSITION, "/pane1")
+        driver.execute_script(_TURN)
+        wait(lambda: driver.execute_script(_POSITION, "/pane1") != before)
+        wait(lambda: side_by_side(driver, viewer.stage.radius))
+
+        # Take away: both buttons give a file.
+        allowed = {"behavior": "allow", "downloadPath": str(tmp_path)}
+        driver.execute_cdp_cmd("Browser.setDownloadBehavior", allowed)
+        buttons = {"Screenshot (PNG)": ("millisight.png", b"\x89PNG"), "Share (HTML)": ("millisight.html", b"<!doc")}
+        for text, (name, start) in buttons.items():
+            driver.find_element("xpath", f"//button[normalize-space(.)='{text}']").click()
+            wait(lambda path=tmp_path / name: path.exists() and path.stat().st_size)
+            assert (tmp_path / name).read_bytes().startswith(start)
+        assert np.ptp(imread(tmp_path / "millisight.png")[..., 0]) > 0.5
+        assert browser.complaints(driver) == []
+
+
+def side_by_side(driver, radius):
+    """Whether the two panes are where the camera of this moment wants them."""
+    camera = np.array(driver.execute_script(_CAMERA))
+    wanted = placed(2, radius, camera, np.array([0.0, 0.0, 1.0]))
+    there = [driver.execute_script(_POSITION, f"/pane{i}") for i in range(2)]
+    return np.abs(np.array(there) - [place.position for place in wanted]).max() < 1e-3 * radius
+
+
+def labelled(driver, label):
+    """The row of the panel with that label."""
+    return driver.find_element("xpath", f"//label[normalize-space(.)='{label}']/ancestor::*[.//input][1]")
+
+
+def set_number(driver, label, value):
+    """Type into a slider's field."""
+    from selenium.webdriver.common.keys import Keys
+
+    field = labelled(driver, label).find_elements("css selector", "input:not([type=hidden])")[-1]
+    field.send_keys(Keys.CONTROL, "a")
+    field.send_keys(str(value), Keys.ENTER)
+
+
+def check(driver, label):
+    labelled(driver, label).find_element("css selector", "input[type=checkbox]").click()
+
+
+def test_a_shared_page_opens_from_the_disk_without_network(files, driver, tmp_path):
+    paths, square, ring = files
+    found = gather([paths["specular"], paths["other"]])
+    settings = first_settings(found, range_db=45.0)
+    write_page(tmp_path / "page.html", found, settings)
+    driver.get(f"file://{tmp_path}/page.html")
+
+    def points(pane):
+        return driver.execute_script(_POINTS, pane)
+
+    wait(lambda: (points("/pane0"), points("/pane1")) == (square, square + ring))
+    assert driver.title == "specular, other"
+    driver.execute_script("document.querySelector('#millisight input').value = -45")
+    wait(lambda: points("/pane0") == points("/pane1") == 11 * 11 * 5)
+    driver.execute_script(_TURN)
+    wait(lambda: side_by_side(driver, found_radius(found)))
+    asked = driver.execute_script("return performance.getEntriesByType('resource').map(e => e.name)")
+    assert not [name for name in asked if not name.startswith(("data:", "blob:"))]
+
+
+def found_radius(found):
+    """As `Stage` has it."""
+    return 1.12 * max(np.linalg.norm(np.ptp(e.bounds, axis=0)) / 2 for e in found.exhibits)

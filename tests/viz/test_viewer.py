@@ -1,0 +1,370 @@
+"""The viewer without a browser: levels, the layout of the panes, what belongs to what, the port, the scene."""
+
+import dataclasses
+import socket
+import sys
+
+import h5py
+import numpy as np
+import pytest
+
+import millisight as ms
+from millisight.errors import DamagedFileError, DeviceError, FileError, FormatError, InputError
+from millisight.viz.viewer import contents as contents_module
+from millisight.viz.viewer.contents import gather
+from millisight.viz.viewer.layout import FOV, placed, rows_and_columns, start_camera
+from millisight.viz.viewer.levels import FLOOR_DB, levels_of, mixed_levels, spans
+from millisight.viz.viewer.pane import mask_outline, path_lines
+from millisight.viz.viewer.server import start
+from millisight.viz.viewer.settings import Settings, colour_bar, palette
+from miniature import MUG
+
+GRID = ms.VoxelGrid(x=np.linspace(-0.03, 0.03, 7), y=np.linspace(0, 0.04, 5), z=np.linspace(-0.2, -0.1, 3))
+
+
+def image(seed=0, grid=GRID, **metadata):
+    rng = np.random.default_rng(seed)
+    values = rng.normal(size=grid.shape) + 1j * rng.normal(size=grid.shape)
+    return ms.SarImage(grid=grid, values=values.astype(np.complex64), metadata=metadata)
+
+
+# Levels --------------------------------------------------------------------------------------------------------------
+
+
+def test_levels_are_db_under_the_maximum():
+    shown = image()
+    levels = levels_of(shown.grid, shown.values)
+    expected = 20 * np.log10(shown.magnitude / shown.magnitude.max())
+    assert np.abs(levels.db - np.maximum(expected, FLOOR_DB)).max() < 1e-4
+    assert levels.peak == pytest.approx(float(shown.magnitude.max()))
+    assert levels.block == (1, 1, 1)
+
+
+def test_slabs_and_blocks_give_each_block_its_strongest_voxel(monkeypatch):
+    shown = image()
+    whole = levels_of(shown.grid, shown.values)
+    monkeypatch.setattr("millisight.viz.viewer.levels._SLAB_VOXELS", 1)
+    levels = levels_of(shown.grid, shown.values, most=40)
+    assert levels.block == (2, 2, 1)
+    assert levels.db.shape == (4, 3, 3)
+    assert levels.peak == whole.peak
+    for i, j, k in np.ndindex(levels.db.shape):
+        assert levels.db[i, j, k] == whole.db[2 * i : 2 * i + 2, 2 * j : 2 * j + 2, k].max()
+    assert levels.grid.x == pytest.approx([-0.025, -0.005, 0.015, 0.03])
+
+
+def test_the_strongest_come_first_and_no_more_than_asked_for():
+    levels = levels_of(GRID, image().values)
+    cloud = levels.strongest(-10, 1000)
+    assert cloud.above == len(cloud.db) == (levels.db >= -10).sum() > 10
+    assert (np.diff(cloud.db) <= 0).all()
+    some = levels.strongest(-10, 7)
+    assert some.above == cloud.above
+    assert np.array_equal(some.db, cloud.db[:7])
+    for point, db in zip(some.points, some.db, strict=True):
+        index = tuple(int(np.abs(a - p).argmin()) for a, p in zip((GRID.x, GRID.y, GRID.z), point, strict=True))
+        assert levels.db[index] == db
+
+
+def test_many_voxels_of_one_level_do_not_go_over_the_limit():
+    cloud = levels_of(GRID, np.ones(GRID.shape, np.complex64)).strongest(-10, 11)
+    assert (len(cloud.db), cloud.above) == (11, GRID.size)
+
+
+def test_an_empty_image_has_nothing_above_any_threshold():
+    levels = levels_of(GRID, np.zeros(GRID.shape, np.complex64))
+    assert len(levels.strongest(FLOOR_DB, 100).db) == 0
+    assert (levels.db == FLOOR_DB).all()
+
+
+def test_values_that_are_not_finite_are_refused():
+    values = image().values.copy()
+    values[3, 1, 2] = np.nan
+    with pytest.raises(InputError, match="NaN or infinite"):
+        levels_of(GRID, values)
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_a_slice_shows_the_plane_nearest_to_its_place(axis):
+    levels = levels_of(GRID, image().values)
+    coordinates = (GRID.x, GRID.y, GRID.z)[axis]
+    picture, place = levels.slice(axis, coordinates[1] + 0.1 * (coordinates[2] - coordinates[1]))
+    assert place == coordinates[1]
+    assert np.array_equal(picture, levels.db.take(1, axis=axis).T)
+
+
+def test_pixels_are_of_one_size_where_spacings_differ():
+    grid = ms.VoxelGrid(x=[0.0, 0.01, 0.02, 0.05], y=[0.0, 0.01], z=[0.0])
+    levels = levels_of(grid, (1 + np.arange(8)).reshape(grid.shape).astype(np.complex64))
+    picture, _ = levels.slice(2, 0.0)
+    assert picture.shape == (2, 4)
+    assert np.array_equal(picture, levels.db[[0, 2, 3, 3], :, 0].T)
+
+
+def test_slabs_hold_every_slice_once():
+    levels = levels_of(GRID, image().values)
+    slabs = levels.slabs(0, 3)
+    assert len(slabs) == 3
+    assert np.max([picture.max() for picture, _ in slabs]) == 0
+    assert np.array_equal(slabs[0][0], levels.db[:3].max(axis=0).T)
+
+
+def test_weighed_levels_are_those_of_the_combined_image():
+    specular, edge = image(1), image(2)
+    both = ms.combine(specular, edge, (0.3, 0.7))
+    assert np.abs(mixed_levels(specular, edge, 0.7).db - levels_of(GRID, both.values).db).max() < 1e-4
+    assert np.array_equal(mixed_levels(specular, edge, 0.0).db, levels_of(GRID, specular.values).db)
+
+
+# Layout --------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4, 7])
+def test_all_panes_are_seen_from_the_same_direction(count):
+    rng = np.random.default_rng(count)
+    for camera in (*rng.normal(size=(20, 3)) * 3, np.array([0.0, 0.0, 2.0])):
+        seen = []
+        for place in placed(count, 0.2, camera, np.array([0.0, 0.0, 1.0])):
+            line = _rotation(*place.wxyz).T @ (place.position - camera)
+            seen.append(line / np.linalg.norm(line))
+        assert len(seen) == count
+        assert np.abs(np.array(seen) + camera / np.linalg.norm(camera)).max() < 1e-12
+
+
+def _rotation(w, *v):
+    cross = np.cross(np.eye(3), -np.array(v)).T
+    return np.eye(3) + 2 * w * cross + 2 * cross @ cross
+
+
+def test_panes_do_not_overlap_and_fit_the_view():
+    radius = 0.3
+    for count in range(1, 10):
+        distance = start_camera(count, radius, aspect=1.5)
+        camera = np.array([0.0, -distance, 0.0])
+        places = np.array([p.position for p in placed(count, radius, camera, np.array([0.0, 0.0, 1.0]))])
+        apart = np.linalg.norm(places[:, None] - places, axis=-1)[np.triu_indices(count, 1)]
+        assert (apart >= 2 * radius - 1e-12).all()
+        rows, columns = rows_and_columns(count)
+        assert rows * columns >= count
+        reach = np.tan(FOV / 2) * distance
+        assert np.abs(places[:, 2]).max() + radius <= reach
+        assert np.abs(places[:, 0]).max() + radius <= 1.5 * reach
+
+
+# Settings ------------------------------------------------------------------------------------------------------------
+
+
+def test_colours_run_from_the_end_of_the_range_to_the_maximum():
+    settings = Settings(range_db=20, colormap="viridis")
+    colours = settings.colours(np.float32([-40, -20, 0]))
+    assert np.array_equal(colours, palette("viridis")[[0, 0, 255]])
+
+
+def test_the_colour_bar_dims_what_is_hidden():
+    assert "width:50.0%" in colour_bar(Settings(range_db=30, threshold_db=-15))
+
+
+@pytest.mark.parametrize("wrong", [{"threshold_db": 1}, {"range_db": 0}, {"share": 1.5}, {"colormap": "none"}])
+def test_settings_that_cannot_be_right_are_refused(wrong):
+    with pytest.raises(InputError):
+        Settings(**wrong)
+
+
+# Contents ------------------------------------------------------------------------------------------------------------
+
+
+def saved(folder, name, record):
+    ms.save(folder / name, record)
+    return folder / name
+
+
+def simulated(seed, model):
+    return image(seed, scene_bounds=[[0, 0, 0], [1, 1, 1]], history=[{"step": "simulate", "model": model}])
+
+
+def test_specular_and_edge_image_of_one_simulation_become_one_exhibit(tmp_path):
+    files = [
+        saved(tmp_path, "mug.edge.image.h5", simulated(1, "edge")),
+        saved(tmp_path, "other.image.h5", image(3)),
+        saved(tmp_path, "mug.specular.image.h5", simulated(2, "specular")),
+    ]
+    exhibits = gather(files, alpha=(3, 1)).exhibits
+    assert [e.title for e in exhibits] == ["mug, specular + edge", "other"]
+    assert exhibits[0].share == 0.25
+    expected = ms.combine(simulated(2, "specular"), simulated(1, "edge"), (3, 1))
+    assert np.abs(exhibits[0].levels.db - levels_of(GRID, expected.values).db).max() < 1e-4
+    assert len(gather(files, combine=False).exhibits) == 3
+
+
+def test_images_of_two_scenes_are_not_weighed_together(tmp_path):
+    elsewhere = image(2, scene_bounds=[[0, 0, 0], [2, 1, 1]], history=[{"step": "simulate", "model": "specular"}])
+    files = [saved(tmp_path, "a.h5", simulated(1, "edge")), saved(tmp_path, "b.h5", elsewhere)]
+    assert [e.pair for e in gather(files).exhibits] == [None, None]
+
+
+def test_what_is_around_goes_where_it_belongs(tmp_path):
+    radar, path = ms.Radar.preset("mito-sim-24ghz"), ms.Trajectory.raster(size=(0.02, 0.02), step=0.01)
+    frames = np.zeros((len(path), 1, 1, 256), np.complex64)
+    capture = ms.Capture(radar=radar, trajectory=path, frames=frames, metadata={"history": [{"step": "simulate"}]})
+    made = image(1, history=[{"step": "simulate"}, {"step": "form_image"}])
+    near, far = tmp_path / "near", tmp_path / "far"
+    near.mkdir()
+    far.mkdir()
+    mask = ms.Mask(grid_xy=GRID.xy, inside=np.eye(7, 5) > 0)
+    odd = ms.Mask(grid_xy=ms.PixelGrid(x=[0.0, 1.0], y=[0.0]), inside=[[True], [False]])
+    files = [
+        saved(near, "a.image.h5", made),
+        saved(far, "b.image.h5", image(2)),
+        saved(near, "a.capture.h5", capture),
+        saved(near, "a.mask.h5", mask),
+        saved(near, "odd.mask.h5", odd),
+        saved(far, "scene.h5", ms.Scene.from_mesh("golf_ball", vertices=100)),
+    ]
+    found = gather(files)
+    a, b = found.exhibits
+    assert (len(a.paths), len(b.paths)) == (1, 0)
+    assert (len(a.masks), len(b.masks)) == (1, 0)
+    assert (len(a.meshes), len(b.meshes)) == (1, 1)
+    assert [note for note in found.notes if "odd.mask.h5" in note]
+
+
+def test_the_published_layout_is_read(miniature):
+    folder = miniature.healthy / MUG / "robot_collected" / "0_0_90" / "exp2"
+    files = sorted(p for sight in ("los", "nlos") for p in (folder / sight / "processed/radars/77_ghz").iterdir())
+    assert len(files) == 4
+    exhibits = gather(files).exhibits
+    assert [e.title for e in exhibits] == [f"mug, 0/0/90°, exp2, {sight}, 77 GHz" for sight in ("LOS", "NLOS")]
+    assert [len(e.masks) for e in exhibits] == [1, 1]
+    assert [path.shape[1] for e in exhibits for path in e.paths] == [3, 3]
+    simulation = miniature.healthy / MUG / "simulation" / "0_0_0" / "processed" / "radars" / "77_ghz"
+    (weighed,) = gather(sorted(simulation.iterdir())).exhibits
+    assert weighed.title == "mug, simulated, 77 GHz"
+    assert weighed.pair is not None
+
+
+def test_a_mesh_alone_can_be_looked_at(tmp_path):
+    mesh = ms.Scene.from_mesh("golf_ball", vertices=100).mesh
+    (exhibit,) = gather([saved(tmp_path, "ball.h5", mesh)]).exhibits
+    assert exhibit.levels is None
+    assert np.array_equal(exhibit.bounds, mesh.bounds)
+
+
+def test_a_mesh_file_stands_where_it_was_simulated(tmp_path):
+    import trimesh
+
+    trimesh.creation.box((40, 20, 10)).export(tmp_path / "box.stl")
+    turned = image(placed={"unit": "mm", "rotate_deg": [0, 0, 90]})
+    (exhibit,) = gather([saved(tmp_path, "a.h5", turned), tmp_path / "box.stl"]).exhibits
+    assert exhibit.meshes[0].bounds == pytest.approx(np.array([[-0.01, -0.02, -0.005], [0.01, 0.02, 0.005]]))
+
+
+def test_a_large_image_is_read_in_slabs_and_said_to_be(tmp_path, monkeypatch):
+    path = saved(tmp_path, "large.image.h5", image())
+    monkeypatch.setattr("millisight.io.hdf5.load", None)  # not to be asked: it reads the whole
+    monkeypatch.setattr(contents_module, "MOST_VOXELS", 30)
+    found = gather([path])
+    assert found.exhibits[0].levels.peak == pytest.approx(float(image().magnitude.max()))
+    assert "7 x 5 x 3 voxels: read in slabs" in found.notes[0]
+
+
+def test_a_large_damaged_image_is_said_to_be_so(tmp_path, monkeypatch):
+    path = saved(tmp_path, "large.image.h5", image())
+    with h5py.File(path) as file:
+        place = file["values"].id.get_chunk_info(0).byte_offset
+    with open(path, "r+b") as file:
+        file.seek(place + 5)
+        file.write(b"\xff\xff")
+    monkeypatch.setattr(contents_module, "MOST_VOXELS", 30)
+    with pytest.raises(DamagedFileError, match=r"large\.image\.h5 is damaged"):
+        gather([path])
+
+
+def test_what_is_not_ours_is_refused(tmp_path, monkeypatch, miniature):
+    text = tmp_path / "notes.txt"
+    text.write_text("nothing")
+    with pytest.raises(FormatError, match=r"notes\.txt is nothing that the viewer knows"):
+        gather([text])
+    with pytest.raises(FormatError, match="holds a Radar"):
+        gather([saved(tmp_path, "radar.h5", ms.Radar.preset("iwr1443"))])
+    with pytest.raises(InputError, match="only masks"):
+        gather([saved(tmp_path, "mask.h5", ms.Mask(grid_xy=GRID.xy, inside=np.ones((7, 5), bool)))])
+    with pytest.raises(InputError, match="no file"):
+        gather([])
+    with pytest.raises(InputError, match="alpha"):
+        gather([text], alpha=(0, 0))
+    large = next(miniature.healthy.rglob("processed_image.pkl"))
+    monkeypatch.setattr(contents_module, "_LARGEST_PICKLE", 1000)
+    with pytest.raises(FileError, match="millisight dataset convert"):
+        gather([large])
+
+
+# What is drawn -------------------------------------------------------------------------------------------------------
+
+
+def test_a_masks_outline_is_as_long_as_its_border():
+    inside = np.zeros((7, 5), bool)
+    inside[2:4, 1:4] = True
+    outline = mask_outline(ms.Mask(grid_xy=GRID.xy, inside=inside))
+    assert len(outline) == 2 * (2 + 3)
+    assert np.linalg.norm(outline[:, 1] - outline[:, 0], axis=1) == pytest.approx(0.01)
+    assert outline.reshape(-1, 2).min(axis=0) == pytest.approx([-0.015, 0.005])
+
+
+def test_of_a_long_path_the_turns_are_kept():
+    path = ms.Trajectory.raster(size=(0.1, 1.0), step=(0.01, 2e-5), serpentine=True).positions
+    assert len(path) > 500_000
+    lines = path_lines(path)
+    assert len(lines) < 10_000
+    assert np.abs(lines[:, :, 1]).max() == np.abs(path[:, 1]).max()
+    flat = lines[np.abs(np.diff(lines[:, :, 0], axis=1)[:, 0]) > 1e-9]  # from row to row, along x alone
+    assert len(flat) == 10
+    assert np.abs(np.diff(flat[:, :, 1], axis=1)).max() < 1e-9
+
+
+def test_the_box_reaches_to_the_voxels_ends():
+    assert spans(GRID) == pytest.approx(np.array([[-0.035, -0.005, -0.225], [0.035, 0.045, -0.075]]))
+
+
+# The server ----------------------------------------------------------------------------------------------------------
+
+
+def test_a_taken_port_and_a_strange_host_are_said_to_be_so():
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with pytest.raises(InputError, match=f"cannot listen at port {port} of 127.0.0.1"):
+            start(port=port)
+    with pytest.raises(InputError, match="expected an address of this machine"):
+        start("no.such.host.invalid")
+
+
+def test_without_viser_it_is_said_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "viser", None)
+    with pytest.raises(DeviceError, match=r"pip install \"millisight\[viewer\]\""):
+        start()
+
+
+def test_a_change_draws_what_it_changes_and_nothing_else(tmp_path):
+    from millisight.viz.viewer.session import Stage, first_settings
+
+    found = gather([saved(tmp_path, "a.h5", simulated(1, "edge")), saved(tmp_path, "b.h5", simulated(2, "specular"))])
+    server = start()
+    try:
+        settings = first_settings(found)
+        stage = Stage(server, found, settings)
+        (pane,) = stage.panes
+        before = dict(pane._nodes)
+        stage.show(settings)
+        assert all(pane._nodes[name] is nodes for name, nodes in before.items())
+        stage.show(dataclasses.replace(settings, threshold_db=-3.0))
+        changed = {name for name, nodes in before.items() if pane._nodes[name] is not nodes}
+        assert changed == {"points"}
+        assert pane.cloud.db.min() >= -3
+        stage.show(dataclasses.replace(settings, slices=True, share=1.0))
+        assert np.array_equal(pane.levels.db, levels_of(GRID, simulated(1, "edge").values).db)
+        assert {node.name for node in pane._nodes["slices"]} >= {f"/pane0/slice_{axis}" for axis in "xyz"}
+        stage.show(dataclasses.replace(settings, box=False))
+        assert not any(node.visible for node in pane._nodes["box"])
+    finally:
+        server.stop()
