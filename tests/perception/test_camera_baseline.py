@@ -5,7 +5,7 @@ import pytest
 
 from millisight.capture.camera import CameraFrame, Intrinsics
 from millisight.errors import InputError
-from millisight.perception.camera_baseline import depth_prompts, photo, thinned
+from millisight.perception.camera_baseline import depth_prompts, photo
 
 K = Intrinsics(fx=60, fy=60, cx=32, cy=24, width=64, height=48)
 NEAR = np.zeros((48, 64), bool)
@@ -61,12 +61,3 @@ def test_the_photo_is_the_picture():
     assert picture.shape == (48, 64)
     assert np.array_equal(picture.rgb, frame(holed()).rgb)
     assert picture.power is None
-
-
-@pytest.mark.parametrize("every", [1, 2, 5])
-def test_a_thinned_frame_shows_fewer_of_the_same_points(every):
-    whole = frame(holed())
-    thin = thinned(whole, every)
-    assert thin.rgb.shape == (-(-48 // every), -(-64 // every), 3)
-    assert np.array_equal(thin.rgb, whole.rgb[::every, ::every])
-    assert thin.points == pytest.approx(whole.points[::every, ::every], nan_ok=True)

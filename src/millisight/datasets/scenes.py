@@ -18,7 +18,6 @@ from millisight.io.hdf5 import load
 from millisight.io.mito_layout import read_info, read_published
 from millisight.io.mito_names import CAMERA_FRAME, CAMERA_MASK, IMAGE, INFO, RADAR_MASK
 from millisight.io.mito_setup import BASE_ORIGIN
-from millisight.perception.camera_baseline import thinned
 from millisight.perception.segmentation import Mask
 from millisight.records import record
 from millisight.scene.objects import CATALOGUE
@@ -28,7 +27,6 @@ TRANSFORMS = ("file", "published")
 _RADARS = {LOW: "24_ghz", HIGH: "77_ghz"}
 _SUPPORTS = {"tripod": -0.30}  # height of what the object stands on [m]; of anything else:
 _BLOCK = -0.48
-_THINNED = 2  # of the camera's rows and columns every second is used for the baseline: 1.4 mm at 0.42 m
 _MARGIN = 0.004  # above the support, what belongs to the object [m]
 
 
@@ -182,7 +180,7 @@ def _view(files: SceneFiles, placed: Callable[[np.ndarray], np.ndarray], support
     """The camera's picture, prompts to be drawn on what rises above the support."""
     if files.frame is None:
         return None
-    frame = thinned(_read(files.frame, CameraFrame), _THINNED)
+    frame: CameraFrame = _read(files.frame, CameraFrame)
     matrix = placed(frame.pose)
     if support is None:
         support = _SUPPORTS.get(_info(files)["background"], _BLOCK)

@@ -6,7 +6,7 @@ fails, as it should.
 
 import numpy as np
 
-from millisight.capture.camera import CameraFrame, Intrinsics
+from millisight.capture.camera import CameraFrame
 from millisight.errors import InputError
 from millisight.perception.projection import Picture
 from millisight.perception.prompts import Prompts, seed_or_generator
@@ -19,25 +19,6 @@ COUNT = 20
 def photo(frame: CameraFrame) -> Picture:
     """The picture of a camera, to be segmented: its pixels are [row, column]."""
     return Picture(rgb=checked_record(frame, CameraFrame, name="frame").rgb)
-
-
-def thinned(frame: CameraFrame, every: int) -> CameraFrame:
-    """The frame with every so many-th row and column only: a photo has many more pixels than a radar image needs."""
-    step = checked_integer(every, name="every")
-    checked_record(frame, CameraFrame, name="frame")
-    lens = frame.intrinsics
-    rgb, depth = frame.rgb[::step, ::step], frame.depth[::step, ::step]
-    height, width = depth.shape
-    return CameraFrame(
-        rgb=rgb,
-        depth=depth,
-        pose=frame.pose,
-        intrinsics=Intrinsics(
-            fx=lens.fx / step, fy=lens.fy / step, cx=lens.cx / step, cy=lens.cy / step, width=width, height=height
-        ),
-        depth_unit=frame.depth_unit,
-        metadata=frame.metadata,
-    )
 
 
 def depth_prompts(
