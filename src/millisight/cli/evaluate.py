@@ -2,7 +2,7 @@
 
 import typer
 
-from millisight.cli import evaluate_segmentation
+from millisight.cli import evaluate_segmentation, evaluate_simulator
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -10,4 +10,5 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
     help="How well it works: tables of a dataset's images, the paper's figures beside.",
 )
+app.command("simulator")(evaluate_simulator.simulator)
 app.command("segmentation")(evaluate_segmentation.segmentation)
