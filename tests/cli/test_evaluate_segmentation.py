@@ -57,7 +57,7 @@ def test_tables_pictures_and_every_mask_are_written(work):
     text = (out / "segmentation.md").read_text()
     for said in (
         "data (by hand; simulated, not real data)",
-        "classical: no network, nothing was trained",
+        "classical: no network; its levels were chosen",
         "dim: NOT a fair test, its network saw 1 of the tested objects: wide",
         "multi-spectral",
         "paper: SAM, real data",

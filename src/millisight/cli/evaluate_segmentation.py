@@ -161,7 +161,7 @@ def _notes(
 def _seen(by: Any, tested: set[str]) -> str:
     """What the segmenter's network saw in training of the tested objects."""
     if by.name == "classical":
-        return "classical: no network, nothing was trained."
+        return "classical: no network; its levels were chosen on the scenes of examples/recipes/bench24.toml."
     sides = getattr(by, "description", {}).get("objects")
     if sides is None:
         return f"{by.name}: which objects its network saw in training is not known."

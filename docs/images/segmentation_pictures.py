@@ -1,0 +1,75 @@
+"""The pictures of docs/explanation/segmentation-truth.md, from a dataset and what was judged on it.
+
+millisight evaluate segmentation bench24 -o masks
+python docs/images/segmentation_pictures.py bench24 masks docs/images
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from PIL import Image
+
+from millisight.datasets.mito import find
+from millisight.datasets.scenes import find_scenes, read_scene
+from millisight.evaluation.segmentation import BOTH, HIGH, Judge
+from millisight.perception.projection import power_on
+from millisight.perception.prompts import NLOS
+from millisight.perception.segmentation import segmenter
+from millisight.viz.style import save_figure
+
+SHOWN = ("050_medium_clamp", "077_rubiks_cube", "065-g_cups", "029_plate")
+
+
+def bands(root: Path) -> Figure:
+    """Out of sight: where positive prompts may lie, by 77 GHz alone and by both bands, and the masks from both."""
+    figure = Figure(figsize=(8.4, 6.4), layout="constrained")
+    axes = figure.subplots(3, len(SHOWN))
+    by = segmenter("wave")
+    for column, name in enumerate(SHOWN):
+        (files,) = find_scenes(find(root).only([name]), sight="nlos")
+        judge = Judge(by, read_scene(files))
+        picture, truth = judge.pictures[HIGH], judge.truth(HIGH)
+        bright = picture.power > NLOS.positive
+        both = bright & (power_on(judge.pictures["24 GHz"], picture) > NLOS.positive)
+        x, y = truth.grid_xy.x, truth.grid_xy.y
+        extent = (x[0], x[-1], y[0], y[-1])
+        for row, shown in enumerate((None, bright, both)):
+            one = axes[row, column]
+            if shown is None:
+                one.imshow(picture.rgb.transpose(1, 0, 2), origin="lower", extent=extent)
+                one.set_title(name, fontsize=9)
+                masks = ((judge.attempt(BOTH, 0).mask, "white", "-"),)
+            else:
+                one.imshow(np.where(shown.T, 0.25, 0.95), cmap="gray", vmin=0, vmax=1, origin="lower", extent=extent)
+                share = truth.inside[shown].mean() if shown.any() else 0
+                one.set_title(f"{100 * share:.0f} % on the object", fontsize=8)
+                masks = ()
+            for mask, colour, style in (*masks, (truth, "#D55E00", "--")):
+                one.contour(x, y, mask.inside.T, levels=[0.5], colors=colour, linestyles=style, linewidths=1.3)
+            one.set(xticks=[], yticks=[])
+    for row, label in enumerate(("77 GHz", "bright at 77 GHz", "bright in both bands")):
+        axes[row, 0].set_ylabel(label, fontsize=9)
+    return figure
+
+
+def shrink(path: Path, colours: int = 48) -> None:
+    """The picture in few colours."""
+    Image.open(path).convert("RGB").quantize(colours).save(path, optimize=True)
+
+
+if __name__ == "__main__":
+    if len(sys.argv) != 4:
+        sys.exit(__doc__)
+    data, judged, out = map(Path, sys.argv[1:])
+    save_figure(bands(data), out / "segmentation-bands.png", dpi=80)
+    worst = [Image.open(path).convert("RGB") for path in sorted(judged.glob("worst-*.png"))[:6]]
+    width, height = worst[0].size
+    sheet = Image.new("RGB", (2 * width, 3 * height), "white")
+    for number, picture in enumerate(worst):
+        sheet.paste(picture, (number % 2 * width, number // 2 * height))
+    sheet.resize((width * 5 // 4, height * 15 // 8)).save(out / "segmentation-worst.png")
+    Image.open(judged / "medians.png").save(out / "segmentation-medians.png")
+    for name in ("bands", "worst", "medians"):
+        shrink(out / f"segmentation-{name}.png")
