@@ -147,7 +147,7 @@ def check(driver, label):
 def test_a_shared_page_opens_from_the_disk_without_network(files, driver, tmp_path):
     paths, square, ring = files
     found = gather([paths["specular"], paths["other"]])
-    settings = first_settings(found, range_db=45.0)
+    settings = first_settings(found, range_db=55.0)
     write_page(tmp_path / "page.html", found, settings)
     driver.get(f"file://{tmp_path}/page.html")
 
@@ -156,7 +156,7 @@ def test_a_shared_page_opens_from_the_disk_without_network(files, driver, tmp_pa
 
     wait(lambda: (points("/pane0"), points("/pane1")) == (square, square + ring))
     assert driver.title == "specular, other"
-    driver.execute_script("document.querySelector('#millisight input').value = -45")
+    driver.execute_script("document.querySelector('#millisight input').value = -55")
     wait(lambda: points("/pane0") == points("/pane1") == 11 * 11 * 5)
     driver.execute_script(_TURN)
     wait(lambda: side_by_side(driver, found_radius(found)))
