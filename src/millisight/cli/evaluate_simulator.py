@@ -220,13 +220,11 @@ def _compared(job: _Job) -> "Pair":
 def _read(item: "Item") -> "tuple[SarImage, str]":
     """An image, and what the file says made it: "" where it does not call itself simulated."""
     from millisight.imaging.image import SarImage
-    from millisight.io.hdf5 import load
+    from millisight.io.hdf5 import load, load_extras
     from millisight.io.mito_layout import read_published
 
     if item.converted:
-        image = load(item.path)
-        told: Any = getattr(image, "metadata", {})
-        told = {**told, **told.get("extras", {})} if isinstance(told.get("extras", {}), dict) else told
+        image, told = load(item.path), load_extras(item.path)
     else:
         image, told = read_published(item.path)
     if not isinstance(image, SarImage):

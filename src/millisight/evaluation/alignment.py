@@ -55,15 +55,16 @@ def align(
 ) -> Alignment:
     """Lay the cloud `moving` on the cloud `fixed`.
 
-    The starts: the clouds' means, and the middles of their bounding boxes, on each other; then 15 mm off along each axis;
-    of a rigid alignment also turned by 8 degrees about z. All are compared on a thinned cloud, and the best goes on.
+    The starts: the clouds' means, and the middles of their bounding boxes, on each other; then 15 mm off along each
+    axis; of a rigid alignment also turned by 8 degrees about z. All are compared on a thinned cloud, and the best goes
+    on.
 
     Parameters
     ----------
     moving, fixed : (N, 3) and (M, 3) points [m]
     mode : "translation", or "rigid": with a rotation
-    surfaces : whether the points are samples of surfaces: then the distances along the normals of `fixed` count (Chen and
-        Medioni 1991), which is sharper; the points of a voxel grid fill volumes
+    surfaces : whether the points are samples of surfaces: then the distances along the normals of `fixed` count (Chen
+        and Medioni 1991), which is sharper; the points of a voxel grid fill volumes
     most_points : of each cloud; of larger ones every so-manieth point is taken
     most_iterations : of the last stage
     tolerance : the alignment has converged when no point moves further in a step [m]
@@ -88,10 +89,10 @@ def align(
     checked_number(tolerance, name="tolerance", unit="m", above=0)
     most = checked_integer(most_points, name="most_points")
     rigid = mode == "rigid"
-    sketch = _Pairing(*(thinned(cloud, min(_SKETCH, most)) for cloud in clouds), surfaces=False)
+    sketch = _Pairing(thinned(clouds[0], min(_SKETCH, most)), thinned(clouds[1], min(_SKETCH, most)), surfaces=False)
     tried = [sketch.run(start, rigid, 15, 20 * tolerance) for start in _starts(*clouds, rigid)]
     best = min(tried, key=lambda one: one.rms)
-    whole = _Pairing(*(thinned(cloud, most) for cloud in clouds), surfaces=surfaces)
+    whole = _Pairing(thinned(clouds[0], most), thinned(clouds[1], most), surfaces=surfaces)
     return whole.run(best, rigid, checked_integer(most_iterations, name="most_iterations"), tolerance)
 
 

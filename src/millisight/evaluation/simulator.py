@@ -1,4 +1,4 @@
-"""How true simulated images are: measured and simulated clouds, aligned and compared, the best over weights (paper 3.4).
+"""How true simulated images are: their points against measured ones, aligned; the best over weights (paper Eq. 12).
 
 Images combine linearly, I = (a1 I_specular + a2 I_edge) / (a1 + a2), so that no weight needs an image of its own.
 """
@@ -22,7 +22,7 @@ WEIGHTS: tuple[tuple[float, float], ...] = (
     *((1 / (1 + ratio), ratio / (1 + ratio)) for ratio in 2.0 ** np.arange(-6, 4)),
     EDGE,
 )
-"""W of (a1, a2): both parts alone, and ratios a2 / a1 from 1/64 to 8, an octave apart. The paper does not print its W."""
+"""W of (a1, a2): both parts alone, and ratios a2 / a1 from 1/64 to 8, an octave apart. The paper prints no W."""
 
 
 @record

@@ -1,4 +1,4 @@
-"""Tables of how true simulated images are: quartiles beside the paper's, per pair, per class, and with weights held out."""
+"""Tables of how true simulated images are: quartiles beside the paper's, by pair, by class, with weights held out."""
 
 from collections.abc import Callable, Mapping, Sequence
 
@@ -21,6 +21,11 @@ _PARTS: Mapping[str, Callable[[Comparison], Trial]] = {
     "specular": lambda comparison: comparison.specular,
     "edge": lambda comparison: comparison.edge,
 }
+
+_PAIR_COLUMNS = (
+    "object", "class", "pose", "exp", "sight", "F [%]", "precision [%]", "recall [%]", "a1", "a2", "F specular [%]",
+    "F edge [%]", "points measured", "points simulated", "shift [mm]", "notes",
+)  # fmt: skip
 
 
 @record
@@ -116,7 +121,7 @@ def class_table(pairs: Sequence[Pair], sight: str) -> Table:
 def held_out_table(pairs: Sequence[Pair]) -> Table:
     """F of weights fitted on one image of an object and scored on another of it, beside both parts alone.
 
-    Weights fitted in line of sight are scored out of sight, in the same experiment; and those of one pose on the others.
+    Weights fitted in line of sight are scored out of sight, in the same experiment; those of one pose, on the others.
     Without such pairs, a table without rows.
     """
     return Table(
@@ -137,17 +142,17 @@ def _held_out(name: str, fitted: list[Pair], scored: list[Pair]) -> list[tuple]:
     """Rows for pairs of which the first one's weights are scored on the second."""
     if not scored:
         return []
-    combined = [two.comparison.of(one.comparison.best.weights).score.f for one, two in zip(fitted, scored, strict=True)]
+    held_out = [two.comparison.of(one.comparison.best.weights) for one, two in zip(fitted, scored, strict=True)]
     values = {
-        "combined, held out": combined,
-        "combined, fitted on the scored": [p.comparison.best.score.f for p in scored],
+        "combined, held out": [trial.score.f for trial in held_out],
+        "combined, fitted on the scored": [pair.comparison.best.score.f for pair in scored],
     }
     values |= {part: [_PARTS[part](pair.comparison).score.f for pair in scored] for part in ("specular", "edge")}
     rows: list[tuple] = [
         (name, part, *(_quantile(100 * np.array(found), share) for share in (0.25, 0.5, 0.75)), len(found))
         for part, found in values.items()
     ]
-    gain = 100 * (np.array(combined) - np.maximum(values["specular"], values["edge"]))
+    gain = 100 * (np.array(values["combined, held out"]) - np.maximum(values["specular"], values["edge"]))
     low, high = bootstrap_interval(gain, np.mean)
     told = f"{gain.mean():+.1f} ({low:+.1f} to {high:+.1f})"
     return [*rows, (name, "mean gain over the better part [points]", None, told, None, len(gain))]
@@ -172,8 +177,6 @@ def _poses(pairs: Sequence[Pair]) -> tuple[list[Pair], list[Pair]]:
 
 def pair_table(pairs: Sequence[Pair]) -> Table:
     """A row for every pair."""
-    columns = ("object", "class", "pose", "exp", "sight", "F [%]", "precision [%]", "recall [%]", "a1", "a2",
-               "F specular [%]", "F edge [%]", "points measured", "points simulated", "shift [mm]", "notes")  # fmt: skip
     rows = []
     for pair in pairs:
         comparison, best = pair.comparison, pair.comparison.best
@@ -184,7 +187,7 @@ def pair_table(pairs: Sequence[Pair]) -> Table:
             (pair.object, pair.category, pair.pose, pair.number, pair.sight, *(100 * value for value in scores),
              *best.weights, *parts, comparison.points, best.points, shift, "; ".join(comparison.notes))
         )  # fmt: skip
-    return Table(title="Every pair", columns=columns, rows=tuple(rows))
+    return Table(title="Every pair", columns=_PAIR_COLUMNS, rows=tuple(rows))
 
 
 def fitted_weights(pairs: Sequence[Pair]) -> dict[str, tuple[float, float]]:

@@ -46,7 +46,7 @@ class Shown(NamedTuple):
 def plot_pair(shown: Shown) -> Figure:
     """Four panels: the two images from above, and the aligned points from above and from the front."""
     figure = Figure(figsize=(10.4, 3.3))
-    panels = [figure.add_axes((0.055 + 0.243 * n, 0.15, 0.195, 0.64)) for n in range(4)]
+    panels = [figure.add_axes((0.055 + 0.248 * n, 0.15, 0.18, 0.64)) for n in range(4)]
     shades, colours = Shades.checked("linear", 30), checked_colormap("inferno")
     for axes, image, name in zip(panels, (shown.measured, shown.simulated), ("measured", "simulated"), strict=False):
         grid = image.grid
@@ -64,10 +64,10 @@ def plot_pair(shown: Shown) -> Figure:
 
 def heading(pair: Pair) -> str:
     """What a picture of a pair shows, in a line."""
-    best = pair.comparison.best
+    score, (a1, a2) = pair.comparison.best.score, pair.comparison.best.weights
     return (
-        f"{pair.object}, {SIGHTS[pair.sight]}: F {100 * best.score.f:.0f} %, precision {100 * best.score.precision:.0f} %, "
-        f"recall {100 * best.score.recall:.0f} %, weights {best.weights[0]:.2f} and {best.weights[1]:.2f}"
+        f"{pair.object}, {SIGHTS[pair.sight]}: F {100 * score.f:.0f} %, precision {100 * score.precision:.0f} %, "
+        f"recall {100 * score.recall:.0f} %, weights {a1:.2f} and {a2:.2f}"
     )
 
 
@@ -82,7 +82,7 @@ def _dots(axes: Axes, shown: Shown, i: int, j: int) -> None:
 
 @styled
 def plot_sensitivity(pairs: Sequence[Pair], *, settings: Comparing, title: str) -> Figure:
-    """Median F of the best combinations over tau_P and tau_F, a map for each sight; a cross at the table's own values."""
+    """Median F of the best combinations over tau_P and tau_F, a map for each sight; the table's own values framed."""
     there = [sight for sight in SIGHTS if any(pair.sight == sight for pair in pairs)]
     figure = Figure(figsize=(1.2 + 3.6 * len(there), 3.6))
     width = 0.78 / len(there)
@@ -150,7 +150,7 @@ def write_report(
         figure = plot_sensitivity(pairs, settings=settings, title="Median F [%] of the best combination")
         save_figure(figure, folder / "sensitivity.png", dpi=110)
         caption = (
-            "How the score moves with the thresholds: the weights as fitted at the marked ones, the clouds aligned anew "
+            "How the score moves with the thresholds: weights as fitted at the framed ones, clouds aligned anew "
             "for each tau_P."
         )
         items.append(PageItem(heading="Sensitivity to tau_P and tau_F", picture="sensitivity.png", caption=caption))
