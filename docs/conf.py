@@ -1,8 +1,8 @@
 """The documentation's settings for Sphinx: `make docs` builds it into build/docs, warnings being errors.
 
 A new page in `how-to`, `explanation`, its `decisions` or its `model-cards` needs no line anywhere: the contents of
-those folders are globs. Nothing is fetched, at build time or by the reader's browser: equations become MathML, and
-fonts are the system's.
+those folders are globs (`[!d]**` is all but the decisions, which have a list of their own). Nothing is fetched, at
+build time or by the reader's browser: equations become MathML, and fonts are the system's.
 """
 
 import sys
@@ -34,7 +34,6 @@ html_css_files = ["site.css"]
 html_copy_source = False
 html_show_sphinx = False
 html_theme_options = {"navigation_with_keys": True, "top_of_page_buttons": []}
-suppress_warnings = ["toc.empty_glob"]  # a folder's contents may come later than its list
 
 myst_enable_extensions = ["dollarmath", "colon_fence"]
 myst_heading_anchors = 4
