@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from millisight.cli import interrupts
-from millisight.cli.console import check_outputs, say
+from millisight.cli.console import check_outputs, progress, say
 from millisight.errors import InputError
 
 
@@ -78,7 +78,8 @@ def view(
     from millisight.viz.viewer.contents import gather
     from millisight.viz.viewer.session import Viewer, first_settings
 
-    contents = gather(files, combine=not separate, alpha=alpha, unit=unit)
+    with progress("read", compiles=False):
+        contents = gather(files, combine=not separate, alpha=alpha, unit=unit)
     settings = first_settings(
         contents, points=not (slices or volume), slices=slices, volume=volume, threshold_db=threshold,
         range_db=range_db, colormap=colormap, common=common,

@@ -1,10 +1,13 @@
 """The viewer's panel: every control, and what it says about the files."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from millisight.errors import MillisightError
 from millisight.viz.viewer.levels import FLOOR_DB, spans
 from millisight.viz.viewer.settings import COLORMAPS, Settings, colour_bar
 
@@ -142,10 +145,10 @@ class Panel:
                 voxels = " × ".join(map(str, pane.levels.grid.shape))
                 facts.append(f"{voxels} voxels, maximum {pane.levels.peak:.3g}")
             if pane.cloud is not None and settings.points:
-                shown = f"{len(pane.cloud.db):,} voxels shown"
+                shown = f"{len(pane.cloud.db)} voxels shown"
                 if len(pane.cloud.db) < pane.cloud.above:
-                    shown += f", the strongest of {pane.cloud.above:,} above the threshold"
-                facts.append(shown.replace(",", "\u2009") if "strongest" not in shown else shown)
+                    shown += f", the strongest of {pane.cloud.above} above the threshold"
+                facts.append(shown)
             lines.append("<br>".join(facts))
         lines += [escape(note) for note in self._viewer.stage.contents.notes]
         return '<div style="padding:4px 12px;font-size:0.8em;line-height:1.45">' + "<br>".join(lines) + "</div>"
@@ -155,19 +158,10 @@ def _formula(share: float) -> str:
     return f'<div style="padding:0 12px 6px;font-size:0.82em">I = {1 - share:.2f} specular + {share:.2f} edge</div>'
 
 
-class _explained:
+@contextmanager
+def _explained(client: Any, title: str) -> Iterator[None]:
     """Tell the user in the browser why what was asked for did not come."""
-
-    def __init__(self, client: Any, title: str):
-        self._client, self._title = client, title
-
-    def __enter__(self) -> None:
-        pass
-
-    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> bool:
-        from millisight.errors import MillisightError
-
-        if isinstance(error, MillisightError) and self._client is not None:
-            self._client.add_notification(self._title, str(error), color="red")
-            return True
-        return False
+    try:
+        yield
+    except MillisightError as error:
+        client.add_notification(title, str(error), color="red")

@@ -43,8 +43,10 @@ def page(contents: Contents, settings: Settings, camera: tuple[np.ndarray, np.nd
     DeviceError
         viser is not installed.
     """
-    # A server of its own, since the page has all points down to the end of the colours, whatever is shown now.
-    lowest = min(settings.threshold_db, -settings.range_db)
+    # A server of its own, since the page has points down to the end of the colours, whatever is shown now; not so where
+    # slices show the threshold, too.
+    alone = not (settings.slices or settings.volume)
+    lowest = min(settings.threshold_db, -settings.range_db) if alone else settings.threshold_db
     server = start()
     try:
         stage = Stage(server, contents, dataclasses.replace(settings, threshold_db=lowest))
