@@ -16,9 +16,11 @@ from typing import Any
 
 from docutils import nodes
 from docutils.statemachine import StringList
+from numpy.typing import ArrayLike
 from sphinx.util import logging
 from sphinx.util.docutils import SphinxDirective
 from sphinx.util.nodes import nested_parse_with_titles
+from sphinx.util.typing import stringify_annotation
 
 import millisight
 from millisight import errors
@@ -39,7 +41,7 @@ def room_of(thing: Any) -> str:
 
 
 class PublicNames(SphinxDirective):
-    """`.. public-names:: room`, or a module's whole name, of which then every name in its `__all__`."""
+    """`.. public-names:: room`, or a module's whole name: every name in its `__all__`, or that it defines."""
 
     required_arguments = 1
 
@@ -55,7 +57,7 @@ class PublicNames(SphinxDirective):
     def _directives(self, room: str) -> Iterator[str]:
         if "." in room:
             module = __import__(room, fromlist=["_"])
-            things = {name: getattr(module, name) for name in getattr(module, "__all__", _classes(module))}
+            things = {name: getattr(module, name) for name in getattr(module, "__all__", _own(module))}
         else:
             room, things = "millisight", {k: v for k, v in public_names().items() if room_of(v) == room}
         for name, thing in things.items():
@@ -70,10 +72,10 @@ class PublicNames(SphinxDirective):
             yield ""
 
 
-def _classes(module: Any) -> list[str]:
-    return [
-        name for name, thing in vars(module).items() if inspect.isclass(thing) and thing.__module__ == module.__name__
-    ]
+def _own(module: Any) -> list[str]:
+    """The public classes and functions that a module defines."""
+    found = {name: thing for name, thing in vars(module).items() if inspect.isclass(thing) or inspect.isfunction(thing)}
+    return [name for name, thing in found.items() if thing.__module__ == module.__name__ and not name.startswith("_")]
 
 
 def _is_error(thing: Any) -> bool:
@@ -170,12 +172,19 @@ def _process(app: Any, what: str, name: str, thing: Any, options: Any, lines: li
 def _signature(
     app: Any, what: str, name: str, thing: Any, options: Any, arguments: str | None, returned: str | None
 ) -> tuple[str | None, str | None]:
-    """A record's default made by a factory is an ellipsis: Sphinx cannot parse `<factory>`."""
-    return (arguments or "").replace("<factory>", "...") or None, returned
+    """A default made by a factory, which Sphinx cannot parse, is an ellipsis; NumPy's ArrayLike is not spelled out."""
+    spelled_out = stringify_annotation(ArrayLike, "smart")
+    return (arguments or "").replace("<factory>", "...").replace(spelled_out, "ArrayLike") or None, returned
+
+
+def _skipped(app: Any, what: str, name: str, thing: Any, skip: bool, options: Any) -> bool | None:
+    """A named tuple's fields are told in its docstring."""
+    return True if (getattr(thing, "__doc__", None) or "").startswith("Alias for field number") else None
 
 
 def setup(app: Any) -> dict[str, bool]:
     app.add_directive("public-names", PublicNames)
     app.connect("autodoc-process-docstring", _process)
     app.connect("autodoc-process-signature", _signature)
+    app.connect("autodoc-skip-member", _skipped)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
