@@ -1,4 +1,5 @@
-"""The pictures of docs/explanation/segmentation-truth.md, from a dataset and what was judged on it.
+"""The pictures of docs/explanation/segmentation-truth.md, from a dataset and what was judged on it; and how many of the
+pixels where prompts may lie are on the object.
 
 millisight evaluate segmentation bench24 -o masks
 python docs/images/segmentation_pictures.py bench24 masks docs/images
@@ -13,13 +14,30 @@ from PIL import Image
 
 from millisight.datasets.mito import find
 from millisight.datasets.scenes import find_scenes, read_scene
-from millisight.evaluation.segmentation import BOTH, HIGH, Judge
+from millisight.evaluation.segmentation import BOTH, HIGH, LOW, Judge
 from millisight.perception.projection import power_on
 from millisight.perception.prompts import NLOS
 from millisight.perception.segmentation import segmenter
 from millisight.viz.style import save_figure
 
 SHOWN = ("050_medium_clamp", "077_rubiks_cube", "065-g_cups", "029_plate")
+
+
+def bright_in(judge: Judge) -> tuple[np.ndarray, np.ndarray]:
+    """Pixels that are bright enough for a positive prompt: at 77 GHz, and in both bands."""
+    picture = judge.pictures[HIGH]
+    bright = picture.power > NLOS.positive
+    return bright, bright & (power_on(judge.pictures[LOW], picture) > NLOS.positive)
+
+
+def shares(root: Path) -> None:
+    """Say how many of such pixels lie on the object: medians over the scenes."""
+    by = segmenter("classical")
+    for sight in ("los", "nlos"):
+        for crop in ((0, 0), (4, 0)):
+            judges = [Judge(by, read_scene(files, crop=crop)) for files in find_scenes(find(root), sight=sight)]
+            found = [[100 * judge.truth(HIGH).inside[one].mean() for one in bright_in(judge)] for judge in judges]
+            print(sight, "crop", crop, "on the object [%]: 77 GHz, both:", np.nanmedian(found, axis=0).round(1))  # noqa: T201
 
 
 def bands(root: Path) -> Figure:
@@ -31,8 +49,7 @@ def bands(root: Path) -> Figure:
         (files,) = find_scenes(find(root).only([name]), sight="nlos")
         judge = Judge(by, read_scene(files))
         picture, truth = judge.pictures[HIGH], judge.truth(HIGH)
-        bright = picture.power > NLOS.positive
-        both = bright & (power_on(judge.pictures["24 GHz"], picture) > NLOS.positive)
+        bright, both = bright_in(judge)
         x, y = truth.grid_xy.x, truth.grid_xy.y
         extent = (x[0], x[-1], y[0], y[-1])
         for row, shown in enumerate((None, bright, both)):
@@ -63,8 +80,10 @@ if __name__ == "__main__":
     if len(sys.argv) != 4:
         sys.exit(__doc__)
     data, judged, out = map(Path, sys.argv[1:])
+    shares(data)
     save_figure(bands(data), out / "segmentation-bands.png", dpi=80)
-    worst = [Image.open(path).convert("RGB") for path in sorted(judged.glob("worst-*.png"))[:6]]
+    paths = sorted(judged.glob("worst-*.png"))  # of one segmenter, then of the other
+    worst = [Image.open(paths[half + n]).convert("RGB") for n in range(3) for half in (0, len(paths) // 2)]
     width, height = worst[0].size
     sheet = Image.new("RGB", (2 * width, 3 * height), "white")
     for number, picture in enumerate(worst):
