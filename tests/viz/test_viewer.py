@@ -1,14 +1,18 @@
 """The viewer without a browser: levels, the layout of the panes, what belongs to what, the port, the scene."""
 
 import dataclasses
+import re
 import socket
 import sys
+from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import millisight as ms
+from millisight.cli.app import app
 from millisight.errors import DamagedFileError, DeviceError, FileError, FormatError, InputError
 from millisight.viz.viewer import contents as contents_module
 from millisight.viz.viewer.contents import gather
@@ -16,6 +20,7 @@ from millisight.viz.viewer.layout import FOV, placed, rows_and_columns, start_ca
 from millisight.viz.viewer.levels import FLOOR_DB, levels_of, mixed_levels, spans
 from millisight.viz.viewer.pane import mask_outline, path_lines
 from millisight.viz.viewer.server import start
+from millisight.viz.viewer.session import Stage, first_settings
 from millisight.viz.viewer.settings import Settings, colour_bar, palette
 from miniature import MUG
 
@@ -346,8 +351,6 @@ def test_without_viser_it_is_said_what_to_install(monkeypatch):
 
 
 def test_a_change_draws_what_it_changes_and_nothing_else(tmp_path):
-    from millisight.viz.viewer.session import Stage, first_settings
-
     found = gather([saved(tmp_path, "a.h5", simulated(1, "edge")), saved(tmp_path, "b.h5", simulated(2, "specular"))])
     server = start()
     try:
@@ -368,3 +371,21 @@ def test_a_change_draws_what_it_changes_and_nothing_else(tmp_path):
         assert not any(node.visible for node in pane._nodes["box"])
     finally:
         server.stop()
+
+
+def test_the_page_about_it_is_right(tmp_path, monkeypatch, capsys):
+    text = (Path(__file__).parents[2] / "docs" / "how-to" / "view.md").read_text(encoding="utf-8")
+    known = set(re.findall(r"--[a-z-]+", CliRunner().invoke(app, ["view", "--help"]).output))
+    named = set(re.findall(r"--[a-z-]+", " ".join(re.findall(r"millisight view.*|`--.*?`", text))))
+    assert len(named) >= 6
+    assert named <= known
+    blocks = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
+    assert len(blocks) == 1
+    radar, path = ms.Radar.preset("mito-sim-24ghz"), ms.Trajectory.raster(size=(0.02, 0.02), step=0.01)
+    saved(tmp_path, "mug.image.h5", image())
+    frames = np.zeros((len(path), 1, 1, 256), np.complex64)
+    saved(tmp_path, "mug.capture.h5", ms.Capture(radar=radar, trajectory=path, frames=frames))
+    monkeypatch.chdir(tmp_path)
+    exec(blocks[0], {})
+    assert capsys.readouterr().out.startswith("http://127.0.0.1:")
+    assert (tmp_path / "mug.html").stat().st_size > 500_000

@@ -102,7 +102,9 @@ class Viewer:
     ):
         from millisight.viz.viewer.panel import Panel
 
-        self.settings = settings or first_settings(contents)
+        self.settings = self.painted = settings or first_settings(contents)
+        self._wanted, self._ended = threading.Condition(), False
+        self._painter = threading.Thread(target=self._paint, daemon=True)
         self.server = start(host, port)
         try:
             self.stage = Stage(self.server, contents, self.settings)
@@ -110,10 +112,6 @@ class Viewer:
         except BaseException:
             self.server.stop()
             raise
-        self._wanted = threading.Condition()
-        self._ended = False
-        self._painter = threading.Thread(target=self._paint, daemon=True)
-        self.painted = self.settings
         self._painter.start()
         self.server.on_client_connect(self._greet)
 
