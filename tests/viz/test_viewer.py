@@ -284,6 +284,14 @@ def test_a_large_damaged_image_is_said_to_be_so(tmp_path, monkeypatch):
         gather([path])
 
 
+def test_an_image_without_values_is_damaged(tmp_path):
+    path = saved(tmp_path, "empty.image.h5", image())
+    with h5py.File(path, "r+") as file:
+        del file["values"]
+    with pytest.raises(DamagedFileError, match=r"empty\.image\.h5 is damaged"):
+        contents_module._hdf5_image(path)
+
+
 def test_what_is_not_ours_is_refused(tmp_path, monkeypatch, miniature):
     text = tmp_path / "notes.txt"
     text.write_text("nothing")

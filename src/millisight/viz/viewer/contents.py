@@ -210,8 +210,8 @@ def _hdf5_image(path: Path) -> _Image:
     from millisight.io.hdf5 import load
 
     with h5py.File(path, "r") as file:
-        values: Any = file["values"]
-        if values.size <= MOST_VOXELS:
+        values: Any = file.get("values")
+        if getattr(values, "size", 0) <= MOST_VOXELS:  # where there are none, `load` says so
             image = load(path)
             return _Image(path, image.grid, image.metadata, image, None, _beside(path))
         try:
