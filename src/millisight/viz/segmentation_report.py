@@ -68,17 +68,17 @@ def plot_attempt(failure: Failure) -> Figure:
     for axes in (middle, right):
         axes.set_yticklabels([])
         axes.set_ylabel("")
-    figure.suptitle(heading(trial), fontsize=11, y=0.97)
+    figure.suptitle(f"{_what(trial)}: {_how_well(trial)}", fontsize=11, y=0.97)
     return figure
 
 
-def heading(trial: Trial) -> str:
-    """What a picture of a trial shows, in a line."""
+def _what(trial: Trial) -> str:
+    return f"{trial.object}, {SIGHTS[trial.sight]}: {trial.method} on {trial.input}"
+
+
+def _how_well(trial: Trial) -> str:
     scores = trial.scores
-    return (
-        f"{trial.object}, {SIGHTS[trial.sight]}: {trial.method} on {trial.input}: F1 {100 * scores.f1:.0f} %, "
-        f"precision {100 * scores.precision:.0f} %, recall {100 * scores.recall:.0f} %"
-    )
+    return f"F1 {100 * scores.f1:.0f} %, precision {100 * scores.precision:.0f} %, recall {100 * scores.recall:.0f} %"
 
 
 def _show(axes: Axes, grid: PixelGrid, rgb: np.ndarray) -> None:
@@ -163,9 +163,7 @@ def write_report(
         if failure.attempt.failure:
             facts["why there is no mask"] = failure.attempt.failure
         items.append(
-            PageItem(
-                heading=heading(failure.trial), picture=name, caption="One of the segmenter's worst masks.", facts=facts
-            )
+            PageItem(heading=_what(failure.trial), picture=name, caption=f"{_how_well(failure.trial)}.", facts=facts)
         )
     page = write_page(folder, title=title, introduction=introduction, items=items)
     sections = "".join(f'<section style="overflow-x: auto">{table.html()}</section>\n' for table in tables)
