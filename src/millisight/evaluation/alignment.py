@@ -90,7 +90,7 @@ def align(
     most = checked_integer(most_points, name="most_points")
     rigid = mode == "rigid"
     sketch = _Pairing(thinned(clouds[0], min(_SKETCH, most)), thinned(clouds[1], min(_SKETCH, most)), surfaces=False)
-    tried = [sketch.run(start, rigid, 15, 20 * tolerance) for start in _starts(*clouds, rigid)]
+    tried = [sketch.run(start, rigid, 15, 20 * tolerance) for start in _starts(clouds[0], clouds[1], rigid)]
     best = min(tried, key=lambda one: one.rms)
     whole = _Pairing(thinned(clouds[0], most), thinned(clouds[1], most), surfaces=surfaces)
     return whole.run(best, rigid, checked_integer(most_iterations, name="most_iterations"), tolerance)
