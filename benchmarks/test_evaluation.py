@@ -14,7 +14,7 @@ LEAST = 20  # times as fast as all pairs
 def clouds():
     """Two clouds of 14 000 points of a voxel grid, as of a cracker box."""
     points = VoxelGrid.regular((0, 0, 0), (0.21, 0.16, 0.02), (0.0025, 0.0025, 0.01)).points
-    return points, points + [0.0013, -0.0007, 0.004]
+    return points, points + np.array([0.0013, -0.0007, 0.004])
 
 
 def all_pairs(measured, simulated, within):
@@ -43,6 +43,7 @@ def test_the_f_score_is_twenty_times_as_fast_as_all_pairs(benchmark):
     fast = min(seconds(f_score, measured, simulated, 0.003)[1] for _ in range(5))
     ratio = plain / fast
     print(
-        f"\nF-score of {len(measured)} and {len(simulated)} points: {1e3 * fast:.1f} ms; all pairs {plain:.2f} s; {ratio:.0f} x"
+        f"\nF-score of {len(measured)} and {len(simulated)} points: {1e3 * fast:.1f} ms; "
+        f"all pairs {plain:.2f} s; {ratio:.0f} x"
     )
     assert ratio > LEAST

@@ -49,7 +49,7 @@ def test_a_plane_shifted_along_itself_falls_as_the_overlap(steps):
     """Of n rows, those match that overlap and those nearer than tau_F to the overlap: (n - k + m) / n."""
     size, step, within = 40, 0.0025, 0.006
     near = 2  # rows within 6 mm of the overlap
-    score = f_score(plane(), plane() + [steps * step, 0, 0], within)
+    score = f_score(plane(), plane() + np.array([steps * step, 0, 0]), within)
     expected = min(1.0, (size - steps + near) / size)
     assert score.precision == score.recall == pytest.approx(expected)
     assert score.f == pytest.approx(expected)
