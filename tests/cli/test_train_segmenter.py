@@ -55,6 +55,7 @@ def test_one_command_makes_the_weights_and_again_the_same_ones_even_when_resumed
         raise KeyboardInterrupt
 
     described = read_segmenter_recipe(recipe)
+    shutil.copytree(tmp_path / "a" / "scenes", tmp_path / "b" / "scenes")
     scenes = make_scenes(described, tmp_path / "b")
     with pytest.raises(KeyboardInterrupt):
         train_segmenter(described, scenes, tmp_path / "b", progress=cut_off)

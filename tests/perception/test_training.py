@@ -86,6 +86,17 @@ def test_it_stops_early_and_has_the_best_weights(tmp_path):
     assert told.best_score == 3.0
     assert same(weights(network), seen[1])
     assert not network.training
+    with pytest.raises(InputError, match="score on validation is nan"):
+        trained(tmp_path / "b", score=lambda network: float("nan"))
+
+
+def test_torch_is_left_as_it_was(tmp_path):
+    torch.manual_seed(3)
+    expected = torch.rand(4)
+    torch.manual_seed(3)
+    trained(tmp_path, schedule=Schedule(epochs=1))
+    assert torch.equal(torch.rand(4), expected)
+    assert not torch.are_deterministic_algorithms_enabled()
 
 
 def test_runs_of_something_else_and_damaged_checkpoints_are_refused(tmp_path):

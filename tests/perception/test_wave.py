@@ -59,10 +59,13 @@ def test_it_finds_an_object_that_it_never_saw_with_either_band_or_both(wave, sce
     assert scene.inside.sum() > 150
     first, second = images(scene)
     picture = project(second if bands == "24" else first, other_band=second if bands == "both" else None)
-    started = time.perf_counter()
+    started = time.process_time()
     found = wave.segment(picture)
-    assert time.perf_counter() - started < 1
-    assert f1(found.masks[0], scene.inside) > 0.7
+    assert time.process_time() - started < 1
+    # All of the picture would have an F1 under 0.4; the cut favours recall.
+    assert f1(np.ones_like(scene.inside), scene.inside) < 0.4
+    assert f1(found.masks[0], scene.inside) > 0.6
+    assert found.masks[0][scene.inside].mean() > 0.85
     assert found.masks.shape[1:] == scene.inside.shape
     again = wave.segment(picture)
     np.testing.assert_array_equal(found.masks, again.masks)

@@ -10,12 +10,13 @@ import hashlib
 import json
 import math
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from millisight.device import check_device
-from millisight.errors import DamagedFileError, InputError
+from millisight.errors import DamagedFileError, DeviceError, InputError
 from millisight.files import atomic_path, make_folder, printable
 from millisight.records import checked_integer, checked_number, put, record
 
@@ -117,56 +118,101 @@ def fit(
     Raises
     ------
     InputError
-        The folder holds a run of another recipe, or the loss is not finite.
+        The folder holds a run of another recipe, or the loss or the score is not finite.
     DamagedFileError, FileError, DeviceError
     ImportError
         torch, or for `tensorboard` its package, is not installed.
     """
     import torch
 
-    check_device(device)
-    path = make_folder(folder) / CHECKPOINT_NAME
-    writer = _writer(Path(folder) / "tensorboard") if tensorboard else None
-    torch.use_deterministic_algorithms(True)
-    torch.manual_seed(schedule.seed)
-    network = make_network().to(device)
-    optimizer = torch.optim.AdamW(network.parameters(), lr=schedule.learning_rate, weight_decay=schedule.weight_decay)
-    best = _copied(network)
-    digest = _digest(made_of, schedule)
+    _check_device(device)
+    path, digest = make_folder(folder) / CHECKPOINT_NAME, _digest(made_of, schedule)
     history: list[dict[str, float]] = []
-    if path.exists():
-        history, best = _restore(path, digest, network, optimizer)
-    for epoch in range(len(history), schedule.epochs):
-        if epoch - _best_epoch(history) > schedule.patience:
-            break
-        torch.manual_seed(schedule.seed + 1 + epoch)
-        for group in optimizer.param_groups:
-            group["lr"] = schedule.rate(epoch)
-        figures = {
-            "loss": _epoch(network, optimizer, batches(epoch), loss, device),
-            "learning_rate": schedule.rate(epoch),
-        }
-        network.eval()
-        with torch.no_grad():
-            history.append({**figures, "score": float(score(network))})
-        if _best_epoch(history) == epoch:
-            best = _copied(network)
-        _save(path, digest, network, best, optimizer, history)
-        for name, value in history[-1].items():
-            if writer is not None:
-                writer.add_scalar(name, value, epoch)
-        if progress is not None:
-            progress(epoch + 1, schedule.epochs)
-    if writer is not None:
-        writer.close()
+    with _logging(Path(folder) / "tensorboard" if tensorboard else None) as log, _repeatable(device):
+        torch.manual_seed(schedule.seed)
+        network = make_network().to(device)
+        optimizer = torch.optim.AdamW(network.parameters(), weight_decay=schedule.weight_decay)
+        best = _copied(network)
+        if path.exists():
+            history, best = _restore(path, digest, network, optimizer)
+        for epoch in range(len(history), schedule.epochs):
+            if epoch - _best_epoch(history) > schedule.patience:
+                break
+            torch.manual_seed(schedule.seed + 1 + epoch)
+            rate = schedule.rate(epoch)
+            mean_loss = _epoch(network, optimizer, rate, batches(epoch), loss, device)
+            history.append({"loss": mean_loss, "learning_rate": rate, "score": _scored(network, score)})
+            if _best_epoch(history) == epoch:
+                best = _copied(network)
+            _save(path, digest, network, best, optimizer, history)
+            log(epoch, history[-1])
+            if progress is not None:
+                progress(epoch + 1, schedule.epochs)
     network.load_state_dict(best)
     network.cpu().eval()
     return network, Fitted(len(history), _best_epoch(history), tuple(history))
 
 
-def _epoch(network, optimizer, batches, loss, device: str) -> float:
-    """One pass over the batches; the mean loss."""
+def _check_device(device: str) -> None:
+    import torch
+
+    check_device(device)
+    if device == "cuda" and not torch.cuda.is_available():
+        raise DeviceError("this torch sees no GPU; install one built for CUDA, or train on the CPU")
+
+
+@contextmanager
+def _repeatable(device: str) -> Iterator[None]:
+    """What torch draws and computes follows from its seed; its state outside is left as it was."""
+    import torch
+
+    before = torch.are_deterministic_algorithms_enabled()
+    with torch.random.fork_rng():
+        torch.use_deterministic_algorithms(device == "cpu")  # on a GPU some steps have no such algorithm
+        try:
+            yield
+        finally:
+            torch.use_deterministic_algorithms(before)
+
+
+@contextmanager
+def _logging(folder: Path | None) -> Iterator[Callable[[int, Mapping[str, float]], None]]:
+    """What takes the figures of an epoch to TensorBoard, or nowhere."""
+    if folder is None:
+        yield lambda epoch, figures: None
+        return
+    try:
+        from torch.utils.tensorboard import SummaryWriter
+    except ImportError as error:
+        raise ImportError('logging needs TensorBoard: pip install "millisight[tensorboard]"') from error
+    writer = SummaryWriter(folder)
+
+    def log(epoch: int, figures: Mapping[str, float]) -> None:
+        for name, value in figures.items():
+            writer.add_scalar(name, value, epoch)
+
+    try:
+        yield log
+    finally:
+        writer.close()
+
+
+def _scored(network: "nn.Module", score: "Callable[[nn.Module], float]") -> float:
+    import torch
+
+    network.eval()
+    with torch.no_grad():
+        value = float(score(network))
+    if not math.isfinite(value):
+        raise InputError(f"the score on validation is {value}; expected a finite number, higher for better")
+    return value
+
+
+def _epoch(network, optimizer, rate: float, batches, loss, device: str) -> float:
+    """One pass over the batches at a learning rate; the mean loss."""
     network.train()
+    for group in optimizer.param_groups:
+        group["lr"] = rate
     losses = []
     for batch in batches:
         value = loss(network, tuple(tensor.to(device) for tensor in batch))
@@ -243,11 +289,3 @@ def _restore(path: Path, digest: str, network, optimizer) -> "tuple[list[dict[st
 
 def _part(tensors: "Mapping[str, Tensor]", prefix: str) -> "dict[str, Tensor]":
     return {key.removeprefix(prefix): value for key, value in tensors.items() if key.startswith(prefix)}
-
-
-def _writer(folder: Path) -> Any:
-    try:
-        from torch.utils.tensorboard import SummaryWriter
-    except ImportError as error:
-        raise ImportError('logging needs TensorBoard: pip install "millisight[tensorboard]"') from error
-    return SummaryWriter(folder)
