@@ -58,7 +58,7 @@ def test_tables_pictures_and_every_mask_are_written(work):
     for said in (
         "data (by hand; simulated, not real data)",
         "classical: no network; its levels were chosen",
-        "dim: NOT a fair test, its network saw 1 of the tested objects: wide",
+        "dim (weights 0): NOT a fair test, its network saw 1 of the tested objects: wide",
         "multi-spectral",
         "paper: SAM, real data",
     ):

@@ -162,16 +162,16 @@ def _seen(by: Any, tested: set[str]) -> str:
     """What the segmenter's network saw in training of the tested objects."""
     if by.name == "classical":
         return "classical: no network; its levels were chosen on the scenes of examples/recipes/bench24.toml."
-    sides = getattr(by, "description", {}).get("objects")
+    told = getattr(by, "description", {})
+    sides = told.get("objects")
     if sides is None:
         return f"{by.name}: which objects its network saw in training is not known."
     seen = {name for names in sides.values() for name in names}
     both = sorted(tested & seen)
+    name = f"{by.name} (weights {told['sha256'][:8]})"
     if both:
-        return f"{by.name}: NOT a fair test, its network saw {len(both)} of the tested objects: {', '.join(both)}."
-    return (
-        f"{by.name}: its network saw {len(seen)} objects in training and validation, none of the {len(tested)} tested."
-    )
+        return f"{name}: NOT a fair test, its network saw {len(both)} of the tested objects: {', '.join(both)}."
+    return f"{name}: its network saw {len(seen)} objects in training and validation, none of the {len(tested)} tested."
 
 
 def _tables(trials: "Sequence[Trial]", data: str, notes: list[str]) -> "dict[str, Table]":

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 from millisight.datasets.scenes import SceneFiles, read_scene
 from millisight.datasets.workers import each
+from millisight.errors import InputError
 from millisight.evaluation.masks import MaskScores
 from millisight.evaluation.segmentation import Judge, Trial
 from millisight.files import make_folder, write_text
@@ -61,6 +62,7 @@ class _Job(NamedTuple):
     files: SceneFiles
     method: str
     settings: Settings
+    network: str | None
 
 
 def judge(
@@ -88,7 +90,8 @@ def judge(
         The folder cannot be written to.
     """
     folder = make_folder(folder)
-    jobs = [_Job(files, method, settings) for method in methods for files in scenes]
+    networks = {method: _network(settings.segmenter(method)) for method in methods}
+    jobs = [_Job(files, method, settings, networks[method]) for method in methods for files in scenes]
     places = [folder / f"{job.method}.{job.files.name.replace('/', '.')}.json" for job in jobs]
     keys = [_key(job) for job in jobs]
     found = {n: trials for n in range(len(jobs)) if (trials := _kept(places[n], keys[n])) is not None}
@@ -109,8 +112,15 @@ def judge(
 
 
 def _judged(job: _Job) -> list[Trial]:
-    scene = read_scene(job.files, **job.settings.reading)
-    return Judge(job.settings.segmenter(job.method), scene).trials(job.settings.seeds)
+    by = job.settings.segmenter(job.method)
+    if _network(by) != job.network:
+        raise InputError(f"the weights of {job.method} have changed since the run began; run it again")
+    return Judge(by, read_scene(job.files, **job.settings.reading)).trials(job.settings.seeds)
+
+
+def _network(by: Segmenter) -> str | None:
+    """The checksum of its weights, where it has some."""
+    return getattr(by, "description", {}).get("sha256")
 
 
 def _key(job: _Job) -> str:
@@ -120,7 +130,7 @@ def _key(job: _Job) -> str:
         "format": _FORMAT,
         "version": version("millisight"),
         "method": job.method,
-        "network": getattr(job.settings.segmenter(job.method), "description", {}).get("sha256"),
+        "network": job.network,
         "options": dict(job.settings.options.get(job.method, {})),
         "seeds": job.settings.seeds,
         "reading": dict(job.settings.reading),
