@@ -10,11 +10,14 @@ import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
-from millisight.errors import FileError
+from millisight.errors import FileError, FormatError
 
 FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
 """What figures are written as; here, so that the command line can refuse others before it loads Matplotlib."""
+
+_LARGEST_TOML = 1 << 20  # bytes
 
 
 @contextmanager
@@ -151,3 +154,31 @@ def make_folder(path: str | os.PathLike[str]) -> Path:
     except OSError as error:
         raise FileError(f"cannot make the folder {printable(path)}: {error.strerror}; choose another name") from error
     return path
+
+
+def read_toml(path: str | os.PathLike[str], what: str) -> dict[str, Any]:
+    """The content of a TOML file of under a mebibyte.
+
+    Parameters
+    ----------
+    path : the file
+    what : what it is expected to be, for messages: "a recipe"
+
+    Raises
+    ------
+    FileError
+        It cannot be read.
+    FormatError
+        It is too large, or no TOML.
+    """
+    import tomllib
+
+    path = check_readable(path)
+    if path.stat().st_size > _LARGEST_TOML:
+        raise FormatError(
+            f"{printable(path)} has {path.stat().st_size} bytes; expected {what} of under {_LARGEST_TOML}"
+        )
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
+        raise FormatError(f"{printable(path)} is no TOML: {error}") from error

@@ -22,7 +22,7 @@ from millisight.perception.training_scenes import BANDS, PARTS, Scenes, footprin
 from millisight.perception.wave import WEIGHTS, WaveSegmenter
 from millisight.scene.objects import CATALOGUE, build_object
 
-EXAMPLES = Path(__file__).parents[2] / "examples" / "recipes"
+EXAMPLES = Path(__file__).parents[2] / "examples"
 DESCRIPTION = WEIGHTS.with_suffix(".json")
 
 
@@ -163,7 +163,7 @@ def test_without_onnx_runtime_it_says_what_to_install(monkeypatch):
 def test_the_shipped_weights_are_small_and_saw_no_object_of_the_benchmark():
     assert WEIGHTS.stat().st_size + DESCRIPTION.stat().st_size < 4e6
     told = json.loads(DESCRIPTION.read_text())["objects"]
-    tested = tomllib.loads((EXAMPLES / "bench24.toml").read_text())["objects"]["names"]
+    tested = tomllib.loads((EXAMPLES / "recipes/bench24.toml").read_text())["objects"]["names"]
     seen, judged, tested = set(told["training"]), set(told["validation"]), {catalogue_name(name) for name in tested}
     assert len(tested) == 24
     assert len(seen) >= 30
@@ -174,7 +174,7 @@ def test_the_shipped_weights_are_small_and_saw_no_object_of_the_benchmark():
 
 
 def test_the_shipped_weights_are_those_of_the_recipe():
-    recipe = tomllib.loads((EXAMPLES / "segmenter.toml").read_text())
+    recipe = tomllib.loads((EXAMPLES / "training/segmenter.toml").read_text())
     told = json.loads(DESCRIPTION.read_text())["recipe"]
     for key, value in recipe.items():
         assert told[key] == value if not isinstance(value, dict) else told[key] | value == told[key], key

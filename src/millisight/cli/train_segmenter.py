@@ -1,19 +1,15 @@
 """`millisight train segmenter`: the weights of `wave` from a recipe."""
 
-import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from millisight.cli.console import progress, say
-from millisight.errors import FormatError
-from millisight.files import check_readable
+from millisight.files import printable, read_toml
 
 if TYPE_CHECKING:
     from millisight.perception.training_wave import SegmenterRecipe
-
-_LARGEST = 1 << 20  # bytes
 
 
 def segmenter(
@@ -30,7 +26,7 @@ def segmenter(
     DIR keeps the scenes, a checkpoint after each epoch, and in the end wave.onnx with its description wave.json. Run it
     again to go on after an interruption: the weights are those of a run that was never interrupted.
 
-    Example: millisight train segmenter examples/recipes/segmenter.toml -o wave
+    Example: millisight train segmenter examples/training/segmenter.toml -o wave
     """
     from millisight.perception.training_wave import make_scenes, train_segmenter
 
@@ -56,14 +52,7 @@ def read_segmenter_recipe(path: Path) -> "SegmenterRecipe":
     FileError
         It cannot be read.
     """
-    from millisight.datasets.recipefile import _record
+    from millisight.datasets.recipefile import record_from_table
     from millisight.perception.training_wave import SegmenterRecipe
 
-    path = check_readable(path)
-    if path.stat().st_size > _LARGEST:
-        raise FormatError(f"{path} has {path.stat().st_size} bytes; expected a recipe of under {_LARGEST}")
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
-        raise FormatError(f"{path} is no TOML: {error}") from error
-    return _record(SegmenterRecipe, table, str(path), "")
+    return record_from_table(SegmenterRecipe, read_toml(path, "a recipe"), printable(path))

@@ -2,17 +2,16 @@
 
 import dataclasses
 import os
-import tomllib
 import types
 import typing
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from millisight.datasets.recipe import Recipe
 from millisight.errors import FormatError, MillisightError, UnknownNameError
-from millisight.files import check_readable, printable
+from millisight.files import printable, read_toml
 
-_LARGEST = 1 << 20  # bytes
 _KEYS = {"shape_class": "class"}
 """What fields are called in the file where Python keeps the word for itself."""
 _NOT_KEYS = {"folder", "source"}
@@ -28,15 +27,8 @@ def read_recipe(path: str | os.PathLike[str]) -> Recipe:
     FileError
         It cannot be read.
     """
-    path = check_readable(path)
-    source = printable(path)
-    if path.stat().st_size > _LARGEST:
-        raise FormatError(f"{source} has {path.stat().st_size} bytes; expected a recipe of under {_LARGEST}")
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
-        raise FormatError(f"{source} is no TOML: {error}") from error
-    return recipe_from_table(table, folder=str(path.parent), source=source)
+    table = read_toml(path, "a recipe")
+    return recipe_from_table(table, folder=str(Path(path).parent), source=printable(path))
 
 
 def recipe_from_table(table: Mapping[str, Any], *, folder: str = ".", source: str = "recipe") -> Recipe:
@@ -53,12 +45,25 @@ def recipe_from_table(table: Mapping[str, Any], *, folder: str = ".", source: st
     FormatError
         A key or a value cannot be right; the message names the place.
     """
-    recipe: Recipe = _record(Recipe, table, source, "")
+    recipe: Recipe = record_from_table(Recipe, table, source)
     return dataclasses.replace(recipe, folder=folder, source=source)
 
 
-def _record(cls: type, table: Any, source: str, place: str) -> Any:
-    """The record `cls` from the table at `place`, its nested records first."""
+def record_from_table(cls: type, table: Any, source: str, place: str = "") -> Any:
+    """The record `cls` from a table of a file, its nested records first.
+
+    Parameters
+    ----------
+    cls : a record; its fields say which keys there are, and of which kind
+    table : the keys and their values
+    source : name of the file, for messages
+    place : of the table in the file, for messages
+
+    Raises
+    ------
+    FormatError
+        A key or a value cannot be right; the message names the place.
+    """
     if not isinstance(table, Mapping):
         raise FormatError(f"{source}: {place}: expected a table, got {table!r}")
     kinds = {_KEYS.get(name, name): (name, kind) for name, kind in typing.get_type_hints(cls).items()}
@@ -93,7 +98,7 @@ def _value(kind: Any, value: Any, source: str, place: str) -> Any:
     if isinstance(kind, types.UnionType):
         (kind,) = (option for option in typing.get_args(kind) if option is not type(None))
     if dataclasses.is_dataclass(kind):
-        return _record(kind, value, source, place)  # type: ignore[arg-type]
+        return record_from_table(kind, value, source, place)  # type: ignore[arg-type]
     origin, inner = typing.get_origin(kind), typing.get_args(kind)
     if origin is tuple:
         if not isinstance(value, list):

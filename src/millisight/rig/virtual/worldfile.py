@@ -2,29 +2,21 @@
 
 import dataclasses
 import os
-import tomllib
 import types
 import typing
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from millisight.errors import FormatError, MillisightError, UnknownNameError
-from millisight.files import check_readable, printable, write_text
+from millisight.files import printable, read_toml, write_text
 from millisight.rig.virtual.world import World
-
-_LARGEST = 1 << 20  # bytes
 
 
 def read_world(path: str | os.PathLike[str]) -> World:
     """See `World.from_toml`."""
-    path = check_readable(path)
-    if path.stat().st_size > _LARGEST:
-        raise FormatError(f"{printable(path)} has {path.stat().st_size} bytes; expected a world of under {_LARGEST}")
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
-        raise FormatError(f"{printable(path)} is no TOML: {error}") from error
-    return world_from_table(table, folder=str(path.parent), source=printable(path))
+    table = read_toml(path, "a world")
+    return world_from_table(table, folder=str(Path(path).parent), source=printable(path))
 
 
 def world_from_table(table: Mapping[str, Any], *, folder: str = ".", source: str = "world") -> World:
