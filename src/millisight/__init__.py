@@ -29,6 +29,13 @@ if TYPE_CHECKING:
     from millisight.capture.scan import ScanRow as ScanRow
     from millisight.capture.simulate import simulate as simulate
     from millisight.capture.trajectory import Trajectory as Trajectory
+    from millisight.evaluation.alignment import Alignment as Alignment
+    from millisight.evaluation.alignment import align as align
+    from millisight.evaluation.f_score import FScore as FScore
+    from millisight.evaluation.f_score import f_score as f_score
+    from millisight.evaluation.point_cloud import PointCloud as PointCloud
+    from millisight.evaluation.point_cloud import point_cloud as point_cloud
+    from millisight.evaluation.point_cloud import write_point_cloud as write_point_cloud
     from millisight.imaging.exact import image_at as image_at
     from millisight.imaging.form import form_image as form_image
     from millisight.imaging.grid import PixelGrid as PixelGrid
@@ -55,16 +62,19 @@ if TYPE_CHECKING:
     from millisight.scene.scene import SceneObject as SceneObject
 
 _HOMES = {
+    "Alignment": "evaluation.alignment",
     "AntennaArray": "capture.radar",
     "CameraFrame": "capture.camera",
     "CameraMask": "capture.camera",
     "Capture": "capture.capture",
     "ClockCorrection": "capture.clock",
+    "FScore": "evaluation.f_score",
     "Intrinsics": "capture.camera",
     "Mask": "perception.segmentation",
     "Material": "scene.material",
     "Picture": "perception.projection",
     "PixelGrid": "imaging.grid",
+    "PointCloud": "evaluation.point_cloud",
     "Prediction": "perception.classification",
     "Prompts": "perception.prompts",
     "Radar": "capture.radar",
@@ -78,12 +88,15 @@ _HOMES = {
     "VoxelGrid": "imaging.grid",
     "Waveform": "capture.radar",
     "add_noise": "capture.noise",
+    "align": "evaluation.alignment",
     "combine": "imaging.image",
     "estimate_clock": "imaging.synchronise",
+    "f_score": "evaluation.f_score",
     "form_image": "imaging.form",
     "image_at": "imaging.exact",
     "load": "io.hdf5",
     "open_capture": "io.hdf5",
+    "point_cloud": "evaluation.point_cloud",
     "power_prompts": "perception.prompts",
     "project": "perception.projection",
     "read_capture": "io.description",
@@ -93,6 +106,7 @@ _HOMES = {
     "segment": "perception.segmentation",
     "segmenter": "perception.segmentation",
     "simulate": "capture.simulate",
+    "write_point_cloud": "evaluation.point_cloud",
 }
 
 __all__ = [*_HOMES, "__version__"]  # pyright: ignore[reportUnsupportedDunderAll]

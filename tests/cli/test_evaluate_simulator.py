@@ -86,6 +86,14 @@ def test_the_table_finds_what_was_combined(tmp_path):
     quartiles = rows(out / "quartiles-los.csv")
     assert [row["simulation"] for row in quartiles] == ["combined", "combined", "specular", "specular", "edge", "edge"]
     assert quartiles[1]["50th [%]"] == "94"
+    held_out = {row["part"]: row["50th [%]"] for row in rows(out / "held-out.csv")}
+    assert held_out["combined, held out"].startswith("100.0 ")
+    gains = [float(told.split()[0]) for part, told in held_out.items() if part.startswith("mean gain over")]
+    assert len(gains) == 3
+    assert gains[2] == min(gains) > 10
+    page = (out / "index.html").read_text()
+    assert page.count("<table>") >= len(list(out.glob("*.csv")))
+    assert page.index("Weights fitted on one image") < page.index('<section id="picture-1">')
 
 
 @pytest.mark.parametrize(
@@ -145,6 +153,7 @@ def test_a_folder_without_pairs_is_an_error(tmp_path):
         (("--within", "0mm"), InputError, "within is 0 m"),
         (("--align", "affine"), UnknownNameError, "mode of alignment 'affine'"),
         (("--crop", "all"), InputError, "--crop is 'all'"),
+        (("--crop", "12"), InputError, "--crop is '12'; expected two whole numbers such as 12,7"),
         (("--clouds", "xyz"), UnknownNameError, "point cloud format 'xyz'"),
     ],
 )

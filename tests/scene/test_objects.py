@@ -23,6 +23,7 @@ from millisight.scene.objects import (
     find_scans,
     object_names,
 )
+from millisight.scene.scene import Scene
 
 NAMES = object_names()
 SCANNED = [name for name, entry in CATALOGUE.items() if entry.source == "scan"]
@@ -287,6 +288,9 @@ def test_unknown_name_suggests_the_close_one():
         ("shape_class", "cylinder", UnknownNameError),
         ("category", "toys", UnknownNameError),
         ("dimensions", (0.1, 0.0, 0.1), InputError),
+        ("alpha", (0, 0), InputError),
+        ("alpha", (1, -1), InputError),
+        ("alpha", 0.5, InputError),
     ],
 )
 def test_entry_refuses_what_cannot_be(field, value, error):
@@ -294,6 +298,21 @@ def test_entry_refuses_what_cannot_be(field, value, error):
     fields = {key: getattr(mug, key) for key in mug.__dataclass_fields__}
     with pytest.raises(error):
         CatalogueObject(**{**fields, field: value})
+
+
+def test_fitted_weights_are_those_of_the_scene_unless_a_material_is_named():
+    fitted = {name: entry for name, entry in CATALOGUE.items() if entry.alpha is not None}
+    assert len(fitted) > 10
+    for entry in fitted.values():
+        assert entry.alpha is not None
+        assert sum(entry.alpha) == pytest.approx(1, abs=1e-3)
+    name, entry = next((n, e) for n, e in fitted.items() if e.alpha != MATERIALS[e.material].alpha)
+    scene = Scene.from_mesh(name, vertices=None)
+    assert scene.alpha == entry.alpha
+    assert scene.objects[0].material.reflection == MATERIALS[entry.material].reflection
+    assert Scene.from_mesh(name, vertices=None, material=entry.material).alpha == MATERIALS[entry.material].alpha
+    assert CATALOGUE["bowl"].alpha is None
+    assert Scene.from_mesh("bowl", vertices=None).alpha == MATERIALS[CATALOGUE["bowl"].material].alpha
 
 
 def test_import_stays_cheap():

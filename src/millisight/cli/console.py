@@ -37,6 +37,19 @@ def size(text: str, *, option: str) -> tuple[float, float]:
     return float(match[1]) * _UNITS[match[3]], float(match[2]) * _UNITS[match[3]]
 
 
+def slices(text: str, *, option: str) -> tuple[int, int]:
+    """How many of the lowest and of the highest slices `12,7` leaves out.
+
+    Raises
+    ------
+    InputError
+    """
+    parts = text.split(",")
+    if len(parts) != 2 or not all(part.strip().isdecimal() for part in parts):
+        raise InputError(f"{option} is {text!r}; expected two whole numbers such as 12,7")
+    return int(parts[0]), int(parts[1])
+
+
 def check_outputs(*paths: Path | None, figures: tuple[Path | None, ...] = (), source: Path | None = None) -> None:
     """Refuse before the work what could not, or must not, be written after it.
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from millisight.cli.console import in_options, length, progress, say
+from millisight.cli.console import in_options, length, progress, say, slices
 from millisight.errors import InputError, UnknownNameError
 
 if TYPE_CHECKING:
@@ -78,7 +78,7 @@ def segmentation(
     data, simulated = _described(scenes, root)
     transform = transform or ("file" if simulated else "published")
     height = None if support is None else length(support, option="--support")
-    reading = {"truth": truth, "transform": transform, "support": height, "crop": _slices(crop)}
+    reading = {"truth": truth, "transform": transform, "support": height, "crop": slices(crop, option="--crop")}
     settings = _settings(methods, seeds, reading, {"sam": {"model": sam_model, "device": device}})
     with progress("judge", compiles=False) as report:
         judged = judge(scenes, methods, output / "trials", settings, workers=workers, progress=report)
@@ -114,13 +114,6 @@ def _described(scenes: "Sequence[SceneFiles]", root: Path) -> tuple[str, bool]:
     made = ", ".join(sorted(found))
     name = root.resolve().name
     return (f"{name} ({made}; simulated, not real data)" if made else f"{name} (not marked as simulated)"), bool(made)
-
-
-def _slices(text: str) -> tuple[int, int]:
-    parts = text.split(",")
-    if len(parts) != 2 or not all(part.strip().isdecimal() for part in parts):
-        raise InputError(f"--crop is {text!r}; expected two whole numbers such as 12,7")
-    return int(parts[0]), int(parts[1])
 
 
 def _settings(methods: list[str], seeds: int, reading: dict[str, Any], options: dict[str, Any]) -> "Settings":

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
-from millisight.cli.console import in_options, length, progress, say
+from millisight.cli.console import in_options, length, progress, say, slices
 from millisight.errors import FormatError, InputError, UnknownNameError
 
 if TYPE_CHECKING:
@@ -103,7 +103,9 @@ def simulator(
         mode=mode,
         flat=checked_radar(radar) == "24_ghz" if flat is None else flat,
     )
-    jobs, alone = _jobs(find(measured).only(objects or []), find(simulated), sight, radar, settings, _slices(crop))
+    jobs, alone = _jobs(
+        find(measured).only(objects or []), find(simulated), sight, radar, settings, slices(crop, option="--crop")
+    )
     if not jobs:
         raise InputError(_nothing(measured, simulated, radar, alone))
     if fit is not None:
@@ -198,8 +200,7 @@ def _compared(job: _Job) -> "Pair":
     from millisight.evaluation.simulator import combine, compare, sensitivity
     from millisight.evaluation.simulator_tables import DISTANCES, THRESHOLDS, Pair
 
-    images, made_by = zip(*(_read(item) for item in (job.measured, job.specular, job.edge)), strict=True)
-    measured, specular, edge = _cropped(images[0], job.crop), images[1], images[2]
+    (measured, measured_by), (specular, simulated_by), (edge, _) = _measured(job), _read(job.specular), _read(job.edge)
     comparison = compare(measured, specular, edge, job.settings)
     surface = None
     if job.settings.relative:
@@ -212,9 +213,17 @@ def _compared(job: _Job) -> "Pair":
         sight=job.sight,
         comparison=comparison,
         sensitivity=surface,
-        measured_by=made_by[0],
-        simulated_by=made_by[1],
+        measured_by=measured_by,
+        simulated_by=simulated_by,
     )
+
+
+def _measured(job: _Job) -> "tuple[SarImage, str]":
+    """The measured image without the slices that are to go, and what made it."""
+    from millisight.imaging.cleanup import crop_slices
+
+    image, made_by = _read(job.measured)
+    return crop_slices(image, low=job.crop[0], high=job.crop[1]), made_by
 
 
 def _read(item: "Item") -> "tuple[SarImage, str]":
@@ -230,26 +239,6 @@ def _read(item: "Item") -> "tuple[SarImage, str]":
     if not isinstance(image, SarImage):
         raise FormatError(f"{item.path} holds a {type(image).__name__}; expected a SarImage")
     return image, str(told.get("physics", "simulated")) if told.get("simulated") else ""
-
-
-def _cropped(image: "SarImage", crop: tuple[int, int]) -> "SarImage":
-    from millisight.imaging.grid import VoxelGrid
-    from millisight.imaging.image import SarImage
-
-    low, high = crop
-    count = len(image.grid.z)
-    if low + high >= count:
-        raise InputError(f"--crop leaves out {low} and {high} slices, and the image has {count}; leave at least one")
-    kept = slice(low, count - high)
-    grid = VoxelGrid(x=image.grid.x, y=image.grid.y, z=image.grid.z[kept])
-    return SarImage(grid=grid, values=image.values[:, :, kept], metadata=image.metadata)
-
-
-def _slices(text: str) -> tuple[int, int]:
-    parts = text.split(",")
-    if len(parts) != 2 or not all(part.strip().isdecimal() for part in parts):
-        raise InputError(f"--crop is {text!r}; expected two whole numbers such as 12,7")
-    return int(parts[0]), int(parts[1])
 
 
 def _write(
@@ -287,7 +276,7 @@ def _clouds_of(job: _Job, pair: "Pair") -> "tuple[SarImage, SarImage, np.ndarray
     """Measured and best combined image, and their points, the latter moved; read once more."""
     from millisight.evaluation.simulator import aligned, combine
 
-    measured = _cropped(_read(job.measured)[0], job.crop)
+    measured = _measured(job)[0]
     combined = combine(_read(job.specular)[0], _read(job.edge)[0], pair.comparison.best.weights)
     clouds = [job.settings.cloud(image) for image in (measured, combined)]
     try:

@@ -35,7 +35,7 @@ def simulate(
         typer.Option(
             metavar="A1 A2",
             help="Weights of specular and edge, such as --alpha 0.7 0.3, for --model combined. "
-            "[default: as the material's]",
+            "[default: as fitted to the catalogue's object, or as the material's]",
         ),
     ] = None,
     rotate: Annotated[

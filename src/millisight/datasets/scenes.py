@@ -12,7 +12,7 @@ from millisight.errors import FileError, FormatError, InputError, UnknownNameErr
 from millisight.evaluation.segmentation import HIGH, LOW, Scene, View
 from millisight.evaluation.truth import camera_truth, published_radar_from_camera, radar_from_camera
 from millisight.geometry import rotation_from_quaternion
-from millisight.imaging.grid import VoxelGrid
+from millisight.imaging.cleanup import crop_slices
 from millisight.imaging.image import SarImage
 from millisight.io.hdf5 import load
 from millisight.io.mito_layout import read_info, read_published
@@ -170,7 +170,10 @@ def read_scene(
         name=files.name,
         object=files.object,
         sight=files.sight,
-        images={given: _cropped(image, crop) if given == HIGH else image for given, image in images.items()},
+        images={
+            given: crop_slices(image, low=crop[0], high=crop[1]) if given == HIGH else image
+            for given, image in images.items()
+        },
         truth=masks,
         view=_view(files, placed, support),
     )
@@ -221,15 +224,3 @@ def _radar_turn(files: SceneFiles) -> np.ndarray | None:
     if poses is None or np.ndim(poses) != 2 or np.shape(poses)[1] != 7:
         return None
     return rotation_from_quaternion(np.asarray(poses)[0, 3:])
-
-
-def _cropped(image: SarImage, crop: tuple[int, int]) -> SarImage:
-    low, high = crop
-    if not (low or high):
-        return image
-    count = len(image.grid.z)
-    if low < 0 or high < 0 or low + high >= count:
-        raise InputError(f"crop is {low} and {high} slices, and the image has {count}; at least one must be left")
-    kept = slice(low, count - high)
-    grid = VoxelGrid(x=image.grid.x, y=image.grid.y, z=image.grid.z[kept])
-    return SarImage(grid=grid, values=image.values[:, :, kept], metadata=image.metadata)

@@ -133,7 +133,8 @@ def held_out_table(pairs: Sequence[Pair]) -> Table:
         ),
         notes=(
             "On the image on which they were fitted, the weights win by construction; on another they may lose.",
-            "The last row of each block is the mean of combined minus the better part alone, with its 95 % interval.",
+            "The gains are means of combined, held out, minus a part alone, or minus the better of the two of each "
+            "object, with their 95 % intervals.",
         ),
     )
 
@@ -147,15 +148,18 @@ def _held_out(name: str, fitted: list[Pair], scored: list[Pair]) -> list[tuple]:
         "combined, held out": [trial.score.f for trial in held_out],
         "combined, fitted on the scored": [pair.comparison.best.score.f for pair in scored],
     }
-    values |= {part: [_PARTS[part](pair.comparison).score.f for pair in scored] for part in ("specular", "edge")}
+    alone = {part: [_PARTS[part](pair.comparison).score.f for pair in scored] for part in ("specular", "edge")}
+    values |= alone
     rows: list[tuple] = [
         (name, part, *(_quantile(100 * np.array(found), share) for share in (0.25, 0.5, 0.75)), len(found))
         for part, found in values.items()
     ]
-    gain = 100 * (np.array(values["combined, held out"]) - np.maximum(values["specular"], values["edge"]))
-    low, high = bootstrap_interval(gain, np.mean)
-    told = f"{gain.mean():+.1f} ({low:+.1f} to {high:+.1f})"
-    return [*rows, (name, "mean gain over the better part [points]", None, told, None, len(gain))]
+    for part, others in (*alone.items(), ("the better part", np.maximum(alone["specular"], alone["edge"]))):
+        gain = 100 * (np.array(values["combined, held out"]) - np.array(others))
+        low, high = bootstrap_interval(gain, np.mean)
+        told = f"{gain.mean():+.1f} ({low:+.1f} to {high:+.1f})"
+        rows.append((name, f"mean gain over {part} [points]", None, told, None, len(gain)))
+    return rows
 
 
 def _sights(pairs: Sequence[Pair]) -> tuple[list[Pair], list[Pair]]:

@@ -18,6 +18,7 @@ Each lies as it would on a table under a radar that looks down along -z, so that
 To add an object: measure it, write its entry in `catalogue.toml`, and give it a sketch, an old one or a new one.
 """
 
+import dataclasses
 import importlib
 import os
 import tomllib
@@ -79,6 +80,7 @@ class CatalogueObject:
     dimensions : size along x, y and z, as it lies [m]
     source : of the dimensions: "scan", "reported", "table" or "nominal", see `catalogue.toml`
     sketch : module and function in `millisight.scene.sketches` that draw it
+    alpha : weights (a1, a2) of the specular and the edge image that were fitted to it; None: those of its material
     """
 
     name: str
@@ -89,6 +91,7 @@ class CatalogueObject:
     dimensions: tuple[float, float, float]
     source: str
     sketch: str
+    alpha: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         parts = tuple((str(part), str(material)) for part, material in self.parts)
@@ -106,6 +109,8 @@ class CatalogueObject:
         named = f"a dimension of {self.name}"
         x, y, z = (checked_number(size, name=named, unit="m", above=0) for size in self.dimensions)
         put(self, parts=parts, dimensions=(x, y, z))
+        if self.alpha is not None:
+            put(self, alpha=self.material_of_whole.alpha)
 
     @property
     def number(self) -> str:
@@ -116,6 +121,12 @@ class CatalogueObject:
     def material(self) -> str:
         """What dominates the reflection: the material of the part named first."""
         return self.parts[0][1]
+
+    @property
+    def material_of_whole(self) -> Material:
+        """That material for the object as one mesh: with the weights fitted to the object, where there are any."""
+        material = MATERIALS[self.material]
+        return material if self.alpha is None else dataclasses.replace(material, alpha=self.alpha)
 
     def build(self) -> TriangleMesh:
         """The whole as one mesh [m]."""
@@ -156,6 +167,7 @@ def _entries() -> Iterator[CatalogueObject]:
             dimensions=(x / 1000, y / 1000, z / 1000),
             source=row["source"],
             sketch=row["sketch"],
+            alpha=row.get("alpha"),
         )
 
 

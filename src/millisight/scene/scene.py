@@ -73,7 +73,8 @@ class Scene:
         vertices : resample to so many evenly spaced vertices; None keeps the mesh's own
         center : put the middle of the bounding box at the origin (after rotation)
         rotate_deg : about the fixed x, then y, then z axis [degrees]
-        material : a name of `MATERIALS` or a Material; None: metal, or as the catalogue says
+        material : a name of `MATERIALS` or a Material; None: metal, or as the catalogue says, with the object's own
+            weights where some were fitted
 
         Raises
         ------
@@ -126,7 +127,7 @@ class Scene:
         return self.objects[0].material.alpha
 
 
-def _resolve(source: Any, unit: str | None) -> tuple[str, TriangleMesh, str]:
+def _resolve(source: Any, unit: str | None) -> tuple[str, TriangleMesh, str | Material]:
     """Name, mesh and default material of what the user pointed to."""
     if isinstance(source, TriangleMesh):
         return "mesh", source, "metal"
@@ -134,7 +135,7 @@ def _resolve(source: Any, unit: str | None) -> tuple[str, TriangleMesh, str]:
         from millisight.scene.objects import CATALOGUE, build_object
 
         mesh = build_object(source)  # raises for an unknown name
-        return source, mesh, CATALOGUE[source].material
+        return source, mesh, CATALOGUE[source].material_of_whole
     from millisight.scene.load import load_mesh
 
     name = Path(source).stem if isinstance(source, str | os.PathLike) else "mesh"

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from millisight.evaluation.simulator import Comparing
 from millisight.evaluation.simulator_tables import DISTANCES, SIGHTS, THRESHOLDS, Pair
 from millisight.evaluation.tables import Table
-from millisight.files import make_folder, write_text
+from millisight.files import make_folder
 from millisight.imaging.image import SarImage
 from millisight.viz.page import PageItem, write_page
 from millisight.viz.style import Panel, borders, checked_colormap, save_figure, show_pixels, styled
@@ -160,7 +160,5 @@ def write_report(
         facts = {"notes": "; ".join(one.pair.comparison.notes)} if one.pair.comparison.notes else {}
         caption = f"One of the {one.kind} pairs. Each image over its own maximum."
         items.append(PageItem(heading=heading(one.pair), picture=name, caption=caption, facts=facts))
-    page = write_page(folder, title="How true is the simulator?", introduction=f"Compared: {data}.", items=items)
-    sections = "".join(f'<section style="overflow-x: auto">{table.html()}</section>\n' for table in tables)
-    write_text(page, page.read_text(encoding="utf-8").replace("<main>\n", f"<main>\n{sections}", 1))
-    return page
+    title, introduction = "How true is the simulator?", f"Compared: {data}."
+    return write_page(folder, title=title, introduction=introduction, items=items, tables=tables)

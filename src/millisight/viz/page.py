@@ -9,6 +9,7 @@ from pathlib import Path, PurePosixPath
 from urllib.parse import quote
 
 from millisight.errors import FileError, InputError
+from millisight.evaluation.tables import Table
 from millisight.files import write_text
 from millisight.records import put, record
 
@@ -28,6 +29,7 @@ nav ol { columns: 18rem; margin: 0 0 1.5rem; padding-left: 1.4rem; }
 a { color: #0b5cad; }
 section { background: var(--paper); border: 1px solid var(--line); border-radius: 8px; padding: 1.5rem;
   margin: 0 0 1.5rem; }
+.wide { overflow-x: auto; }
 figure { margin: 0; }
 figure img { display: block; max-width: 100%; height: auto; margin: 0 auto 1rem; }
 table { border-collapse: collapse; font-size: .92rem; margin-top: .5rem; }
@@ -87,8 +89,15 @@ class PageItem:
         put(self, facts=dict(self.facts), alt=self.alt or self.heading)
 
 
-def write_page(folder: str | os.PathLike[str], *, title: str, introduction: str, items: Sequence[PageItem]) -> Path:
-    """Write `index.html` into a folder of pictures: a title, an introduction, and each picture with its caption.
+def write_page(
+    folder: str | os.PathLike[str],
+    *,
+    title: str,
+    introduction: str,
+    items: Sequence[PageItem],
+    tables: Sequence[Table] = (),
+) -> Path:
+    """Write `index.html` into a folder of pictures: a title, an introduction, tables, and each picture and its caption.
 
     Parameters
     ----------
@@ -96,6 +105,7 @@ def write_page(folder: str | os.PathLike[str], *, title: str, introduction: str,
     title : str
     introduction : plain text; an empty line begins a new paragraph
     items : shown in this order, with a table of contents from three on
+    tables : shown before them
 
     Returns
     -------
@@ -114,6 +124,8 @@ def write_page(folder: str | os.PathLike[str], *, title: str, introduction: str,
     contents = "".join(
         f'<li><a href="#picture-{i}">{escape(item.heading)}</a></li>\n' for i, item in enumerate(items, 1)
     )
+    sections = "".join(f'<section class="wide">\n{table.html()}</section>\n' for table in tables)
+    sections += "".join(_section(i, item) for i, item in enumerate(items, 1))
     page = f"""<!DOCTYPE html>
 <html lang="en">
 <head>
@@ -129,7 +141,7 @@ def write_page(folder: str | os.PathLike[str], *, title: str, introduction: str,
 {f'<nav aria-label="Contents"><ol>{contents}</ol></nav>' if len(items) > 2 else ""}
 </header>
 <main>
-{"".join(_section(i, item) for i, item in enumerate(items, 1))}</main>
+{sections}</main>
 <footer><p>Made by millisight.</p></footer>
 </body>
 </html>

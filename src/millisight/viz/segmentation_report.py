@@ -14,7 +14,7 @@ from millisight.evaluation.masks import METRICS
 from millisight.evaluation.segmentation import Attempt, Trial
 from millisight.evaluation.segmentation_tables import PAPER, SIGHTS, by_scene, interval_of_median, rows_of
 from millisight.evaluation.tables import Table
-from millisight.files import make_folder, write_text
+from millisight.files import make_folder
 from millisight.imaging.grid import PixelGrid
 from millisight.perception.projection import Picture
 from millisight.perception.segmentation import Mask
@@ -165,7 +165,4 @@ def write_report(
         items.append(
             PageItem(heading=_what(failure.trial), picture=name, caption=f"{_how_well(failure.trial)}.", facts=facts)
         )
-    page = write_page(folder, title=title, introduction=introduction, items=items)
-    sections = "".join(f'<section style="overflow-x: auto">{table.html()}</section>\n' for table in tables)
-    write_text(page, page.read_text(encoding="utf-8").replace("<main>\n", f"<main>\n{sections}", 1))
-    return page
+    return write_page(folder, title=title, introduction=introduction, items=items, tables=tables)
