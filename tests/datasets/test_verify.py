@@ -4,6 +4,7 @@ import shutil
 
 import pytest
 
+import millisight as ms
 from millisight.datasets.convert import convert
 from millisight.datasets.mito import find
 from millisight.datasets.verify import verify
@@ -66,7 +67,7 @@ def test_damage_to_a_converted_dataset_is_found(converted):
     raw.write_bytes(content)
     log.unlink()
     shutil.copy(image, image.with_name("processed_image_more.h5"))
-    image.write_bytes(image.read_bytes() + b"\0")
+    ms.save(image, ms.load(image))  # whole, and another: it tells when it was made
     found = {one.path.rsplit("/", 1)[-1]: one for one in verify(converted, workers=1)}
     assert not found["capture.h5"].ok
     assert found["robot_log.h5"].problems == ("it is in manifest.jsonl, but not there",)

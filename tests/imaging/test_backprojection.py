@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import millisight as ms
+from forging import forge
 from millisight.errors import InputError, UnknownNameError
 from oracles import C, point_frames, relative
 
@@ -177,7 +178,8 @@ def test_coincident_positions_weigh_twice():
 
 
 def test_nan_frames_are_refused(tmp_path):
-    import h5py
+    def spoil(file):
+        file["frames"][0, 0, 0, 3] = np.nan
 
     capture = one_channel()
     frames = np.array(capture.frames)
@@ -185,8 +187,7 @@ def test_nan_frames_are_refused(tmp_path):
     with pytest.raises(InputError, match=r"frames has 1 values that are NaN or infinite, the first at \(0, 0, 0, 3\)"):
         ms.Capture(radar=capture.radar, trajectory=capture.trajectory, frames=frames)
     ms.save(tmp_path / "c.h5", capture)
-    with h5py.File(tmp_path / "c.h5", "r+") as file:
-        file["frames"][0, 0, 0, 3] = np.nan
+    forge(tmp_path / "c.h5", spoil)
     grid = ms.VoxelGrid(x=[0.0], y=[0.0], z=[-0.3])
     with ms.open_capture(tmp_path / "c.h5") as on_disk, pytest.raises(InputError, match="NaN"):
         form_image(on_disk, grid)

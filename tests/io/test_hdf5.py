@@ -12,10 +12,11 @@ import numpy as np
 import pytest
 
 import millisight as ms
+from forging import forge
 from millisight.capture.camera import CameraFrame, CameraMask, Intrinsics
 from millisight.errors import DamagedFileError, FileError, FormatError, InputError
 from millisight.io.hdf5 import RECORDS, load_extras, provenance
-from millisight.io.seal import chunk_extents, seal_holds, write_seal
+from millisight.io.seal import chunk_extents
 
 
 def small_capture(receivers="iwr1443"):
@@ -318,18 +319,6 @@ def test_a_read_only_folder_is_refused(tmp_path):
         if superuser:
             os.seteuid(0)
     assert not list(folder.iterdir())
-
-
-def forge(path, change):
-    """Change a file of ours and seal it again, as only somebody who knows how would."""
-    with h5py.File(path, "r+") as file:
-        change(file)
-        file.flush()
-        extents = chunk_extents(file)
-    with open(path, "r+b") as raw:
-        assert seal_holds(raw) is None
-        write_seal(raw, extents)
-        assert seal_holds(raw)
 
 
 def swap(file, name, source):
