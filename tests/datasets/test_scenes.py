@@ -99,7 +99,7 @@ def test_crops_and_names_are_checked(dataset):
     cropped = read_scene(files, crop=(1, 1)).images
     assert cropped["77 GHz"].grid.z.tolist() == [-0.26]
     assert cropped["24 GHz"].grid.shape[2] == 3
-    with pytest.raises(InputError, match="at least one must be left"):
+    with pytest.raises(InputError, match="expected at least one to stay"):
         read_scene(files, crop=(2, 1))
     with pytest.raises(UnknownNameError, match="truth"):
         read_scene(files, truth="guess")
