@@ -81,6 +81,7 @@ def cloud(scene: ms.Scene, radar: ms.Radar, path: ms.Trajectory, grid: ms.VoxelG
 
 if __name__ == "__main__":
     if len(sys.argv) != 3:
-        sys.exit("usage: python examples/alignment_errors.py DATASET PAIRS.csv")
+        print("usage: python examples/alignment_errors.py DATASET PAIRS.csv", file=sys.stderr)
+        sys.exit(2)
     by_other_physics(Path(sys.argv[1]), Path(sys.argv[2]))
     by_the_same_physics()

@@ -41,6 +41,7 @@ def fit(dataset: Path, name: str) -> None:
 
 if __name__ == "__main__":
     if len(sys.argv) < 3:
-        sys.exit("usage: python examples/fit_tau.py DATASET OBJECT ...")
+        print("usage: python examples/fit_tau.py DATASET OBJECT ...", file=sys.stderr)
+        sys.exit(2)
     for given in sys.argv[2:]:
         fit(Path(sys.argv[1]), given)

@@ -8,6 +8,7 @@ import pytest
 from commands import refused
 from millisight.cli.train_segmenter import read_segmenter_recipe, segmenter
 from millisight.errors import FormatError
+from millisight.perception.training import check_installed
 from millisight.scene.objects import CATALOGUE
 
 TEXT = """
@@ -82,6 +83,12 @@ def test_a_recipe_that_cannot_be_right_is_refused_by_its_place(tmp_path):
         read_segmenter_recipe(tmp_path / "small.toml")
     shutil.copy(written(tmp_path), tmp_path / "other.toml")
     assert read_segmenter_recipe(tmp_path / "other.toml").scenes.poses == 1
+
+
+def test_what_training_needs_is_asked_for_before_any_work(monkeypatch):
+    monkeypatch.setattr("millisight.perception.training.find_spec", lambda name: None)
+    with pytest.raises(ImportError, match=r"needs torch and .*millisight\[train\]"):
+        check_installed()
 
 
 def test_the_command_says_in_one_line_what_is_wrong(tmp_path):

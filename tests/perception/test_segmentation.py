@@ -167,6 +167,10 @@ def test_segment_draws_where_both_bands_are_bright():
 
 def test_segment_refuses_what_cannot_be():
     blank = ms.SarImage(grid=GRID, values=np.zeros(GRID.shape))
+    even = ms.SarImage(grid=GRID, values=np.ones(GRID.shape))
+    for method in ("classical", "wave"):
+        with pytest.raises(InputError, match="equally bright everywhere"):
+            ms.segment(even, method=method)
     with pytest.raises(InputError, match="blank"):
         ms.segment(blank, method="classical")
     away = ms.VoxelGrid(x=GRID.x + 2, y=GRID.y, z=GRID.z)
@@ -177,8 +181,10 @@ def test_segment_refuses_what_cannot_be():
     with pytest.raises(UnknownNameError, match="Known: classical, sam, wave"):
         ms.segment(image(), method="sem")
     few = ms.VoxelGrid.regular((0, 0, 0), (0.1, 0.1, 0), 0.01)
+    values = np.ones(few.shape)
+    values[3, 4] = 0.99
     with pytest.raises(InputError, match="every mask covers more than"):  # all pixels are above every threshold
-        ms.segment(ms.SarImage(grid=few, values=np.ones(few.shape)), method="classical")
+        ms.segment(ms.SarImage(grid=few, values=values), method="classical")
 
 
 def test_a_mask_on_a_photo_lies_on_no_grid():

@@ -247,6 +247,12 @@ def test_the_published_layout_is_read(miniature):
     assert weighed.pair is not None
 
 
+def test_an_image_that_is_0_everywhere_is_said_to_be_so(tmp_path):
+    grid = ms.VoxelGrid.regular((0, 0, 0), (0.01, 0.01, 0.01), 0.005)
+    ms.save(tmp_path / "dark.h5", ms.SarImage(grid=grid, values=np.zeros(grid.shape)))
+    assert [note.split(":")[0] for note in gather([tmp_path / "dark.h5"]).notes] == ["dark is 0 everywhere"]
+
+
 def test_a_mesh_alone_can_be_looked_at(tmp_path):
     mesh = ms.Scene.from_mesh("golf_ball", vertices=100).mesh
     (exhibit,) = gather([saved(tmp_path, "ball.h5", mesh)]).exhibits

@@ -28,9 +28,11 @@ def segmenter(
 
     Example: millisight train segmenter examples/training/segmenter.toml -o wave
     """
+    from millisight.perception.training import check_installed
     from millisight.perception.training_wave import make_scenes, train_segmenter
 
     described = read_segmenter_recipe(recipe)
+    check_installed()  # before scenes are made, which takes long
     folder = output or Path(described.name)
     with progress("make scenes") as report:
         scenes = make_scenes(described, folder, progress=report)

@@ -80,6 +80,8 @@ def view(
 
     with progress("read", compiles=False):
         contents = gather(files, combine=not separate, alpha=alpha, unit=unit)
+    if alpha != (0.5, 0.5) and not any(exhibit.pair for exhibit in contents.exhibits):
+        raise InputError("--alpha weighs the specular and the edge image of one simulation; give both, not --separate")
     settings = first_settings(
         contents, points=not (slices or volume), slices=slices, volume=volume, threshold_db=threshold,
         range_db=range_db, colormap=colormap, common=common,

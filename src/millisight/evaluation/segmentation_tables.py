@@ -125,12 +125,13 @@ def median_table(trials: Sequence[Trial], sight: str, *, data: str, notes: Seque
     for given in INPUTS:
         rows.append(("paper: SAM, real data", given, *(f"{v:.1f}" for v in PAPER[sight][given]), None, None))
     seeds = sorted({one.seed for one in trials})
+    prompts = f" and prompts of the seeds {', '.join(map(str, seeds))}" if len(seeds) > 1 else ""
     return Table(
         title=f"Segmentation, {SIGHTS[sight]}: {data}",
         columns=("segmenter", "input", *(f"{name} [%]" for name in _HEADINGS), "scenes", "no mask"),
         rows=tuple(rows),
         notes=(
-            f"Medians over scenes and prompts of the seeds {', '.join(map(str, seeds))}; in brackets 95 % bootstrap "
+            f"Medians over scenes{prompts}; in brackets 95 % bootstrap "
             "intervals, scenes drawn with all their seeds. Where no mask was found, an empty one is judged.",
             *notes,
         ),

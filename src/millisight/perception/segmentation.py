@@ -201,12 +201,14 @@ def find_mask(
     Raises
     ------
     InputError
-        No prompts can be drawn (see `power_prompts`), or every mask is too large.
+        The picture is the same everywhere, no prompts can be drawn (see `power_prompts`), or every mask is too large.
     UnknownNameError
         No such condition.
     """
     if condition not in _CONDITIONS:
         raise UnknownNameError("condition", condition, _CONDITIONS)
+    if picture.power is not None and picture.power.min() == picture.power.max() > 0:
+        raise InputError("the picture is equally bright everywhere: there is nothing to segment")
     limit = largest_share(picture) if largest is None else largest
     generator = seed_or_generator(rng)
 

@@ -12,6 +12,7 @@ import math
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -81,6 +82,13 @@ class Fitted(NamedTuple):
     @property
     def best_score(self) -> float:
         return self.history[self.best_epoch]["score"]
+
+
+def check_installed() -> None:
+    """Raise ImportError where what training needs is missing; the message says how to install it."""
+    missing = [name for name in ("torch", "safetensors", "onnx", "onnxscript") if not find_spec(name)]
+    if missing:
+        raise ImportError(f'training needs {" and ".join(missing)}: pip install "millisight[train]"')
 
 
 def fit(

@@ -140,6 +140,9 @@ def gather(
                 paths=_paths_of(first, found),
             )
         )
+    for exhibit in exhibits:
+        if exhibit.levels is not None and exhibit.levels.peak == 0:
+            notes.append(f"{exhibit.title} is 0 everywhere: there is nothing to show of it")
     if not exhibits:
         if not found.meshes and not found.mesh_files and not found.paths:
             raise InputError("only masks were given; pass the images that they belong to as well")
