@@ -94,7 +94,16 @@ def test_torch_is_left_as_it_was(tmp_path):
     torch.manual_seed(3)
     expected = torch.rand(4)
     torch.manual_seed(3)
-    trained(tmp_path, schedule=Schedule(epochs=1))
+    before, during = torch.get_num_threads(), []
+    torch.set_num_threads(2)
+    try:
+        trained(
+            tmp_path, schedule=Schedule(epochs=1), score=lambda network: during.append(torch.get_num_threads()) or 0.0
+        )
+        assert torch.get_num_threads() == 2
+    finally:
+        torch.set_num_threads(before)
+    assert set(during) == {1}  # or the weights would be each machine's own
     assert torch.equal(torch.rand(4), expected)
     assert not torch.are_deterministic_algorithms_enabled()
 

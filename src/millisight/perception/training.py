@@ -171,16 +171,21 @@ def _check_device(device: str) -> None:
 
 @contextmanager
 def _repeatable(device: str) -> Iterator[None]:
-    """What torch draws and computes follows from its seed; its state outside is left as it was."""
+    """What torch draws and computes follows from its seed; its state outside is left as it was.
+
+    On the CPU it has one thread: with more, sums are split otherwise, and the weights would be each machine's own.
+    """
     import torch
 
-    before = torch.are_deterministic_algorithms_enabled()
+    before, threads = torch.are_deterministic_algorithms_enabled(), torch.get_num_threads()
     with torch.random.fork_rng():
         torch.use_deterministic_algorithms(device == "cpu")  # on a GPU some steps have no such algorithm
+        torch.set_num_threads(1 if device == "cpu" else threads)
         try:
             yield
         finally:
             torch.use_deterministic_algorithms(before)
+            torch.set_num_threads(threads)
 
 
 @contextmanager
