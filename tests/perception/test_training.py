@@ -3,7 +3,7 @@
 import pytest
 
 from millisight.errors import DamagedFileError, InputError
-from millisight.perception.training import CHECKPOINT_NAME, Schedule, fit
+from millisight.perception.training import CHECKPOINT_NAME, Schedule, fit, one_thread
 
 torch = pytest.importorskip("torch")
 
@@ -94,18 +94,24 @@ def test_torch_is_left_as_it_was(tmp_path):
     torch.manual_seed(3)
     expected = torch.rand(4)
     torch.manual_seed(3)
-    before, during = torch.get_num_threads(), []
+    trained(tmp_path, schedule=Schedule(epochs=1))
+    assert torch.equal(torch.rand(4), expected)
+    assert not torch.are_deterministic_algorithms_enabled()
+
+
+def test_one_thread_is_one_and_then_as_many_as_before():
+    threadpoolctl = pytest.importorskip("threadpoolctl")
+    before = torch.get_num_threads()
     torch.set_num_threads(2)
     try:
-        trained(
-            tmp_path, schedule=Schedule(epochs=1), score=lambda network: during.append(torch.get_num_threads()) or 0.0
-        )
+        with one_thread():
+            assert torch.get_num_threads() == 1
+            pools = threadpoolctl.threadpool_info()
+            assert any(pool["user_api"] == "blas" for pool in pools)
+            assert all(pool["num_threads"] == 1 for pool in pools)
         assert torch.get_num_threads() == 2
     finally:
         torch.set_num_threads(before)
-    assert set(during) == {1}  # or the weights would be each machine's own
-    assert torch.equal(torch.rand(4), expected)
-    assert not torch.are_deterministic_algorithms_enabled()
 
 
 def test_runs_of_something_else_and_damaged_checkpoints_are_refused(tmp_path):

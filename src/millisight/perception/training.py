@@ -84,9 +84,24 @@ class Fitted(NamedTuple):
         return self.history[self.best_epoch]["score"]
 
 
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """BLAS and torch on one thread: with more, they split sums otherwise, and weights would be each machine's own."""
+    import torch
+    from threadpoolctl import threadpool_limits
+
+    threads = torch.get_num_threads()
+    with threadpool_limits(1):
+        torch.set_num_threads(1)
+        try:
+            yield
+        finally:
+            torch.set_num_threads(threads)
+
+
 def check_installed() -> None:
     """Raise ImportError where what training needs is missing; the message says how to install it."""
-    missing = [name for name in ("torch", "safetensors", "onnx", "onnxscript") if not find_spec(name)]
+    missing = [name for name in ("torch", "safetensors", "onnx", "onnxscript", "threadpoolctl") if not find_spec(name)]
     if missing:
         raise ImportError(f'training needs {" and ".join(missing)}: pip install "millisight[train]"')
 
@@ -171,21 +186,16 @@ def _check_device(device: str) -> None:
 
 @contextmanager
 def _repeatable(device: str) -> Iterator[None]:
-    """What torch draws and computes follows from its seed; its state outside is left as it was.
-
-    On the CPU it has one thread: with more, sums are split otherwise, and the weights would be each machine's own.
-    """
+    """What torch draws and computes follows from its seed; its state outside is left as it was."""
     import torch
 
-    before, threads = torch.are_deterministic_algorithms_enabled(), torch.get_num_threads()
+    before = torch.are_deterministic_algorithms_enabled()
     with torch.random.fork_rng():
         torch.use_deterministic_algorithms(device == "cpu")  # on a GPU some steps have no such algorithm
-        torch.set_num_threads(1 if device == "cpu" else threads)
         try:
             yield
         finally:
             torch.use_deterministic_algorithms(before)
-            torch.set_num_threads(threads)
 
 
 @contextmanager

@@ -13,7 +13,7 @@ import numpy as np
 
 from millisight.errors import InputError
 from millisight.files import atomic_path, make_folder, write_text
-from millisight.perception.training import Schedule, fit
+from millisight.perception.training import Schedule, fit, one_thread
 from millisight.perception.training_examples import Example, example_of
 from millisight.perception.training_scenes import SceneParts, Scenes, scenes_of
 from millisight.perception.wave_features import CHANNELS, FLOOR_DB, SPACING
@@ -112,6 +112,7 @@ def make_scenes(
     }
 
 
+@one_thread()
 def train_segmenter(
     recipe: SegmenterRecipe,
     scenes: Mapping[str, Sequence[SceneParts]],
@@ -126,7 +127,7 @@ def train_segmenter(
     Parameters
     ----------
     scenes : of `make_scenes`
-    device : "cpu" or "cuda"; two runs on one CPU give the same weights
+    device : "cpu" or "cuda"; on the CPU one thread is used, and two runs give the same weights
     tensorboard : log to `folder`/tensorboard as well
     progress : called with (epochs done, epochs in all)
 
