@@ -4,7 +4,7 @@ import os
 import re
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import combinations
 from pathlib import Path
@@ -77,6 +77,15 @@ def check_outputs(*paths: Path | None, figures: tuple[Path | None, ...] = (), so
 def say(line: str) -> None:
     """One line of output, never wrapped."""
     typer.echo(printable(line))
+
+
+def end_with_failures(lines: Sequence[str]) -> None:
+    """Say what failed, a line each, and end with exit code 1; nothing where nothing failed."""
+    if lines:
+        typer.echo(f"failed: {len(lines)}", err=True)
+        for line in lines:
+            typer.echo(f"  {line}", err=True)
+        raise typer.Exit(1)
 
 
 def in_options(message: str) -> str:

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from millisight.cli.console import in_options, length, progress, say
+from millisight.cli.console import end_with_failures, in_options, length, progress, say
 from millisight.datasets.inventory import Dataset, Experiment, ObjectFolder, Simulation
 from millisight.datasets.mito import find
 from millisight.errors import InputError, UnknownNameError
@@ -139,7 +139,7 @@ def convert(
     for path, text in done.notes:
         say(f"note: {path}: {text}")
     say(f"converted {done.made} items into {output}, {done.kept} were there already")
-    _end_with_failures(done.failures)
+    end_with_failures([f"{path}: {in_options(reason)}" for path, reason in done.failures])
 
 
 @app.command("download")
@@ -177,16 +177,7 @@ def download(
             say(f"{folder}: {size / 1e6:.1f} MB")
         return
     say(f"wrote {output}")
-    _end_with_failures(done.failures)
-
-
-def _end_with_failures(failures: tuple[tuple[str, str], ...]) -> None:
-    """What failed, and exit code 1."""
-    if failures:
-        typer.echo(f"failed: {len(failures)}", err=True)
-        for path, reason in failures:
-            typer.echo(f"  {path}: {in_options(reason)}", err=True)
-        raise typer.Exit(1)
+    end_with_failures([f"{path}: {in_options(reason)}" for path, reason in done.failures])
 
 
 _HEADER = ("id", "name", "exp", "angles", "los", "nlos", "radars", "images", "simulated", "masks", "camera", "raw",

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from millisight.cli.console import in_options, length, progress, say, slices
+from millisight.cli.console import end_with_failures, in_options, length, progress, say, slices
 from millisight.errors import InputError, UnknownNameError
 
 if TYPE_CHECKING:
@@ -91,11 +91,7 @@ def segmentation(
         for table in tables.values():
             say(table.markdown())
         say(f"wrote {output / 'index.html'}")
-    if judged.failures:
-        typer.echo(f"failed: {len(judged.failures)}", err=True)
-        for scene, name, reason in judged.failures:
-            typer.echo(f"  {scene}, {name}: {in_options(reason)}", err=True)
-        raise typer.Exit(1)
+    end_with_failures([f"{scene}, {name}: {in_options(reason)}" for scene, name, reason in judged.failures])
 
 
 def _described(scenes: "Sequence[SceneFiles]", root: Path) -> tuple[str, bool]:

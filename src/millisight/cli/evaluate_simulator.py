@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
-from millisight.cli.console import in_options, length, progress, say, slices
+from millisight.cli.console import end_with_failures, in_options, length, progress, say, slices
 from millisight.errors import FormatError, InputError, UnknownNameError
 
 if TYPE_CHECKING:
@@ -131,11 +131,7 @@ def simulator(
         say(f"wrote {output / 'index.html'}")
     for name in alone:
         say(f"note: {name}: no simulated images of this object turned alike")
-    if failures:
-        typer.echo(f"failed: {len(failures)}", err=True)
-        for name, reason in sorted(failures):
-            typer.echo(f"  {name}: {in_options(reason)}", err=True)
-        raise typer.Exit(1)
+    end_with_failures([f"{name}: {in_options(reason)}" for name, reason in sorted(failures)])
 
 
 def _nothing(measured: Path, simulated: Path, radar: str, alone: list[str]) -> str:

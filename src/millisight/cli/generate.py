@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from millisight.cli.console import in_options, progress, say
+from millisight.cli.console import end_with_failures, in_options, progress, say
 
 if TYPE_CHECKING:
     from millisight.datasets.engine import Engine
@@ -67,11 +67,7 @@ def generate(
         f"{len(done.manifest.entries)} files, {size / 1e6:.1f} MB in {output}")  # fmt: skip
     if done.others:
         say(f"note: {len(done.others)} jobs of an earlier recipe are there still, such as {done.others[0]}")
-    if done.failures:
-        typer.echo(f"failed: {len(done.failures)}", err=True)
-        for job, reason in done.failures:
-            typer.echo(f"  {job}: {in_options(reason)}", err=True)
-        raise typer.Exit(1)
+    end_with_failures([f"{job}: {in_options(reason)}" for job, reason in done.failures])
 
 
 def _summary(plan: "Plan", engine: "Engine") -> list[str]:

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from millisight.capture.capture import Capture
-from millisight.cli.console import check_outputs, in_options, progress, say
+from millisight.cli.console import check_outputs, end_with_failures, in_options, progress, say
 from millisight.cli.grids import outline_mesh, parse_grid
 from millisight.cli.sources import Opened, Source, sources
 from millisight.errors import InputError, MillisightError, UnknownNameError
@@ -196,11 +196,7 @@ def _image_all(
             typer.echo(f"millisight: {failures[-1]}", err=True)
     already = f", {passed_over} done before" if passed_over else ""
     say(f"imaged {len(found) - len(failures) - passed_over} of {len(found)} captures{already}")
-    if failures:
-        typer.echo(f"failed: {len(failures)}", err=True)
-        for failure in failures:
-            typer.echo(f"  {failure}", err=True)
-        raise typer.Exit(1)
+    end_with_failures(failures)
 
 
 def _image_one(source: Source, outputs: _Outputs, settings: _Settings, *, label: str) -> None:

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from millisight.cli.console import check_outputs, in_options, progress, say
+from millisight.cli.console import check_outputs, end_with_failures, in_options, progress, say
 from millisight.errors import FileError, FormatError, InputError, MillisightError, UnknownNameError
 from millisight.files import check_readable, make_folder, printable
 from millisight.imaging.image import SarImage
@@ -175,11 +175,7 @@ def _segment_all(found: list[_Source], folder: Path | None, by: Segmenter, setti
                 failures.append(f"{source.name}: {' '.join(in_options(str(error)).split())}")
                 typer.echo(f"millisight: {failures[-1]}", err=True)
     say(f"segmented {len(found) - len(failures)} of {len(found)} images")
-    if failures:
-        typer.echo(f"failed: {len(failures)}", err=True)
-        for failure in failures:
-            typer.echo(f"  {failure}", err=True)
-        raise typer.Exit(1)
+    end_with_failures(failures)
 
 
 def _segment_one(source: _Source, to: Path, by: Segmenter, settings: _Settings) -> None:

@@ -97,8 +97,8 @@ def _value(kind: Any, value: Any, source: str, place: str) -> Any:
     """A value of the field type `kind`."""
     if isinstance(kind, types.UnionType):
         (kind,) = (option for option in typing.get_args(kind) if option is not type(None))
-    if dataclasses.is_dataclass(kind):
-        return record_from_table(kind, value, source, place)  # type: ignore[arg-type]
+    if isinstance(kind, type) and dataclasses.is_dataclass(kind):
+        return record_from_table(kind, value, source, place)
     origin, inner = typing.get_origin(kind), typing.get_args(kind)
     if origin is tuple:
         if not isinstance(value, list):

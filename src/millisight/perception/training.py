@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from millisight.device import check_device
 from millisight.errors import DamagedFileError, DeviceError, InputError
@@ -23,6 +23,8 @@ from millisight.records import checked_integer, checked_number, put, record
 
 if TYPE_CHECKING:
     from torch import Tensor, nn
+
+Network = TypeVar("Network", bound="nn.Module")
 
 CHECKPOINT_NAME = "checkpoint.safetensors"
 
@@ -107,7 +109,7 @@ def check_installed() -> None:
 
 
 def fit(
-    make_network: "Callable[[], nn.Module]",
+    make_network: "Callable[[], Network]",
     batches: "Callable[[int], Iterable[tuple[Tensor, ...]]]",
     loss: "Callable[[nn.Module, tuple[Tensor, ...]], Tensor]",
     score: "Callable[[nn.Module], float]",
@@ -118,7 +120,7 @@ def fit(
     device: str = "cpu",
     tensorboard: bool = False,
     progress: Callable[[int, int], None] | None = None,
-) -> "tuple[nn.Module, Fitted]":
+) -> "tuple[Network, Fitted]":
     """Train a network, or go on where an earlier run of the same kind in `folder` was cut off.
 
     Parameters

@@ -22,6 +22,8 @@ from millisight.records import checked_integer, checked_record, put, record
 if TYPE_CHECKING:
     from torch import Tensor, nn
 
+    from millisight.perception.wave_network import WaveNetwork
+
 WEIGHTS_NAME, TENSORS_NAME = "wave.onnx", "wave.safetensors"
 CUTS = tuple(round(0.2 + 0.05 * i, 2) for i in range(13))
 """Probabilities at which a mask might begin; the best by mean F2 on the validation scenes is taken."""
@@ -182,13 +184,13 @@ def train_segmenter(
     return Trained(write_weights(folder, network, description), description)
 
 
-def write_weights(folder: Path, network: "nn.Module", description: dict[str, Any]) -> Path:
+def write_weights(folder: Path, network: "WaveNetwork", description: dict[str, Any]) -> Path:
     """Write the network as ONNX and as safetensors, and beside them the description with the ONNX file's SHA-256."""
     from safetensors.torch import save_file
 
     from millisight.perception.wave_network import onnx_bytes
 
-    content = onnx_bytes(network)  # type: ignore[arg-type]
+    content = onnx_bytes(network)
     with atomic_path(folder / TENSORS_NAME) as temporary:
         save_file({name: value.contiguous() for name, value in network.state_dict().items()}, temporary)
     with atomic_path(folder / WEIGHTS_NAME) as temporary:

@@ -8,7 +8,7 @@ import hashlib
 import json
 import os
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -127,7 +127,7 @@ def _without_crumbs(mask: np.ndarray) -> np.ndarray:
     """The mask without its parts that are much smaller than its largest."""
     from scipy.ndimage import label
 
-    parts: Any = label(mask, structure=np.ones((3, 3)))[0]  # type: ignore[index]
+    parts, _ = cast("tuple[np.ndarray, int]", label(mask, structure=np.ones((3, 3))))
     sizes = np.bincount(parts.ravel())
     sizes[0] = 0
     return mask & (sizes >= _CRUMB * sizes.max())[parts]
