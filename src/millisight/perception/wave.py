@@ -4,8 +4,6 @@ It looks at the image, not at its coloured picture: both bands where there are b
 needed; a user's points are taken into account. What it learned from is told in the model card.
 """
 
-import hashlib
-import json
 import os
 from pathlib import Path
 from typing import Any, cast
@@ -16,6 +14,7 @@ from millisight.errors import DamagedFileError, FormatError, InputError
 from millisight.files import check_readable, printable
 from millisight.imaging.image import SarImage
 from millisight.perception import wave_features
+from millisight.perception.networks import open_network, read_description
 from millisight.perception.projection import Picture
 from millisight.perception.prompts import Prompts
 from millisight.perception.segmentation import Candidates
@@ -23,7 +22,6 @@ from millisight.perception.segmentation import Candidates
 WEIGHTS = Path(__file__).with_name("weights") / "wave.onnx"
 """Shipped; its description lies beside it as .json."""
 
-_LARGEST = 1 << 26  # bytes of a weights file
 _STEPS = (0.0, 0.15, -0.15, 0.3)  # from the probability at which a mask begins: what is offered
 _CRUMB = 0.1  # parts smaller than this share of the largest are no object's
 
@@ -48,8 +46,8 @@ class WaveSegmenter:
 
     def __init__(self, weights: str | os.PathLike[str] | None = None):
         path = check_readable(WEIGHTS if weights is None else weights)
-        self.description = _description(path.with_suffix(".json"))
-        self._session = _session(path, self.description["sha256"])
+        self.description = _read_description(path.with_suffix(".json"))
+        self._session = open_network(path, self.description["sha256"], needed_by=self.name)
 
     def probability(self, picture: Picture, prompts: Prompts | None = None) -> np.ndarray:
         """(A, B) float32, how probable it is that the object lies over each pixel of the picture.
@@ -138,42 +136,12 @@ def _expected_iou(mask: np.ndarray, probability: np.ndarray) -> float:
     return float(probability[mask].sum() / (mask.sum() + probability[~mask].sum()))
 
 
-def _description(path: Path) -> dict[str, Any]:
+def _read_description(path: Path) -> dict[str, Any]:
     """What the weights' JSON tells, checked as far as it is used."""
-    path = check_readable(path)
-    if path.stat().st_size > _LARGEST:
-        raise FormatError(f"{printable(path)} has {path.stat().st_size} bytes; expected a description of weights")
-    try:
-        told = json.loads(path.read_text(encoding="utf-8"))
-        sha256, cut, channels = told["sha256"], told["cut"], told["channels"]
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
-        raise DamagedFileError(
-            f"{printable(path)} describes no weights: {error!r}; train anew, or reinstall"
-        ) from error
-    if channels != list(wave_features.CHANNELS) or told.get("spacing") != wave_features.SPACING:
+    told = read_description(path, "cut", "channels")
+    cut = told["cut"]
+    if told["channels"] != list(wave_features.CHANNELS) or told.get("spacing") != wave_features.SPACING:
         raise FormatError(f"{printable(path)}: the weights are of another version of the network; train anew")
-    if not isinstance(sha256, str) or not isinstance(cut, float) or not 0 < cut < 1:
+    if not isinstance(cut, float) or not 0 < cut < 1:
         raise DamagedFileError(f"{printable(path)}: cut is {cut!r}; expected a number between 0 and 1")
     return told
-
-
-def _session(path: Path, sha256: str) -> Any:
-    """The network, ready to run."""
-    try:
-        import onnxruntime
-    except ImportError as error:
-        raise ImportError('wave runs by ONNX Runtime: pip install "millisight[perception]"') from error
-    if path.stat().st_size > _LARGEST:
-        raise FormatError(f"{printable(path)} has {path.stat().st_size} bytes; expected under {_LARGEST} of weights")
-    content = path.read_bytes()
-    if hashlib.sha256(content).hexdigest() != sha256:
-        raise DamagedFileError(
-            f"{printable(path)} is not the file that {path.stem}.json describes: its SHA-256 differs; copy both anew"
-        )
-    options = onnxruntime.SessionOptions()
-    options.log_severity_level = 3
-    try:
-        # From bytes: a file that names others to read from is refused.
-        return onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
-    except Exception as error:  # of ONNX Runtime's own kinds, which have no common public base
-        raise FormatError(f"{printable(path)} is no network that ONNX Runtime can run: {error}") from error

@@ -1,0 +1,125 @@
+"""Weights and their description: what is read, and what is refused."""
+
+import hashlib
+import json
+import sys
+
+import numpy as np
+import pytest
+
+from millisight.errors import DamagedFileError, FileError, FormatError
+from millisight.perception import networks
+from millisight.perception.networks import open_network, read_description
+
+
+def doubler(onnx, **external):
+    """An ONNX network that doubles its input, as bytes; its 2 may be said to lie in another file."""
+    two = onnx.numpy_helper.from_array(np.array([2], np.float32), "two")
+    if external:
+        two.data_location = onnx.TensorProto.EXTERNAL
+        two.ClearField("raw_data")
+        for key, value in external.items():
+            two.external_data.add(key=key, value=str(value))
+    one = onnx.helper.make_tensor_value_info
+    graph = onnx.helper.make_graph(
+        [onnx.helper.make_node("Mul", ["x", "two"], ["y"])],
+        "doubler",
+        [one("x", onnx.TensorProto.FLOAT, ["n"])],
+        [one("y", onnx.TensorProto.FLOAT, ["n"])],
+        [two],
+    )
+    opset = [onnx.helper.make_opsetid("", 17)]
+    return onnx.helper.make_model(graph, ir_version=8, opset_imports=opset).SerializeToString()
+
+
+def sha256(content):
+    return hashlib.sha256(content).hexdigest()
+
+
+@pytest.fixture
+def written(tmp_path):
+    """Writes the weights and returns where they are, and their SHA-256."""
+
+    def write(content):
+        (tmp_path / "w.onnx").write_bytes(content)
+        return tmp_path / "w.onnx", sha256(content)
+
+    return write
+
+
+def test_a_network_is_opened_and_runs(written):
+    onnx = pytest.importorskip("onnx")
+    session = open_network(*written(doubler(onnx)), needed_by="this")
+    (y,) = session.run(None, {"x": np.arange(3, dtype=np.float32)})
+    np.testing.assert_array_equal(y, [0, 2, 4])
+
+
+def test_weights_are_refused_that_are_others_or_no_network(written, monkeypatch):
+    onnx = pytest.importorskip("onnx")
+    content = doubler(onnx)
+    path, told = written(content)
+    with pytest.raises(DamagedFileError, match=r"w\.onnx is not the file that w\.json describes"):
+        open_network(path, sha256(b""), needed_by="this")
+    path.write_bytes(content[:-1])
+    with pytest.raises(DamagedFileError, match="SHA-256 differs"):
+        open_network(path, told, needed_by="this")
+    for nothing in (b"", b"no network", content[:40]):
+        with pytest.raises(FormatError, match=r"w\.onnx is no network that ONNX Runtime can run"):
+            open_network(*written(nothing), needed_by="this")
+    monkeypatch.setattr(networks, "_MOST_WEIGHTS", len(content) - 1)
+    with pytest.raises(FormatError, match=rf"w\.onnx has {len(content)} bytes; expected weights, under"):
+        open_network(*written(content), needed_by="this")
+    path.unlink()
+    with pytest.raises(FileError, match=r"w\.onnx: no such file"):
+        open_network(path, told, needed_by="this")
+
+
+def test_weights_that_would_have_another_file_read_are_refused(written, tmp_path, monkeypatch):
+    onnx = pytest.importorskip("onnx")
+    (tmp_path / "other.bin").write_bytes(np.array([2], np.float32).tobytes())
+    content = doubler(onnx, location="other.bin", offset=0, length=4)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(FormatError, match=r"w\.onnx is no network"):
+        open_network(*written(content), needed_by="this")
+
+
+def test_without_onnx_runtime_it_says_who_needs_it_and_what_to_install(written, monkeypatch):
+    monkeypatch.setitem(sys.modules, "onnxruntime", None)
+    with pytest.raises(ImportError, match=r'^this runs by ONNX Runtime: pip install "millisight\[perception\]"$'):
+        open_network(*written(b""), needed_by="this")
+
+
+def test_a_description_is_what_its_file_holds(tmp_path):
+    told = {"sha256": "ab", "cut": 0.5, "about": "käse"}
+    (tmp_path / "w.json").write_text(json.dumps(told, ensure_ascii=False), encoding="utf-8")
+    assert read_description(tmp_path / "w.json", "cut", "about") == told
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", "describes no weights"),
+        (b"{", "describes no weights"),
+        (b"\xff\xfe", "describes no weights"),
+        (b"[]", "describes no weights"),
+        (b'"sha256"', "describes no weights"),
+        (b"null", "describes no weights"),
+        (b"[" * 100_000, "describes no weights"),
+        (b'{"cut": 1}', r"describes no weights: KeyError\('sha256'\)"),
+        (b'{"sha256": "ab"}', r"describes no weights: KeyError\('cut'\)"),
+        (b'{"sha256": 7, "cut": 1}', "sha256 is 7"),
+    ],
+)
+def test_what_describes_no_weights_is_refused(tmp_path, content, message):
+    (tmp_path / "w.json").write_bytes(content)
+    with pytest.raises(DamagedFileError, match=r"w\.json.*" + message):
+        read_description(tmp_path / "w.json", "cut")
+
+
+def test_a_description_that_is_missing_or_huge_is_refused(tmp_path, monkeypatch):
+    with pytest.raises(FileError, match=r"w\.json: no such file"):
+        read_description(tmp_path / "w.json")
+    monkeypatch.setattr(networks, "_MOST_DESCRIPTION", 10)
+    (tmp_path / "w.json").write_text('{"sha256": "ab"}')
+    with pytest.raises(FormatError, match=r"w\.json has 16 bytes; expected a description of weights, under 10 bytes"):
+        read_description(tmp_path / "w.json")
