@@ -17,13 +17,14 @@ copyright = author
 version = release = installed("millisight")
 
 extensions = [
-    "myst_parser",
+    "myst_nb",
     "sphinx.ext.autodoc",
     "sphinx.ext.viewcode",
     "mathml",
     "docstrings",
     "command_line",
     "gallery",
+    "notebooks",
     "offline",
 ]
 exclude_patterns = ["_ext", "_static"]
@@ -38,6 +39,15 @@ html_theme_options = {"navigation_with_keys": True, "top_of_page_buttons": []}
 myst_enable_extensions = ["dollarmath", "colon_fence"]
 myst_heading_anchors = 4
 html_math_renderer = "mathml"
+
+# Every notebook runs, in an empty folder; one that fails, or says something on stderr, fails the build.
+nb_execution_mode = "force"
+nb_execution_in_temp = True
+nb_execution_timeout = 120  # seconds for a cell: CI's machine may be busy
+nb_execution_raise_on_error = True
+nb_execution_show_tb = True
+nb_output_stderr = "warn"
+nb_merge_streams = True
 
 autodoc_member_order = "bysource"
 autodoc_typehints_format = "short"

@@ -5,13 +5,15 @@ The docstrings are written to be read in an editor: `|I|`, `*` and a trailing un
 
     .. public-names:: imaging
 
-documents every name of `millisight` whose home is `millisight.imaging`. A public name without a docstring is a
-warning, and so fails the build; so is a room that nothing is in.
+documents every name of `millisight` whose home is `millisight.imaging`. What has no docstring is a warning, and so
+fails the build: a public name, a method or property of a public class, and a field of a record that its class does not
+tell under "Attributes". So is a room that nothing is in.
 """
 
 import inspect
 import re
 from collections.abc import Iterator
+from dataclasses import fields, is_dataclass
 from typing import Any
 
 from docutils import nodes
@@ -27,6 +29,7 @@ from millisight import errors
 
 _SECTIONS = ("Parameters", "Attributes", "Returns", "Yields", "Raises", "Examples", "Notes")
 _PRIMER = re.compile(r"\bprimer (\(\d+\)|\d+)")
+_LEFT = ("Picture.shape", "Comparison.specular", "Comparison.edge", "MaskScores.")  # still to be told
 _LOG = logging.getLogger(__name__)
 
 
@@ -38,6 +41,49 @@ def public_names() -> dict[str, Any]:
 def room_of(thing: Any) -> str:
     """The first folder or module under `millisight` in which something is defined."""
     return thing.__module__.split(".")[1]
+
+
+def documented(room: str) -> dict[str, Any]:
+    """What `.. public-names:: room` shows, by name: of a room of `millisight`, or of a module by its whole name."""
+    if "." not in room:
+        return {name: thing for name, thing in public_names().items() if room_of(thing) == room}
+    module = __import__(room, fromlist=["_"])
+    return {name: getattr(module, name) for name in getattr(module, "__all__", _own(module))}
+
+
+def undocumented(name: str, thing: Any) -> list[str]:
+    """Of a public name and what belongs to it, what no docstring speaks of: `name`, `name.method`, `name.field`."""
+    text = inspect.getdoc(thing) or ""
+    # A dataclass without a docstring gets its signature for one.
+    missing = [] if text.strip() and not text.startswith(f"{name}(") else [name]
+    if not inspect.isclass(thing):
+        return missing
+    missing += [f"{name}.{field}" for field in _fields(thing) if field not in attributes(text)]
+    missing += [f"{name}.{member}" for member, of in _members(thing) if not (inspect.getdoc(of) or "").strip()]
+    return [what for what in missing if not what.startswith(_LEFT)]
+
+
+def _fields(thing: type) -> list[str]:
+    """Of a record or a named tuple."""
+    return [field.name for field in fields(thing)] if is_dataclass(thing) else list(getattr(thing, "_fields", ()))
+
+
+def _members(thing: type) -> Iterator[tuple[str, Any]]:
+    """Public methods and properties of a class, those too that it has from classes of ours."""
+    for home in thing.__mro__:
+        if not home.__module__.startswith("millisight."):
+            continue
+        for name, member in vars(home).items():
+            of = getattr(member, "fget", None) or getattr(member, "__func__", member)
+            if not name.startswith("_") and (inspect.isfunction(of) or isinstance(member, property)):
+                yield name, of
+
+
+def attributes(text: str) -> dict[str, str]:
+    """What a class's docstring says of each of its attributes, under that heading."""
+    body = dict(_sections(text.split("\n"))).get("Attributes", [])
+    entries = [line.partition(" : ") for line in body if not line.startswith(" ")]
+    return {name: about for names, _, about in entries for name in names.split(", ") if about.strip()}
 
 
 class PublicNames(SphinxDirective):
@@ -55,16 +101,12 @@ class PublicNames(SphinxDirective):
         return found.children
 
     def _directives(self, room: str) -> Iterator[str]:
-        if "." in room:
-            module = __import__(room, fromlist=["_"])
-            things = {name: getattr(module, name) for name in getattr(module, "__all__", _own(module))}
-        else:
-            room, things = "millisight", {k: v for k, v in public_names().items() if room_of(v) == room}
-        for name, thing in things.items():
-            if not (inspect.getdoc(thing) or "").strip():
-                _LOG.warning("%s.%s has no docstring", room, name, location=self.get_location())
+        home = room if "." in room else "millisight"
+        for name, thing in documented(room).items():
+            for missing in undocumented(name, thing):
+                _LOG.warning("%s of %s has no docstring", missing, room, location=self.get_location())
             kind = "exception" if _is_error(thing) else "class" if inspect.isclass(thing) else "function"
-            yield f".. auto{kind}:: {room}.{name}"
+            yield f".. auto{kind}:: {home}.{name}"
             if kind == "class":
                 yield "   :members:"
             if kind == "exception":

@@ -1,20 +1,36 @@
 """Every public name and every command says what it is: what the reference shows."""
 
 import inspect
+import re
+import sys
+from pathlib import Path
+from types import UnionType
+from typing import NamedTuple
 
+import numpy as np
 import pytest
 import typer
 
 import millisight as ms
 from millisight import errors
 from millisight.cli.app import app
+from millisight.records import record
 from millisight.viz import plots
 
-NAMES = {name: getattr(ms, name) for name in ms.__all__ if name != "__version__"}
-FIGURES = {name: getattr(plots, name) for name in plots.__all__}
-ERRORS = {
-    name: thing for name, thing in vars(errors).items() if inspect.isclass(thing) and issubclass(thing, Exception)
+DOCS = Path(__file__).parents[2] / "docs"
+sys.path.insert(0, str(DOCS / "_ext"))
+
+pytest.importorskip("sphinx", reason="the documentation's tools are not installed: make setup")
+
+from docstrings import attributes, documented, undocumented  # noqa: E402
+
+PAGES = "\n".join(page.read_text(encoding="utf-8") for page in (DOCS / "reference").glob("*.rst"))
+SHOWN = {
+    f"{room}.{name}": thing
+    for room in re.findall(r"public-names:: ([\w.]+)$", PAGES, re.MULTILINE)
+    for name, thing in documented(room).items()
 }
+FIGURES = {name: getattr(plots, name) for name in plots.__all__}
 
 
 def commands(name="millisight", command=None):
@@ -27,32 +43,74 @@ def commands(name="millisight", command=None):
 COMMANDS = dict(commands())
 
 
-def members_of(thing):
-    """Public methods and properties that a class defines itself."""
-    for name, member in vars(thing).items():
-        if not name.startswith("_") and (callable(member) or isinstance(member, property | classmethod | staticmethod)):
-            yield name, getattr(member, "fget", None) or getattr(member, "__func__", member)
-
-
 def test_there_is_something_to_look_at():
-    assert len(NAMES) > 25
+    assert len(SHOWN) > 60
     assert len(FIGURES) > 15
     assert len(COMMANDS) > 8
+    things = set(map(id, SHOWN.values()))
+    public = [getattr(ms, name) for name in ms.__all__ if name != "__version__"]
+    raised = [thing for thing in vars(errors).values() if inspect.isclass(thing) and issubclass(thing, Exception)]
+    assert things >= {id(thing) for thing in (*public, *raised, *FIGURES.values())}
 
 
-@pytest.mark.parametrize("name", [*NAMES, *FIGURES, *ERRORS])
-def test_every_public_name_has_a_docstring_of_its_own(name):
-    thing = {**NAMES, **FIGURES, **ERRORS}[name]
-    text = inspect.getdoc(thing) or ""
-    # A dataclass without one gets its signature instead.
-    assert text.strip()
-    assert not text.startswith(f"{name}(")
+@pytest.mark.parametrize("name", SHOWN)
+def test_every_name_and_all_that_belongs_to_it_is_told(name):
+    assert undocumented(name.rpartition(".")[2], SHOWN[name]) == []
 
 
-@pytest.mark.parametrize("name", [name for name, thing in NAMES.items() if inspect.isclass(thing)])
-def test_every_public_method_and_property_has_a_docstring(name):
-    bare = [member for member, of in members_of(NAMES[name]) if not (of.__doc__ or "").strip()]
-    assert set(bare) <= {"shape"}  # which says itself
+@pytest.mark.parametrize("name", [name for name, thing in SHOWN.items() if inspect.isclass(thing)])
+def test_every_array_has_its_shape(name):
+    told = attributes(inspect.getdoc(SHOWN[name]))
+    arrays = [field for field, kind in getattr(SHOWN[name], "__annotations__", {}).items() if _is_array(kind)]
+    assert [field for field in arrays if not re.match(r"\(\w+,", told[field])] == []
+
+
+def _is_array(kind):
+    return kind is np.ndarray or (isinstance(kind, UnionType) and np.ndarray in kind.__args__)
+
+
+def test_what_is_not_told_is_found():
+    @record
+    class Bare:
+        x: float
+
+        def reach(self):
+            pass
+
+    @record
+    class Half:
+        """Two places.
+
+        Attributes
+        ----------
+        x, y : [m]
+        z :
+        """
+
+        x: float
+        y: float
+        z: float
+        radius: float
+
+        @property
+        def shape(self):
+            return ()
+
+        @classmethod
+        def unit(cls):
+            """One."""
+
+    class Pair(NamedTuple):
+        """Two."""
+
+        first: int
+
+    for cls in (Bare, Half, Pair):  # as if they were ours
+        cls.__module__ = "millisight.test"
+    assert undocumented("Bare", Bare) == ["Bare", "Bare.x", "Bare.reach"]
+    assert undocumented("Half", Half) == ["Half.z", "Half.radius", "Half.shape"]
+    assert undocumented("Pair", Pair) == ["Pair.first"]
+    assert undocumented("_is_array", _is_array) == ["_is_array"]
 
 
 @pytest.mark.parametrize("name", FIGURES)

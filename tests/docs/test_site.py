@@ -105,6 +105,20 @@ class TestOffline:
         assert sheets
         assert all(offline.fetched(sheet.read_text(encoding="utf-8")) == [] for sheet in sheets)
 
+    def test_links_that_lead_nowhere_are_found(self, tmp_path):
+        (tmp_path / "deep").mkdir()
+        other, page = tmp_path / "deep" / "other.html", tmp_path / "page.html"
+        other.write_text('<h1 id="a-b">A</h1><a href="../page.html#here">up</a><a href="../page.html#nowhere">up</a>')
+        page.write_text(
+            '<p id="here"><a href="#here">a</a><a href="#">top</a><a href="deep/other.html#a-b">b</a>'
+            '<a href="https://example/#x">out</a><a href="mailto:a@b">m</a><a href="page%2ehtml?q=1">q</a>'
+            '<a href="#gone">c</a><a href="deep/other.html#c">d</a><a href="gone.html">e</a><img src="gone.png">'
+        )
+        assert list(offline.broken([page, other])) == [
+            *((page, link) for link in ("#gone", "deep/other.html#c", "gone.html", "gone.png")),
+            (other, "../page.html#nowhere"),
+        ]
+
 
 def test_the_first_page_shows_what_the_readme_shows_and_what_is_run_there():
     first, readme = (

@@ -78,7 +78,13 @@ class Waveform:
 
 @record
 class AntennaArray:
-    """Transmitters (T, 3) and receivers (R, 3) in the radar's own frame [m]; every pair is one channel."""
+    """Where a radar's antennas are; every pair of a transmitter and a receiver is one channel.
+
+    Attributes
+    ----------
+    tx_positions : (T, 3) transmitters in the radar's own frame [m]
+    rx_positions : (R, 3) receivers in the radar's own frame [m]
+    """
 
     tx_positions: np.ndarray
     rx_positions: np.ndarray

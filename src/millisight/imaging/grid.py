@@ -19,7 +19,12 @@ def _coordinates(value: np.ndarray, name: str) -> np.ndarray:
 
 @record
 class PixelGrid:
-    """Coordinates of a picture's pixel centres: x (X,) and y (Y,), increasing [m]."""
+    """Where a picture's pixels are.
+
+    Attributes
+    ----------
+    x, y : (X,) and (Y,) coordinates of their centres, increasing [m]
+    """
 
     x: np.ndarray
     y: np.ndarray
@@ -29,12 +34,18 @@ class PixelGrid:
 
     @property
     def shape(self) -> tuple[int, int]:
+        """(X, Y) pixels along each axis."""
         return len(self.x), len(self.y)
 
 
 @record
 class VoxelGrid:
-    """Coordinates of an image's voxel centres: x (X,), y (Y,) and z (Z,), increasing, in the world frame [m]."""
+    """Where an image's voxels are.
+
+    Attributes
+    ----------
+    x, y, z : (X,), (Y,) and (Z,) coordinates of their centres in the world frame, increasing [m]
+    """
 
     x: np.ndarray
     y: np.ndarray
@@ -82,6 +93,7 @@ class VoxelGrid:
 
     @property
     def shape(self) -> tuple[int, int, int]:
+        """(X, Y, Z) voxels along each axis."""
         return len(self.x), len(self.y), len(self.z)
 
     @property

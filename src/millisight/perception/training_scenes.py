@@ -26,10 +26,10 @@ from millisight.files import atomic_path, make_folder, printable
 from millisight.imaging.form import form_image
 from millisight.imaging.grid import VoxelGrid
 from millisight.imaging.image import combine
-from millisight.records import checked_integer, checked_numbers, put, record
+from millisight.records import checked_integer, checked_number, checked_numbers, put, record
 from millisight.scene.material import Material
 from millisight.scene.mesh import TriangleMesh
-from millisight.scene.objects import CATALOGUE
+from millisight.scene.objects import CATALOGUE, build_object
 from millisight.scene.scene import Scene
 
 BANDS = ("77_ghz", "24_ghz")
@@ -40,7 +40,6 @@ _PRESETS = {"77_ghz": "mito-sim-77ghz", "24_ghz": "mito-sim-24ghz"}
 _SAMPLES = {"77_ghz": 64, "24_ghz": 16}  # a chirp: the object is near, and fewer make no ambiguity
 _STEPS = {"77_ghz": (0.55, 0.85), "24_ghz": (0.4, 0.7)}  # wavelengths between positions
 _MOST_POSITIONS = 6_000  # over a large object they are further apart
-_WIDEST = 0.22  # of an image; of a larger object it shows a part [m]
 _TALLEST = 0.13  # object that is stood on another side [m]
 _UNSEEN = Material(name="unseen", reflection=1e-9)  # what shadows and does not answer
 
@@ -56,6 +55,8 @@ class Scenes:
     poses : scenes of each object
     vertices : of an object
     spacing : of the images along x, y and z [m]
+    widest : of an image, which shows a part of a larger object [m]
+    stretch : objects are made longer or shorter along each of their axes, by a factor of exp(stretch) at most
     """
 
     without: tuple[str, ...] = ()
@@ -63,6 +64,8 @@ class Scenes:
     poses: int = 6
     vertices: int = 3000
     spacing: tuple[float, float, float] = (0.003, 0.003, 0.015)
+    widest: float = 0.22
+    stretch: float = 0.0
 
     def __post_init__(self) -> None:
         for name in (*self.without, *self.validation):
@@ -73,6 +76,8 @@ class Scenes:
             poses=checked_integer(self.poses, name="poses"),
             vertices=checked_integer(self.vertices, name="vertices", minimum=100),
             spacing=checked_numbers(self.spacing, name="spacing", count=3, unit="m", above=0),
+            widest=checked_number(self.widest, name="widest", unit="m", above=0.05),
+            stretch=checked_number(self.stretch, name="stretch", minimum=0),
         )
 
     @property
@@ -92,6 +97,7 @@ class SceneParts(NamedTuple):
     ----------
     x, y : pixel centres [m]
     inside : (X, Y) bool, where the object lies, seen along z
+    angles_deg : (3,) how it lies: turned about the fixed x, then y, then z axis [degrees]
     images : by band the complex64 images (4, X, Y, Z) of `PARTS`, each relative to its own maximum; with it
     scales : by band these maxima (4,)
     """
@@ -99,6 +105,7 @@ class SceneParts(NamedTuple):
     x: np.ndarray
     y: np.ndarray
     inside: np.ndarray
+    angles_deg: np.ndarray
     images: dict[str, np.ndarray]
     scales: dict[str, np.ndarray]
 
@@ -142,11 +149,11 @@ def make_scene(name: str, scenes: Scenes, *, rng: np.random.Generator) -> SceneP
     UnknownNameError, InputError
         No such object, or the settings cannot be right.
     """
-    thing = _object(name, scenes.vertices, rng)
+    thing, angles_deg = _object(name, scenes, rng)
     bounds = thing.mesh.bounds
     plate = _plate(bounds, rng) if rng.random() < 0.65 else None
     sheet = _sheet(bounds, rng) if rng.random() < 0.55 else None
-    lower, upper = _window(bounds, rng)
+    lower, upper = _window(bounds, scenes.widest, rng)
     middle = (lower + upper)[:2] / 2 + rng.uniform(-0.015, 0.015, 2)
     size = (upper - lower)[:2] + rng.uniform(-0.01, 0.05, 2)
     grid = VoxelGrid.regular(lower, upper, scenes.spacing)
@@ -170,7 +177,7 @@ def make_scene(name: str, scenes: Scenes, *, rng: np.random.Generator) -> SceneP
         values = np.stack([_image(capture, believed, grid) for capture in captures])
         peaks = abs(values).max(axis=(1, 2, 3))
         images[band], scales[band] = values / np.where(peaks > 0, peaks, 1)[:, None, None, None], peaks
-    return SceneParts(grid.x, grid.y, footprint(thing.mesh, grid.x, grid.y), images, scales)
+    return SceneParts(grid.x, grid.y, footprint(thing.mesh, grid.x, grid.y), np.array(angles_deg), images, scales)
 
 
 def footprint(mesh: TriangleMesh, x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -184,22 +191,30 @@ def footprint(mesh: TriangleMesh, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return Trimesh(mesh.vertices, mesh.faces, process=False).ray.intersects_any(above, down).reshape(len(x), len(y))
 
 
-def _object(name: str, vertices: int, rng: np.random.Generator) -> Scene:
-    """The object, mostly as it lies in the catalogue and a little tilted, sometimes on another side."""
+def _object(name: str, scenes: Scenes, rng: np.random.Generator) -> tuple[Scene, tuple[float, float, float]]:
+    """The object, mostly as it lies in the catalogue and a little tilted, sometimes on another side; and its angles."""
+    source: str | TriangleMesh = name
+    if scenes.stretch:
+        mesh = build_object(name)
+        factors = np.exp(rng.uniform(-scenes.stretch, scenes.stretch, 3))
+        source = dataclasses.replace(mesh, vertices=mesh.vertices * factors)
     tilt, turn, side = rng.uniform(-12, 12, 2), rng.uniform(0, 360), 90 * rng.integers(0, 4, 2)
-    thing = Scene.from_mesh(name, vertices=vertices, rotate_deg=(tilt[0], tilt[1], turn))
+    angles = float(tilt[0]), float(tilt[1]), float(turn)
+    thing = Scene.from_mesh(source, vertices=scenes.vertices, rotate_deg=angles)
     if rng.random() < 0.25:
-        other = Scene.from_mesh(name, vertices=vertices, rotate_deg=(tilt[0] + side[0], tilt[1] + side[1], turn))
-        thing = other if other.mesh.extent[2] < _TALLEST else thing
+        turned = angles[0] + int(side[0]), angles[1] + int(side[1]), angles[2]
+        other = Scene.from_mesh(source, vertices=scenes.vertices, rotate_deg=turned)
+        if other.mesh.extent[2] < _TALLEST:
+            thing, angles = other, turned
     half = thing.mesh.extent[2] / 2
-    return thing.moved((0.0, 0.0, -max(rng.uniform(0.20, 0.33), half + 0.12)))
+    return thing.moved((0.0, 0.0, -max(rng.uniform(0.20, 0.33), half + 0.12))), angles
 
 
-def _window(bounds: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+def _window(bounds: np.ndarray, widest: float, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """Corners (3,) of the image of an object with these bounds (2, 3)."""
     reach = rng.uniform((0.025, 0.025, 0.015), (0.07, 0.07, 0.05))
     lower, upper = bounds[0] - reach, bounds[1] + reach
-    beyond = np.maximum(upper - lower - (_WIDEST, _WIDEST, 1.0), 0)
+    beyond = np.maximum(upper - lower - (widest, widest, 1.0), 0)
     cut = rng.random(3) * beyond
     return lower + cut, upper - (beyond - cut)
 
@@ -261,12 +276,12 @@ def _image(capture: Capture | None, believed: Trajectory, grid: VoxelGrid) -> np
 
 
 def _digest(scenes: Scenes, seed: int) -> str:
-    made_by = {"seed": seed, "vertices": scenes.vertices, "spacing": scenes.spacing}
+    made_by = {"seed": seed} | {name: getattr(scenes, name) for name in ("vertices", "spacing", "widest", "stretch")}
     return hashlib.sha256(json.dumps(made_by, sort_keys=True).encode()).hexdigest()[:12]
 
 
 def _write(path: Path, scene: SceneParts) -> None:
-    arrays: dict[str, Any] = {"x": scene.x, "y": scene.y, "inside": scene.inside}
+    arrays: dict[str, Any] = {"x": scene.x, "y": scene.y, "inside": scene.inside, "angles_deg": scene.angles_deg}
     for band in BANDS:
         parts = scene.images[band].astype(np.complex64)
         arrays[band] = parts.view(np.float32).astype(np.float16)
@@ -280,7 +295,7 @@ def _read(path: Path) -> SceneParts:
         with np.load(path, allow_pickle=False) as held:
             images = {band: held[band].astype(np.float32).view(np.complex64) for band in BANDS}
             scales = {band: held[f"{band}_scales"] for band in BANDS}
-            scene = SceneParts(held["x"], held["y"], held["inside"], images, scales)
+            scene = SceneParts(held["x"], held["y"], held["inside"], held["angles_deg"], images, scales)
     except (OSError, ValueError, KeyError, EOFError, ImportError) as error:
         raise DamagedFileError(f"{printable(path)} is no scene of this training: {error}; delete it") from error
     shape = scene.inside.shape

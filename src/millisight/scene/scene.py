@@ -17,7 +17,14 @@ from millisight.scene.mesh import TriangleMesh
 
 @record
 class SceneObject:
-    """One thing in a scene: a mesh in the world frame [m], and its material."""
+    """One thing in a scene.
+
+    Attributes
+    ----------
+    name : str
+    mesh : TriangleMesh, in the world frame [m]
+    material : Material
+    """
 
     name: str
     mesh: TriangleMesh
