@@ -7,26 +7,21 @@ from typing import Annotated, Any
 
 import typer
 
-from millisight.cli.console import check_outputs, end_with_failures, in_options, progress, say
-from millisight.errors import FileError, FormatError, InputError, MillisightError, UnknownNameError
+from millisight.cli.console import check_outputs, say
+from millisight.cli.image_sources import (
+    MASK_SUFFIX,
+    ImageSource,
+    check_single,
+    image_sources,
+    named_segmenter,
+    one_by_one,
+)
+from millisight.errors import FormatError, InputError
 from millisight.files import check_readable, make_folder, printable
-from millisight.imaging.image import SarImage
 from millisight.perception.prompts import Prompts
-from millisight.perception.segmentation import Segmented, Segmenter, find_mask, segmenter
+from millisight.perception.segmentation import Segmented, Segmenter, find_mask
 
-_CONDITIONS = ("los", "nlos")
 _MOST_PROMPT_BYTES = 1 << 24
-
-
-@dataclass(frozen=True, slots=True)
-class _Source:
-    """One image: its file, the other band's, in or out of sight, and what its mask is called."""
-
-    path: Path
-    name: str
-    condition: str
-    other: Path | None
-    folder: Path
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,16 +122,8 @@ def segment(
 
     Example: millisight segment MITO_Dataset/004_sugar_box --multispectral -o masks/
     """
-    if condition is not None and condition not in _CONDITIONS:
-        raise UnknownNameError("--condition", condition, _CONDITIONS)
-    if multispectral and (other_band is not None or radar == "24_ghz"):
-        raise InputError(
-            "--multispectral pairs 77 GHz images with their 24 GHz ones; leave --other-band and --radar out"
-        )
-    found = [one for path in images for one in _sources(path, radar, condition, multispectral=multispectral)]
-    _check_names(found, several=prompts is not None or other_band is not None)
-    if other_band is not None:
-        found = [_Source(found[0].path, found[0].name, found[0].condition, other_band, found[0].folder)]
+    found = image_sources(images, radar=radar, condition=condition, multispectral=multispectral, other_band=other_band)
+    check_single(found, prompts=prompts, other_band=other_band)
     settings = _Settings(
         method=method,
         seed=seed,
@@ -145,47 +132,26 @@ def segment(
         largest=None if largest is None else largest / 100,
         picture=not no_picture,
     )
-    by = _segmenter(method, model, device)
+    by = named_segmenter(method, **({"model": model, "device": device} if method == "sam" else {}))
     if len(found) == 1 and not any(path.is_dir() for path in images):
-        _segment_one(found[0], output or _mask_path(found[0], None), by, settings)
+        _segment_one(found[0], output or found[0].output(MASK_SUFFIX), by, settings)
         return
-    _segment_all(found, output, by, settings)
+    folder = None if output is None else make_folder(output)
+    one_by_one(
+        found,
+        lambda source: _segment_one(source, source.output(MASK_SUFFIX, folder), by, settings),
+        verb="segment",
+        past="segmented",
+    )
 
 
-def _segmenter(method: str, model: str, device: str) -> Segmenter:
-    try:
-        return segmenter(method, **({"model": model, "device": device} if method == "sam" else {}))
-    except ImportError as error:
-        raise InputError(
-            f"--method {method} cannot be used here: {error}; --method classical needs nothing more"
-        ) from error
-
-
-def _segment_all(found: list[_Source], folder: Path | None, by: Segmenter, settings: _Settings) -> None:
-    """Every image after the other; what failed is said again at the end."""
-    if folder is not None:
-        make_folder(folder)
-    failures: list[str] = []
-    with progress("segment", compiles=False) as report:
-        for number, source in enumerate(found):
-            report(number, len(found))
-            try:
-                _segment_one(source, _mask_path(source, folder), by, settings)
-            except (MillisightError, MemoryError, OSError) as error:
-                failures.append(f"{source.name}: {' '.join(in_options(str(error)).split())}")
-                typer.echo(f"millisight: {failures[-1]}", err=True)
-    say(f"segmented {len(found) - len(failures)} of {len(found)} images")
-    end_with_failures(failures)
-
-
-def _segment_one(source: _Source, to: Path, by: Segmenter, settings: _Settings) -> None:
+def _segment_one(source: ImageSource, to: Path, by: Segmenter, settings: _Settings) -> None:
     from millisight.io.hdf5 import save
     from millisight.perception.projection import project
 
     drawn = to.with_suffix(".png") if settings.picture else None
     check_outputs(to, drawn, source=source.path)
-    image = _read_image(source.path)
-    other = None if source.other is None else _read_image(source.other)
+    image, other = source.images()
     found = find_mask(
         by,
         project(image, other_band=other, values=settings.values),
@@ -206,7 +172,7 @@ def _segment_one(source: _Source, to: Path, by: Segmenter, settings: _Settings) 
         save_figure(plot_segmentation(found, title=source.name), drawn)
 
 
-def _told(found: Segmented, source: _Source, settings: _Settings) -> dict[str, Any]:
+def _told(found: Segmented, source: ImageSource, settings: _Settings) -> dict[str, Any]:
     """How the mask came about, as its file keeps it."""
     from millisight.io.mito_names import origin
 
@@ -220,77 +186,6 @@ def _told(found: Segmented, source: _Source, settings: _Settings) -> dict[str, A
         "values": settings.values,
         **({"points": [], "positive": []} if found.prompts is None else found.prompts.plain),
     }
-
-
-def _sources(path: Path, radar: str | None, condition: str | None, *, multispectral: bool) -> list[_Source]:
-    """The images that a path leads to.
-
-    Raises
-    ------
-    FileError
-        There is no such path, or no image under it.
-    """
-    if not path.is_dir():
-        path = check_readable(path)
-        return [_source(path, condition, multispectral=multispectral)]
-    files = [*path.rglob("processed_image*.pkl"), *path.rglob("processed_image*.h5"), *path.rglob("*.image.h5")]
-    # Hidden folders hold what is being made.
-    files = sorted(file for file in files if not any(p.startswith(".") for p in file.relative_to(path).parts))
-    if multispectral:
-        files = [file for file in files if file.parent.name == "77_ghz"]
-    elif radar is not None:
-        files = [file for file in files if file.parent.name == radar]
-    if not files:
-        wanted = "" if radar is None and not multispectral else f" of the {radar or '77_ghz'} radar"
-        raise FileError(
-            f"{printable(path)} holds no image{wanted}: no *.image.h5, and no processed_image*.pkl of the published "
-            "layout; make some with `millisight image`"
-        )
-    return [_source(file, condition, multispectral=multispectral) for file in files]
-
-
-def _source(path: Path, condition: str | None, *, multispectral: bool) -> _Source:
-    from millisight.io.mito_names import RADARS
-
-    parts = path.resolve().parts
-    published = path.name.startswith("processed_image") and path.parent.resolve().name in RADARS
-    if not published:
-        if multispectral:
-            raise InputError(f"--multispectral needs images of the published layout, which {printable(path)} is not; "
-                             "pass the two images, one as --other-band")  # fmt: skip
-        stem = path.name.removesuffix(path.suffix).removesuffix(".image")
-        return _Source(path, stem, condition or "los", None, path.parent)
-    passed_over = ("robot_collected", "processed", "radars")
-    named = [part for part in parts[-7 if "simulation" in parts[-7:] else -9 : -1] if part not in passed_over]
-    sight = parts[-5] if parts[-5:-4] and parts[-5] in _CONDITIONS else "los"
-    other = path.resolve().parent.parent / "24_ghz" / path.name if multispectral else None
-    name = ".".join(named) + path.stem.removeprefix("processed_image")
-    return _Source(path, name, condition or sight, other, Path())
-
-
-def _check_names(found: list[_Source], *, several: bool) -> None:
-    if several and len(found) > 1:
-        raise InputError(f"--prompts and --other-band belong to one image, and there are {len(found)}; pass one")
-    names = [source.name for source in found]
-    for name in names:
-        if names.count(name) > 1:
-            raise InputError(f"two images would both be called {name}; segment them one by one, with --output")
-
-
-def _read_image(path: Path) -> SarImage:
-    """An image of ours, or of the published dataset.
-
-    Raises
-    ------
-    FileError, FormatError, DamagedFileError
-    """
-    from millisight.io.hdf5 import load
-    from millisight.io.mito_layout import read_published
-
-    record = read_published(path).record if path.suffix.lower() == ".pkl" else load(path)
-    if not isinstance(record, SarImage):
-        raise FormatError(f"{printable(path)} holds a {type(record).__name__}; expected a SarImage")
-    return record
 
 
 def _read_prompts(path: Path) -> Prompts:
@@ -310,7 +205,3 @@ def _read_prompts(path: Path) -> Prompts:
         return Prompts.from_plain({name: told[name] for name in ("points", "positive")})
     except InputError as error:
         raise FormatError(f"{printable(path)}: {error}") from error
-
-
-def _mask_path(source: _Source, folder: Path | None) -> Path:
-    return (source.folder if folder is None else folder) / f"{source.name}.mask.h5"
