@@ -12,7 +12,6 @@ import numpy as np
 
 from millisight.errors import DamagedFileError, FormatError, InputError
 from millisight.files import check_readable, printable
-from millisight.imaging.image import SarImage
 from millisight.perception import wave_features
 from millisight.perception.networks import open_network, read_description
 from millisight.perception.projection import Picture
@@ -64,8 +63,8 @@ class WaveSegmenter:
         if not np.any(image.values):
             raise InputError("the image is 0 everywhere, and there is nothing to segment; check how it was formed")
         x, y = wave_features.canvas_of(grid)
-        power = _power(image, x, y)
-        other = None if picture.other_band is None else _power(picture.other_band, x, y)
+        power = wave_features.canvas_power(image, x, y)
+        other = None if picture.other_band is None else wave_features.canvas_power(picture.other_band, x, y)
         if other is not None and not other.any():
             raise InputError(
                 "the other band is 0 wherever the image is, or on another grid; image both bands over one place, or "
@@ -96,15 +95,6 @@ class WaveSegmenter:
         scores[0] = scores.max()
         order = np.argsort(-scores, kind="stable")
         return Candidates(masks=masks[order], scores=scores[order])
-
-
-def _power(image: SarImage, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """(A, B, Z) power of an image on the network's pixels."""
-    along_x, along_y = wave_features.resampling(image.grid.x, x), wave_features.resampling(image.grid.y, y)
-    magnitude = image.magnitude
-    # Of any unit: squared as it is, a very weak image would vanish.
-    peak = magnitude.max()
-    return wave_features.resampled_power(magnitude / (peak if peak > 0 else 1), along_x, along_y)
 
 
 def _on_canvas(

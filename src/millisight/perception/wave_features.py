@@ -11,6 +11,7 @@ import numpy as np
 
 from millisight.errors import InputError
 from millisight.imaging.grid import PixelGrid
+from millisight.imaging.image import SarImage
 
 SPACING = 0.004
 """Of the network's pixels [m]."""
@@ -66,6 +67,15 @@ def resampled_power(magnitude: np.ndarray, along_x: np.ndarray, along_y: np.ndar
     columns, rows, depth = power.shape
     across = (along_x @ power.reshape(columns, rows * depth)).reshape(len(along_x), rows, depth)
     return np.tensordot(across, along_y, axes=(1, 1)).swapaxes(1, 2)
+
+
+def canvas_power(image: SarImage, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """(A, B, Z) power of an image on the network's pixels, 1 at most; 0 where there is no image."""
+    along_x, along_y = resampling(image.grid.x, x), resampling(image.grid.y, y)
+    magnitude = image.magnitude
+    # Of any unit: squared as it is, a very weak image would vanish.
+    peak = magnitude.max()
+    return resampled_power(magnitude / (peak if peak > 0 else 1), along_x, along_y)
 
 
 def levels(power: np.ndarray) -> np.ndarray:
