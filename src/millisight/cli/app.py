@@ -6,6 +6,7 @@ import typer
 
 from millisight.cli import (
     annotate,
+    classify,
     collect,
     dataset,
     demo,
@@ -34,6 +35,7 @@ app.command("simulate")(simulate.simulate)
 app.command("image")(image.image)
 app.command("info")(info.info)
 app.command("segment")(segment.segment)
+app.command("classify")(classify.classify)
 app.command("view")(view.view)
 app.command("annotate")(annotate.annotate)
 app.command("collect")(collect.collect)

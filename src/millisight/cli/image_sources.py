@@ -101,7 +101,7 @@ def check_single(found: Sequence[ImageSource], **options: object) -> None:
 
 def one_by_one(
     found: Sequence[ImageSource],
-    work: Callable[[ImageSource], None],
+    work: Callable[[ImageSource], object],
     *,
     verb: str,
     past: str,
