@@ -4,6 +4,8 @@ import dataclasses
 import re
 import socket
 import sys
+import urllib.error
+import urllib.request
 from pathlib import Path
 
 import h5py
@@ -356,6 +358,36 @@ def test_a_taken_port_and_a_strange_host_are_said_to_be_so():
             start(port=port)
     with pytest.raises(InputError, match="expected an address of this machine"):
         start("no.such.host.invalid")
+
+
+def test_only_its_own_page_is_answered():
+    import viser
+    from websockets.exceptions import InvalidStatus
+    from websockets.sync.client import connect
+
+    server = start()
+    try:
+        port = server.get_port()
+
+        def told(**headers):
+            """The first bytes that a page of that origin is sent."""
+            with connect(
+                f"ws://127.0.0.1:{port}/", subprotocols=[f"viser-v{viser.__version__}"], open_timeout=10, **headers
+            ) as socket:
+                return socket.recv(timeout=10)
+
+        assert told(origin=f"http://127.0.0.1:{port}")
+        assert told()
+        for origin in ("https://evil.example", "http://127.0.0.1:1", "null"):
+            with pytest.raises(InvalidStatus, match="403"):
+                told(origin=origin)
+        named = urllib.request.Request(f"http://127.0.0.1:{port}/", headers={"Host": f"evil.example:{port}"})
+        with pytest.raises(urllib.error.HTTPError, match="403"):
+            urllib.request.urlopen(named, timeout=10)
+        with urllib.request.urlopen(f"http://127.0.0.1:{port}/", timeout=10) as answer:
+            assert b"Viser" in answer.read()
+    finally:
+        server.stop()
 
 
 def test_without_viser_it_is_said_what_to_install(monkeypatch):

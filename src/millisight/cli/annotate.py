@@ -1,9 +1,6 @@
 """`millisight annotate`: tell a segmenter by clicks what belongs to the object, and save mask and points."""
 
-import os
 import sys
-import threading
-import webbrowser
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -65,6 +62,7 @@ def annotate(
     Example: millisight annotate photo.jpg -o mug.mask.png
     """
     from millisight.viz.annotator import AnnotatorServer, Session, open_subject, segmenters_for
+    from millisight.viz.local_page import open_browser
 
     subject = open_subject(image, other_band=other_band)
     mask_path = output or _beside(subject)
@@ -72,11 +70,13 @@ def annotate(
     session = Session(subject, mask_path, segmenters=segmenters, method=method)
     check_outputs(session.mask_path, session.prompts_path, source=image)
     with AnnotatorServer(session, port) as server:
-        say(f"annotate {image} at {server.address}")
-        say("close the page to end, or press Ctrl-C here" if not no_browser else "press Ctrl-C here to end")
-        sys.stdout.flush()
         try:
-            opened = not no_browser and _open(server.address)
+            say(f"annotate {image} at {server.address}")
+            sys.stdout.flush()
+            opened = not no_browser and open_browser(server.address)
+            ways = ("close the page to end, or press Ctrl-C here", "open it in a browser; Ctrl-C here ends")
+            say(ways[0] if opened else ways[1])
+            sys.stdout.flush()
             server.wait(until_closed=opened)
             say("the page was closed")
         except Interrupted:  # the usual way to end
@@ -97,12 +97,3 @@ def _beside(subject: "Subject") -> Path:
         name = ".".join(part for part in parts[:-1] if part not in passed_over)
         return Path(name + subject.path.stem.removeprefix("processed_image").removeprefix("continuous") + suffix)
     return subject.path.with_name(subject.path.name.removesuffix(subject.path.suffix).removesuffix(".image") + suffix)
-
-
-def _open(address: str) -> bool:
-    """Whether a browser was asked to open the page; on a machine without a screen none is."""
-    if sys.platform == "linux" and not any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")):
-        say("no screen here: open the address in a browser, from another machine through `ssh -L`")
-        return False
-    threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
-    return True

@@ -107,13 +107,13 @@ def view(
 
 def _serve(url: str, no_browser: bool) -> None:
     """Tell where the viewer is, and wait for Ctrl-C."""
-    from millisight.viz.viewer.server import open_browser
+    from millisight.viz.local_page import open_browser
 
-    opened = not no_browser and open_browser(url)
-    say(f"viewer: {url}" + ("" if opened else " (open it in a browser)"))
-    say("Ctrl-C ends it")
-    sys.stdout.flush()
     try:
+        opened = not no_browser and open_browser(url)
+        say(f"viewer: {url}" + ("" if opened else " (open it in a browser)"))
+        say("Ctrl-C ends it")
+        sys.stdout.flush()
         while True:
             time.sleep(3600)
     except interrupts.Interrupted:

@@ -19,6 +19,7 @@ from urllib.parse import urlsplit
 
 from millisight.errors import FileError, MillisightError
 from millisight.viz.annotator.session import Session
+from millisight.viz.local_page import asked_by_own_page
 
 _STATIC = {
     "": ("page.html", "text/html; charset=utf-8"),
@@ -146,8 +147,7 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _path(self) -> str | None:
         """What is asked for, after the secret; None, refused, where the request is not the page's own."""
-        host, origin = self.headers.get("Host", ""), self.headers.get("Origin")
-        ours = urlsplit(f"//{host}").hostname in ("127.0.0.1", "localhost") and origin in (None, f"http://{host}")
+        ours = asked_by_own_page("127.0.0.1", self.headers.get("Host"), self.headers.get("Origin"))
         secret, _, rest = urlsplit(self.path).path.removeprefix("/").partition("/")
         if ours and secrets.compare_digest(secret.encode(), self.server.secret.encode()):
             return rest

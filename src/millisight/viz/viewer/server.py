@@ -1,19 +1,19 @@
-"""The viewer's web server: found a port, started without chatter, stopped; and browsers, with a window or without."""
+"""The viewer's web server: found a port, started without chatter, kept to its page; and browsers without a window."""
 
 import logging
 import os
 import shutil
 import socket
 import subprocess
-import sys
 import tempfile
+import threading
 import time
-import webbrowser
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
 from millisight.errors import DeviceError, InputError
+from millisight.viz.local_page import asked_by_own_page
 
 HOST, PORT = "127.0.0.1", 8080
 _MORE_PORTS = 20  # tried where none was asked for
@@ -44,11 +44,49 @@ def start(host: str = HOST, port: int | None = None) -> Any:
     rich.get_console().quiet = True  # viser prints boxes to it, from several threads
     # A browser that opens a connection ahead and does not use it is no error to tell of.
     logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
-    server = viser.ViserServer(host=host, port=found, label="millisight", verbose=False)
+    with _own_pages_alone(host):
+        server = viser.ViserServer(host=host, port=found, label="millisight", verbose=False)
     if server.get_port() != found:
         server.stop()
         raise InputError(f"port {found} of {host} was taken this very moment; try again")
     return server
+
+
+_guarding = threading.Lock()
+
+
+@contextmanager
+def _own_pages_alone(host: str) -> Iterator[None]:
+    """A server that viser starts in the `with` block answers its own page alone.
+
+    viser answers every page that a browser shows, and has no setting for it. It has websockets call `process_request`
+    before it accepts a connection, so here that asks first.
+    """
+    from websockets.asyncio import server as sockets
+
+    plain, guarded = sockets.serve, False
+
+    def serve(*args: Any, process_request: Any, **settings: Any) -> Any:
+        def ask(connection: Any, request: Any) -> Any:
+            headers = [request.headers.get_all(name) for name in ("Host", "Origin")]
+            if all(len(values) <= 1 for values in headers):
+                host_header, origin = (values[0] if values else None for values in headers)
+                if asked_by_own_page(host, host_header, origin):
+                    return process_request(connection, request)
+            return connection.respond(403, "open the address that millisight view printed\n")
+
+        nonlocal guarded
+        guarded = True
+        return plain(*args, process_request=ask, **settings)
+
+    with _guarding:
+        sockets.serve = serve  # pyright: ignore[reportAttributeAccessIssue]
+        try:
+            yield
+        finally:
+            sockets.serve = plain
+    if not guarded:
+        logging.getLogger(__name__).warning("this version of viser lets other sites' pages look at what is shown")
 
 
 def _free_port(host: str, port: int | None) -> int:
@@ -82,15 +120,6 @@ def url_of(server: Any) -> str:
     host = server.get_host()
     host = {"0.0.0.0": "localhost", "::": "localhost"}.get(host, f"[{host}]" if ":" in host else host)
     return f"http://{host}:{server.get_port()}"
-
-
-def open_browser(url: str) -> bool:
-    """Show a page in the user's browser; False where there is no window to show it in."""
-    windowed = sys.platform in ("win32", "darwin") or any(
-        os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")
-    )
-    # Without a window system Python would start a browser for terminals in this one.
-    return windowed and webbrowser.open(url)
 
 
 @contextmanager
