@@ -2,7 +2,7 @@
 
 import typer
 
-from millisight.cli import evaluate_segmentation, evaluate_simulator
+from millisight.cli import evaluate_classification, evaluate_segmentation, evaluate_simulator
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -12,3 +12,4 @@ app = typer.Typer(
 )
 app.command("simulator")(evaluate_simulator.simulator)
 app.command("segmentation")(evaluate_segmentation.segmentation)
+app.command("classification")(evaluate_classification.classification)

@@ -1,0 +1,392 @@
+"""Tables of judged classifiers: accuracies, objects, mistakes, calibration, pairs; the paper's figures beside.
+
+Every table is of one split: of objects that a classifier was trained on, or of objects that it never met.
+"""
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+
+from millisight.evaluation.classes import (
+    CLOSED,
+    DISJOINT,
+    MASKS,
+    NO_MASK,
+    PREDICTED,
+    SIGHTS,
+    SPLITS,
+    TRUE,
+    Accuracy,
+    Answer,
+    Comparison,
+    Variant,
+    accuracy,
+    brier_score,
+    by_object,
+    chosen,
+    compare,
+    confusion,
+    expected_calibration_error,
+    reliability,
+    wilson_interval,
+)
+from millisight.evaluation.leaks import LEFT_OUT, Plan, Training, siblings
+from millisight.evaluation.tables import Cell, Table
+
+PARTS = {"edge": "edge only", "specular": "specular only", "both": "both"}
+PAPER_IMAGES = {"los": 18, "nlos": 16, "overall": 34}
+PAPER = {
+    "edge": {"los": (61.1, 11), "nlos": (75.0, 12), "overall": (67.6, 23)},
+    "specular": {"los": (77.7, 14), "nlos": (75.0, 12), "overall": (76.4, 26)},
+    "both": {"los": (88.8, 16), "nlos": (81.2, 13), "overall": (85.2, 29)},
+}
+"""The paper's Table 3: accuracy [%] as printed, and of its PAPER_IMAGES how many that must have been."""
+
+_SAW = {
+    CLOSED: "the classifier was trained on these objects, in other poses and by other physics",
+    DISJOINT: "the classifier met none of these objects, in training or validation",
+}
+_INTERVALS = (
+    "In round brackets 95 % Wilson intervals, as if images were independent; in square brackets 95 % bootstrap "
+    "intervals over objects, which are drawn with all their images."
+)
+
+_PAPER_NOTE = (
+    "The paper's rows are of its own real data, as printed; it gives no intervals, and those here follow from its "
+    "numbers of images. Of its 26 test objects 24 were in training, as meshes."
+)
+
+
+def variants_of(answers: Iterable[Answer]) -> list[Variant]:
+    """In the order in which they come."""
+    return list(dict.fromkeys(one.variant for one in answers))
+
+
+def all_tables(answers: Sequence[Answer], *, data: str) -> dict[str, Table]:
+    """Every table of answers for people, by the name of its file."""
+    tables = {}
+    for split in SPLITS:
+        mine = chosen(answers, split=split)
+        if not mine:
+            continue
+        for masks in MASKS:
+            name = split if masks == PREDICTED else f"{split}-{masks}-masks"
+            tables[name] = accuracy_table(mine, split, masks, data=data)
+        if len(variants_of(mine)) > 1:
+            tables[f"{split}-pairs"] = pair_table(mine, split, data=data)
+        tables[f"{split}-shapes"] = shape_table(mine, split, data=data)
+        tables[f"{split}-objects"] = object_table(mine, split, data=data)
+        tables[f"{split}-mistakes"] = mistake_table(mine, split, data=data)
+        tables[f"{split}-calibration"] = calibration_table(mine, split, data=data)
+    return {**tables, "times": time_table(answers, data=data)} if tables else {}
+
+
+def classifier_table(
+    judged: Iterable[tuple[Variant, Training, Plan]],
+    objects: Mapping[str, str],
+    *,
+    data: str,
+    notes: Sequence[str] = (),
+) -> Table:
+    """What each classifier learned from, and how many of the images test it on what.
+
+    Parameters
+    ----------
+    judged : each variant, with its training and where the images stand for it
+    objects : by scene
+    data, notes : what the images are, for the title; said below
+    """
+    rows: list[tuple[Cell, ...]] = []
+    near = []
+    for variant, training, placed in judged:
+        tests = {split: [scene for scene, (where, _) in placed.placed.items() if where == split] for split in SPLITS}
+        counts = [len(some) for some in (*tests.values(), *(placed.left_out.get(why, []) for why in LEFT_OUT))]
+        seen = (len(training.training), len(training.validation))
+        kinds = (variant.network, PARTS.get(variant.parts, variant.parts))
+        rows.append((variant.name, *kinds, training.physics, str(training.seed), *seen, *counts))
+        for name, others in siblings(training, {objects[scene] for scene in tests[DISJOINT]}).items():
+            near.append(f"{variant.name} saw siblings of {name}: {', '.join(others)}.")
+    return Table(
+        title=f"The classifiers: {data}",
+        columns=("classifier", "network", "trained on", "physics of training", "seed", "objects in training",
+                 "in validation", *(f"{split} images" for split in SPLITS), *(f"left out: {why}" for why in LEFT_OUT)),
+        rows=tuple(rows),
+        notes=(*notes, *near),
+    )  # fmt: skip
+
+
+def accuracy_table(answers: Sequence[Answer], split: str, masks: str, *, data: str) -> Table:
+    """The paper's table: accuracy in sight, out of it, and overall, of each variant; the paper's rows below."""
+    mine = chosen(answers, split=split, masks=masks)
+    rows: list[tuple[Cell, ...]] = []
+    for variant in variants_of(mine):
+        cells: list[Cell] = []
+        for sight in SIGHTS:
+            found = accuracy(chosen(mine, variant=variant, sight=sight))
+            cells += [_percent(found), found.images if found else 0]
+        objects = len({one.object for one in chosen(mine, variant=variant)})
+        rows.append((variant.name, variant.network, PARTS.get(variant.parts, variant.parts), *cells, objects))
+    if masks == PREDICTED:
+        rows += [_paper_row(parts) for parts in PAPER]
+    headings = [text for sight in SIGHTS for text in (f"{_short(sight)} [%]", f"{_short(sight)} images")]
+    return Table(
+        title=f"Accuracy, {split}, {masks} masks: {data}",
+        columns=("classifier", "network", "trained on", *headings, "objects"),
+        rows=tuple(rows),
+        notes=(
+            f"Here {_SAW[split]}. {_INTERVALS}",
+            *([_PAPER_NOTE] if masks == PREDICTED else []),
+        ),
+    )
+
+
+def _paper_row(parts: str) -> tuple[Cell, ...]:
+    cells: list[Cell] = []
+    for sight, images in PAPER_IMAGES.items():
+        printed, right = PAPER[parts][sight]
+        cells += [f"{printed:.1f} {_span(wilson_interval(right, images))}", images]
+    return ("paper: real data, theirs", "the paper's", PARTS[parts], *cells, None)
+
+
+def _short(sight: str) -> str:
+    return sight if sight == "overall" else sight.upper()
+
+
+def _percent(found: Accuracy | None) -> str | None:
+    if found is None:
+        return None
+    return f"{100 * found.share:.1f} {_span(found.wilson)} {_span(found.by_object, '[]')}"
+
+
+def _span(interval: tuple[float, float], brackets: str = "()") -> str:
+    return f"{brackets[0]}{100 * interval[0]:.1f} to {100 * interval[1]:.1f}{brackets[1]}"
+
+
+def shape_table(answers: Sequence[Answer], split: str, *, data: str) -> Table:
+    """Real scans and drawn shapes apart, and the four classes, in predicted masks."""
+    mine = chosen(answers, split=split, masks=PREDICTED)
+    rows: list[tuple[Cell, ...]] = []
+    for kind, field in (("shape", "shape"), ("class", "truth")):
+        for value in sorted({getattr(one, field) for one in mine}):
+            for variant in variants_of(mine):
+                some = chosen(mine, variant=variant, **{field: value})
+                if some:
+                    cells = [_percent(accuracy(chosen(some, sight=sight))) for sight in SIGHTS]
+                    rows.append((kind, value, variant.name, *cells, len(some), len(by_object(some))))
+    return Table(
+        title=f"By where the shape is from, and by class, {split}: {data}",
+        columns=("by", "which", "classifier", *(f"{_short(sight)} [%]" for sight in SIGHTS), "images", "objects"),
+        rows=tuple(rows),
+        notes=(f"In predicted masks. Shapes are built by the catalogue, or real scans. {_INTERVALS}",),
+    )
+
+
+def object_table(answers: Sequence[Answer], split: str, *, data: str) -> Table:
+    """Of every object how many of its images each variant named rightly, in predicted masks."""
+    mine = chosen(answers, split=split, masks=PREDICTED)
+    rows: list[tuple[Cell, ...]] = []
+    for name, about in by_object(mine).items():
+        for variant in variants_of(about):
+            some = chosen(about, variant=variant)
+            counts = [_of(chosen(some, sight=sight)) for sight in SIGHTS]
+            wrong = Counter(one.label for one in some if not one.right)
+            taken = ", ".join(f"{label} {count}" for label, count in wrong.most_common())
+            rows.append((name, some[0].truth, some[0].shape, variant.name, *counts, taken))
+    return Table(
+        title=f"By object, {split}: {data}",
+        columns=("object", "class", "shape", "classifier", *map(_short, SIGHTS), "taken for"),
+        rows=tuple(rows),
+        notes=("Right of all, in predicted masks; and what the wrong ones were taken for.",),
+    )
+
+
+def _of(answers: Sequence[Answer]) -> str | None:
+    return f"{sum(one.right for one in answers)} of {len(answers)}" if answers else None
+
+
+def mistake_table(answers: Sequence[Answer], split: str, *, data: str) -> Table:
+    """Where mistakes are from: no mask, a mask in whose place the true one would have done, or neither."""
+    mine = chosen(answers, split=split)
+    rows: list[tuple[Cell, ...]] = []
+    for variant in variants_of(mine):
+        in_true = {one.scene: one.right for one in chosen(mine, variant=variant, masks=TRUE)}
+        for sight in SIGHTS:
+            some = chosen(mine, variant=variant, masks=PREDICTED, sight=sight)
+            wrong = [one for one in some if not one.right]
+            masked = [one for one in wrong if one.prediction is not None]
+            cured = sum(in_true.get(one.scene, False) for one in masked)
+            overlaps = [_median([one.iou for one in some if one.right is right]) for right in (True, False)]
+            if some:
+                counts = (len(wrong), len(wrong) - len(masked), cured, len(masked) - cured)
+                spoilt = sum(in_true.get(one.scene) is False for one in some if one.right)
+                rows.append((variant.name, SIGHTS[sight], len(some), *counts, spoilt, *overlaps))
+    return Table(
+        title=f"Where mistakes are from, {split}: {data}",
+        columns=("classifier", "sight", "images", "wrong", NO_MASK, "right in the true mask", "wrong there too",
+                 "right, but wrong in the true mask", "median IoU of masks, right answers", "wrong answers"),
+        rows=tuple(rows),
+        notes=("In predicted masks; the same images were classified in the true masks.",),
+    )  # fmt: skip
+
+
+def _median(values: Sequence[float]) -> float | None:
+    return round(float(np.median(values)), 3) if values else None
+
+
+def calibration_table(answers: Sequence[Answer], split: str, *, data: str) -> Table:
+    """Whether a classifier is right as often as it is sure, and what it holds back."""
+    mine = chosen(answers, split=split, masks=PREDICTED)
+    rows: list[tuple[Cell, ...]] = []
+    for variant in variants_of(mine):
+        for sight in SIGHTS:
+            some = [one for one in chosen(mine, variant=variant, sight=sight) if one.prediction is not None]
+            told = [one.prediction for one in some if one.prediction is not None]
+            if not told:
+                continue
+            sure = [one for one, said in zip(some, told, strict=True) if said.sure]
+            among = None
+            if sure:
+                right = sum(one.right for one in sure)
+                among = f"{100 * right / len(sure):.1f} {_span(wilson_interval(right, len(sure)))}"
+            rows.append(
+                (
+                    variant.name,
+                    SIGHTS[sight],
+                    len(some),
+                    f"{100 * np.mean([said.confidence for said in told]):.1f}",
+                    f"{100 * np.mean([one.right for one in some]):.1f}",
+                    expected_calibration_error(reliability(some)),
+                    brier_score(some),
+                    told[0].threshold,
+                    f"{100 * (1 - len(sure) / len(some)):.1f}",
+                    among,
+                )
+            )
+    return Table(
+        title=f"Calibration, {split}: {data}",
+        columns=("classifier", "sight", "images", "mean confidence [%]", "accuracy [%]", "expected calibration error",
+                 "Brier score", "threshold", "not sure [%]", "accuracy among the sure [%]"),
+        rows=tuple(rows),
+        notes=(
+            "Of images with a predicted mask. Under the threshold the answer is 'not sure'; temperature and threshold "
+            "were chosen on simulated validation images alone. The calibration error is over 10 bins of equal widths; "
+            "the Brier score adds the classes up, from 0 to 2.",
+        ),
+    )  # fmt: skip
+
+
+def comparisons(answers: Sequence[Answer], split: str, masks: str, sight: str) -> list[Comparison]:
+    """Every pair of variants on the images that both were asked about."""
+    mine = chosen(answers, split=split, masks=masks, sight=sight)
+    variants = variants_of(mine)
+    pairs = (
+        compare(chosen(mine, variant=first), chosen(mine, variant=second))
+        for number, first in enumerate(variants)
+        for second in variants[number + 1 :]
+    )
+    return [pair for pair in pairs if pair is not None]
+
+
+def pair_table(answers: Sequence[Answer], split: str, *, data: str) -> Table:
+    """McNemar's test between every two variants, and the sign-flip test over objects."""
+    rows: list[tuple[Cell, ...]] = []
+    for masks in MASKS:
+        for sight, words in SIGHTS.items():
+            for one in comparisons(answers, split, masks, sight):
+                apart = 100 * (one.only_first - one.only_second) / one.images
+                counts = (one.only_first, one.only_second, one.images, one.objects)
+                rows.append(
+                    (masks, words, one.first.name, one.second.name, f"{apart:+.1f}", *counts, one.p, one.p_by_object)
+                )
+    return Table(
+        title=f"Pairs of classifiers, {split}: {data}",
+        columns=("masks", "sight", "first", "second", "difference [points]", "only first right", "only second right",
+                 "images", "objects", "p, McNemar", "p, by object"),
+        rows=tuple(rows),
+        notes=(
+            "First minus second. McNemar's exact test takes images for independent, which those of one object are not; "
+            "the exact sign-flip test takes objects for independent. Both two-sided, not corrected for many pairs.",
+        ),
+    )  # fmt: skip
+
+
+def time_table(answers: Sequence[Answer], *, data: str) -> Table:
+    """Medians of how long an image takes, in predicted masks."""
+    rows: list[tuple[Cell, ...]] = []
+    for variant in variants_of(answers):
+        some = [one for one in chosen(answers, variant=variant, masks=PREDICTED) if one.prediction is not None]
+        if some:
+            alone = float(np.median([one.seconds for one in some]))
+            both = float(np.median([one.seconds + one.segmenting for one in some]))
+            rows.append((variant.name, variant.network, f"{1e3 * alone:.1f}", f"{1e3 * both:.1f}", len(some)))
+    return Table(
+        title=f"Time an image: {data}",
+        columns=("classifier", "network", "classification [ms]", "with segmentation [ms]", "images"),
+        rows=tuple(rows),
+        notes=("Medians on the CPU, after imaging, taken while judging: other processes ran beside.",),
+    )
+
+
+def bin_table(answers: Sequence[Answer], *, data: str) -> Table:
+    """The reliability curves, for other programs: shares from 0 to 1."""
+    rows: list[tuple[Cell, ...]] = []
+    for split in SPLITS:
+        mine = chosen(answers, split=split, masks=PREDICTED)
+        for variant in variants_of(mine):
+            for one in reliability(chosen(mine, variant=variant)):
+                edges = (one.low, one.high, one.images, one.confidence, one.right / one.images)
+                rows.append((split, variant.name, *edges, *wilson_interval(one.right, one.images)))
+    return Table(
+        title=f"Reliability: {data}",
+        columns=("split", "classifier", "above", "up to", "images", "mean confidence", "accuracy", "low", "high"),
+        rows=tuple(rows),
+    )
+
+
+def confusion_table(answers: Sequence[Answer], *, data: str) -> Table:
+    """Every confusion matrix, one entry a row, for other programs."""
+    rows: list[tuple[Cell, ...]] = []
+    for split in SPLITS:
+        for masks in MASKS:
+            for variant in variants_of(answers):
+                for sight in SIGHTS:
+                    found = confusion(chosen(answers, split=split, masks=masks, variant=variant, sight=sight))
+                    rows += [
+                        (split, masks, variant.name, sight, truth, answer, int(count))
+                        for truth, counts in zip(found.truths, found.counts, strict=True)
+                        for answer, count in zip(found.answers, counts, strict=True)
+                    ]
+    return Table(
+        title=f"Confusions: {data}",
+        columns=("split", "masks", "classifier", "sight", "truth", "answer", "images"),
+        rows=tuple(rows),
+    )
+
+
+def answer_table(answers: Sequence[Answer], *, data: str) -> Table:
+    """Every single answer, for other programs."""
+    classes = list(dict.fromkeys(name for one in answers if one.prediction for name in one.prediction.class_names))
+    rows: list[tuple[Cell, ...]] = []
+    for one in answers:
+        said = one.prediction
+        shares: dict[str, float] = {}
+        if said is not None:
+            shares = dict(zip(said.class_names, map(float, said.probabilities), strict=True))
+        rows.append(
+            (one.scene, one.object, one.shape, one.sight, one.split, one.masks, one.variant.name, one.truth, one.label,
+             int(one.right), said.confidence if said else None, int(said.sure) if said else None,
+             *(shares.get(name) for name in classes), one.iou, one.seconds, one.segmenting, one.failure)
+        )  # fmt: skip
+    return Table(
+        title=f"Every answer: {data}",
+        columns=("scene", "object", "shape", "sight", "split", "masks", "classifier", "truth", "answer", "right",
+                 "confidence", "sure", *(f"p({name})" for name in classes), "iou", "seconds", "segmenting", "failure"),
+        rows=tuple(rows),
+    )  # fmt: skip
+
+
+def worst(answers: Sequence[Answer], split: str, variant: Variant, count: int) -> list[Answer]:
+    """A variant's mistakes in predicted masks, the surest first; of each scene one, and no mask last."""
+    wrong = [one for one in chosen(answers, split=split, variant=variant, masks=PREDICTED) if not one.right]
+    return sorted(wrong, key=lambda one: (-one.prediction.confidence if one.prediction else 0.0, one.scene))[:count]
