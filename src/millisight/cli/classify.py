@@ -174,10 +174,6 @@ def _classify_one(source: ImageSource, to: Path | None, settings: _Settings) -> 
     except InputError as error:
         raise error if how["file"] is None else InputError(f"with the mask of {how['file']}: {error}") from error
     told = _told(source, prediction, how, settings)
-    if settings.as_json:
-        say(json.dumps(told))
-    else:
-        say(f"{source.name}: {_words(prediction)} (mask: {how['file'] or how['method']})")
     if to is not None:
         write_text(to, json.dumps(told, indent=2) + "\n")
     if drawn is not None:
@@ -187,6 +183,10 @@ def _classify_one(source: ImageSource, to: Path | None, settings: _Settings) -> 
         figure = plot_prediction(image, mask, prediction)[0].figure
         figure.suptitle(source.name, fontsize=11.5, fontweight="bold")
         save_figure(figure, drawn)
+    if settings.as_json:
+        say(json.dumps(told))
+    else:
+        say(f"{source.name}: {_words(prediction)} (mask: {how['file'] or how['method']})")
     return prediction
 
 

@@ -1,0 +1,322 @@
+"""`millisight classify` as a user meets it: one image, a dataset, masks from elsewhere, and what cannot be."""
+
+import hashlib
+import json
+import re
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import millisight as ms
+from millisight.cli.app import app
+from millisight.errors import InputError, MillisightError
+from millisight.io.mito_layout import experiment_folder, radar_folder, write_published
+from millisight.perception import classification
+from millisight.perception.classification import Classifier, Prediction
+from millisight.perception.classifier_features import CHANNELS
+
+PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "classify.md"
+GRID = ms.VoxelGrid.regular((0, 0, 0), (0.145, 0.195, 0.01), (0.005, 0.005, 0.01))
+BRIGHT = (slice(8, 16), slice(10, 24))
+SHA256 = "ab" * 32
+
+
+def image(seed=0):
+    """A bright rectangle on speckle, 30 x 40 pixels."""
+    values = np.full(GRID.shape, 0.01)
+    values[BRIGHT] = 1
+    return ms.SarImage(grid=GRID, values=values * np.random.default_rng(seed).rayleigh(size=GRID.shape))
+
+
+def mask(inside=BRIGHT):
+    pixels = np.zeros(GRID.xy.shape, bool)
+    pixels[inside] = True
+    return ms.Mask(grid_xy=GRID.xy, inside=pixels)
+
+
+class Sizes:
+    """Instead of the network: an object of more than 100 pixels is a box, and with the other band surely."""
+
+    name, bands, class_names = "sizes", ("77_ghz", "24_ghz"), ("can", "box", "sphere")
+
+    def __init__(self, weights=None):
+        self.description = {"sha256": SHA256, "from": None if weights is None else Path(weights).name}
+
+    def classify(self, image, mask, *, other_band=None):
+        if mask.inside.shape != image.grid.xy.shape:
+            raise InputError("the mask is on another grid")
+        box = mask.inside.sum() > 100
+        shares = {(False, True): [0.3, 0.5, 0.2], (True, True): [0.04, 0.95, 0.01]}.get((other_band is not None, box))
+        shares = np.array(shares or [0.8, 0.1, 0.1])
+        return Prediction(probabilities=shares, class_names=self.class_names, threshold=0.6)
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch):
+    """The command in `tmp_path` and within this process: exit code, output, errors, the error that ended it."""
+    monkeypatch.setattr(classification, "Classifier", Sizes)
+    monkeypatch.chdir(tmp_path)
+
+    def invoke(*arguments, command="classify"):
+        done = CliRunner().invoke(app, [command, *arguments])
+        if isinstance(done.exception, MillisightError):
+            return 1, done.stdout, done.stderr, str(done.exception)
+        assert done.exception is None or isinstance(done.exception, SystemExit), done.exception
+        return done.exit_code, done.stdout, done.stderr, ""
+
+    return invoke
+
+
+@pytest.fixture
+def mug(tmp_path):
+    ms.save(tmp_path / "mug.image.h5", image())
+    ms.save(tmp_path / "mug24.h5", image(1))
+
+
+@pytest.fixture
+def dataset(tmp_path):
+    """Two sights of one object by both radars; one image is blank."""
+    for sight in ("los", "nlos"):
+        folder = experiment_folder(tmp_path / "MITO_Dataset", "004_sugar_box", (0, 0, 0), 1, sight)
+        for radar in ("77_ghz", "24_ghz"):
+            to = radar_folder(folder, radar, processed=True)
+            to.mkdir(parents=True)
+            blank = sight == "nlos" and radar == "24_ghz"
+            one = ms.SarImage(grid=GRID, values=np.zeros(GRID.shape)) if blank else image()
+            write_published(to / "processed_image.pkl", one)
+    return "004_sugar_box.0_0_0.exp1"
+
+
+def test_one_image_is_named_and_every_class_has_its_line(mug, run, tmp_path):
+    code, out, err, _ = run("mug.image.h5", "--other-band", "mug24.h5", "--method", "classical")
+    assert (code, err) == (0, "")
+    assert out.splitlines() == [
+        "mug: box 0.95 (mask: classical)",
+        "  box     0.95  " + 38 * "#",
+        "  can     0.04  ##",
+        "  sphere  0.01",
+        "  sure from 0.60",
+    ]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["mug.image.h5", "mug24.h5"]
+
+
+def test_an_unsure_answer_says_what_it_may_be_and_one_band_that_there_are_two(mug, run):
+    code, out, err, _ = run("mug.image.h5", "--method", "classical")
+    assert code == 0
+    assert out.splitlines()[0] == "mug: not sure: box 0.50, can 0.30 (mask: classical)"
+    assert "looks at 77_ghz and 24_ghz, and gets one band; --other-band" in err
+
+
+def test_what_is_known_is_written_beside_a_picture(mug, run, tmp_path):
+    asked = ("mug.image.h5", "--other-band", "mug24.h5", "--method", "classical", "--seed", "3")
+    assert run(*asked, "-o", "mug.json")[0] == 0
+    told = json.loads((tmp_path / "mug.json").read_text())
+    pixels, score = told["mask"].pop("pixels"), told["mask"].pop("score")
+    assert pixels == ms.segment(image(), other_band=image(1), method="classical", rng=3).inside.sum()
+    assert 0 < score <= 1
+    assert re.fullmatch(r"millisight classify [0-9.]+", told.pop("made_by"))
+    assert told == {
+        "name": "mug",
+        "answer": "box",
+        "label": "box",
+        "confidence": 0.95,
+        "sure": True,
+        "threshold": 0.6,
+        "probabilities": {"can": 0.04, "box": 0.95, "sphere": 0.01},
+        "image": "mug.image.h5",
+        "other_band": "mug24.h5",
+        "mask": {"file": None, "method": "classical", "condition": "los", "seed": 3},
+        "classifier": {"name": "sizes", "sha256": SHA256, "bands": ["77_ghz", "24_ghz"]},
+    }
+    assert (tmp_path / "mug.png").read_bytes().startswith(b"\x89PNG")
+    assert run(*asked, "-o", "again.json", "--no-picture")[0] == 0
+    assert (tmp_path / "again.json").read_bytes() == (tmp_path / "mug.json").read_bytes()
+    assert not (tmp_path / "again.png").exists()
+
+
+def test_json_is_all_that_is_said(mug, run, tmp_path):
+    asked = ("mug.image.h5", "--method", "classical", "--json", "-o", "mug.json", "--no-picture")
+    code, out, _, _ = run(*asked)
+    assert code == 0
+    (line,) = out.splitlines()
+    assert json.loads(line) == json.loads((tmp_path / "mug.json").read_text())
+    code, out, err, _ = run("mug.image.h5", "mug24.h5", "--method", "classical", "--json")
+    assert [json.loads(line)["name"] for line in out.splitlines()] == ["mug", "mug24"]
+    assert "classified 2 of 2 images" in err
+
+
+def test_a_mask_beside_the_image_is_taken_unless_another_or_a_segmenter_is_named(mug, run, tmp_path):
+    assert run("mug.image.h5", "--method", "classical", "--no-picture", command="segment")[0] == 0
+    (tmp_path / "masks").mkdir()
+    ms.save(tmp_path / "masks" / "mug.mask.h5", mask((slice(8, 10), slice(10, 12))))
+    code, out, _, _ = run("mug.image.h5", "--json")
+    told = json.loads(out)["mask"]
+    assert (told["file"], told["method"], told["condition"]) == ("mug.mask.h5", "classical", "los")
+    assert told["pixels"] == ms.load("mug.mask.h5").inside.sum()
+    for given in ("masks", "masks/mug.mask.h5"):
+        code, out, _, _ = run("mug.image.h5", "--mask", given)
+        assert code == 0
+        assert out.splitlines()[0] == f"mug: can 0.80 (mask: {Path('masks/mug.mask.h5')})"
+    assert json.loads(run("mug.image.h5", "--method", "classical", "--json")[1])["mask"]["file"] is None
+
+
+def test_a_dataset_is_gone_through_and_what_failed_is_said_at_the_end(dataset, run, tmp_path):
+    code, out, err, _ = run("MITO_Dataset", "--method", "classical", "-o", "named")
+    assert code == 1
+    assert [line for line in out.splitlines() if "not sure: box 0.50" in line and line.startswith(dataset)] != []
+    assert "classified 3 of 4 images" in out
+    assert f"{dataset}.nlos.24_ghz: picture is blank" in err
+    assert "failed: 1" in err
+    names = [f"{dataset}.{name}.prediction" for name in ("los.24_ghz", "los.77_ghz", "nlos.77_ghz")]
+    for suffix in (".json", ".png"):
+        written = sorted(path.name for path in (tmp_path / "named").glob(f"*{suffix}"))
+        assert written == [name + suffix for name in names]
+    for name in names:
+        told = json.loads((tmp_path / "named" / f"{name}.json").read_text())
+        assert told["image"].startswith("004_sugar_box/robot_collected/")
+        assert told["mask"]["condition"] == name.split(".")[3]
+
+
+def test_masks_of_a_dataset_lie_where_segment_wrote_them(dataset, run):
+    assert run("MITO_Dataset", "--method", "classical", "-o", "masks", "--no-picture", command="segment")[0] == 1
+    code, out, err, _ = run("MITO_Dataset", "--multispectral", "--mask", "masks", "--json")
+    assert code == 0, err
+    told = [json.loads(line) for line in out.splitlines()]
+    assert [one["name"] for one in told] == [f"{dataset}.los.77_ghz", f"{dataset}.nlos.77_ghz"]
+    assert [one["answer"] for one in told] == ["box", "box"]
+    assert all(one["other_band"].endswith("24_ghz/processed_image.pkl") for one in told)
+    assert all(one["mask"]["file"] == f"{one['name']}.mask.h5" for one in told)
+
+
+def test_a_published_radar_mask_is_a_mask_too(dataset, run, tmp_path):
+    folder = radar_folder(
+        experiment_folder(tmp_path / "MITO_Dataset", "004_sugar_box", (0, 0, 0), 1, "los"), "77_ghz", processed=True
+    )
+    write_published(folder / "radar_masks.pkl", mask())
+    code, out, _, _ = run(
+        str(folder / "processed_image.pkl"), "--mask", str(folder / "radar_masks.pkl"), "--json", "-o", "a.json"
+    )
+    assert code == 0
+    told = json.loads(out)
+    assert told["mask"]["pixels"] == mask().inside.sum()
+    assert (
+        told["mask"]["file"] == "004_sugar_box/robot_collected/0_0_0/exp1/los/processed/radars/77_ghz/radar_masks.pkl"
+    )
+    assert told["mask"]["method"] is None
+
+
+def test_the_network_is_run(mug, run, tmp_path, monkeypatch):
+    """A network that answers by the mask's size alone, by ONNX Runtime."""
+    onnx = pytest.importorskip("onnx")
+    monkeypatch.setattr(classification, "Classifier", Classifier)
+    weights = np.zeros((len(CHANNELS), 3), np.float32)
+    weights[CHANNELS.index("mask"), 1] = 500
+    own = write_network(tmp_path / "own.onnx", weights, onnx)
+    ms.save(tmp_path / "tiny.mask.h5", mask((slice(8, 9), slice(10, 11))))
+    asked = ("mug.image.h5", "--weights", own.name, "--json")
+    for more, answer in (((), "box"), (("--mask", "tiny.mask.h5"), "not sure")):
+        code, out, _, error = run(*asked, *more)
+        assert code == 0, error
+        told = json.loads(out)
+        assert told["answer"] == answer
+        assert told["classifier"]["sha256"] == hashlib.sha256(own.read_bytes()).hexdigest()
+        assert sum(told["probabilities"].values()) == pytest.approx(1)
+    own.write_bytes(own.read_bytes()[:-1])
+    assert "own.onnx is not the file that own.json describes" in run(*asked)[3]
+
+
+def write_network(path, weights, onnx):
+    """Logits that are the channels' means times `weights` (channels, classes), and their description."""
+    one, node = onnx.helper.make_tensor_value_info, onnx.helper.make_node
+    graph = onnx.helper.make_graph(
+        [node("GlobalAveragePool", ["x"], ["means"]), node("Flatten", ["means"], ["flat"]),
+         node("MatMul", ["flat", "w"], ["y"])],
+        "sizes",
+        [one("x", onnx.TensorProto.FLOAT, ["n", len(weights), "a", "b"])],
+        [one("y", onnx.TensorProto.FLOAT, ["n", weights.shape[1]])],
+        [onnx.numpy_helper.from_array(weights, "w")],
+    )  # fmt: skip
+    model = onnx.helper.make_model(graph, ir_version=8, opset_imports=[onnx.helper.make_opsetid("", 17)])
+    path.write_bytes(model.SerializeToString())
+    told = {
+        "name": "sizes", "sha256": hashlib.sha256(path.read_bytes()).hexdigest(), "bands": ["77_ghz"],
+        "class_names": ["can", "box", "sphere"], "channels": list(CHANNELS), "temperature": 1.0, "threshold": 0.6,
+    }  # fmt: skip
+    path.with_suffix(".json").write_text(json.dumps(told))
+    return path
+
+
+def test_weights_of_ones_own_are_asked(mug, run, monkeypatch):
+    asked = []
+    monkeypatch.setattr(classification, "Classifier", lambda weights: asked.append(weights) or Sizes(weights))
+    assert run("mug.image.h5", "--method", "classical", "--weights", "own.onnx")[0] == 0
+    assert asked == [Path("own.onnx")]
+
+
+def test_without_onnx_runtime_it_says_what_to_install(mug, run, monkeypatch):
+    def missing(weights):
+        raise ImportError('the classifier runs by ONNX Runtime: pip install "millisight[perception]"')
+
+    monkeypatch.setattr(classification, "Classifier", missing)
+    error = run("mug.image.h5", "--method", "classical")[3]
+    assert error.startswith("classify cannot be used here: the classifier runs by ONNX Runtime: pip install")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["a.h5", "--mask", "a.mask.h5", "--method", "wave"], "leave one of them out"),
+        (["a.h5", "--method", "sem"], "unknown segmenter 'sem'"),
+        (["a.h5", "--mask", "a.h5"], "a.h5 holds a SarImage; expected a Mask"),
+        (["a.mask.h5", "--mask", "a.mask.h5"], "a.mask.h5 holds a Mask; expected a SarImage"),
+        (["a.h5", "--mask", "empty"], f"{Path('empty/a.mask.h5')}: no such file"),
+        (["a.h5", "--mask", "other.mask.h5"], "with the mask of other.mask.h5: the mask is on another grid"),
+        (["a.h5", "--method", "classical", "-o", "a.mask.h5"], "ends in .json"),
+        (["a.h5", "a.mask.h5", "--mask", "a.mask.h5"], "belong to one image"),
+        (["a.h5", "a.h5"], "would both be called a"),
+        (["empty"], "empty holds no image"),
+        (["none.h5"], "none.h5: no such file"),
+    ],
+)
+def test_what_cannot_be_is_refused_and_writes_nothing(tmp_path, run, arguments, message):
+    (tmp_path / "empty").mkdir()
+    ms.save(tmp_path / "a.h5", image())
+    ms.save(tmp_path / "a.mask.h5", mask())
+    smaller = ms.PixelGrid(x=GRID.x[1:], y=GRID.y)
+    ms.save(tmp_path / "other.mask.h5", ms.Mask(grid_xy=smaller, inside=mask().inside[1:]))
+    assert message in run(*arguments)[3]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.h5", "a.mask.h5", "empty", "other.mask.h5"]
+
+
+def test_the_help_teaches():
+    shown = re.sub(r"\s+", " ", CliRunner().invoke(app, ["classify", "--help"]).output)
+    for text in ("Example: millisight classify mug.image.h5", "calibrated", 'the answer is "not sure"'):
+        assert text in shown
+
+
+def test_what_the_page_about_it_shows_is_run(mug, dataset, run, tmp_path):
+    """On files of these names; the training apart, which is tested where it is."""
+    ms.save(tmp_path / "mug_77.h5", image())
+    ms.save(tmp_path / "mug_24.h5", image(1))
+    classification._classifier.cache_clear()
+    variables, ran = {}, []
+    for language, block in re.findall(r"^```(\w+)\n(.*?)^```", PAGE.read_text("utf-8"), flags=re.DOTALL | re.MULTILINE):
+        if language == "python":
+            exec(block, variables)
+        for line in block.splitlines() if language == "sh" else ():
+            _, command, *arguments = shlex.split(line)
+            if command != "train":
+                code, _, err, error = run(*arguments, command=command)
+                assert code == 0 or "failed: 1" in err, (line, err, error)
+                ran.append(command)
+    classification._classifier.cache_clear()
+    assert (ran.count("classify"), ran.count("segment")) == (8, 2)
+    assert variables["prediction"].answer == "box"
+    told = json.loads((tmp_path / "mug.prediction.json").read_text())
+    keys = {
+        key for row in re.findall(r"^\| (`.*?) \|", PAGE.read_text("utf-8"), re.MULTILINE) for key in row.split(", ")
+    }
+    assert {key.strip("`") for key in keys} == told.keys() - {"made_by"}
