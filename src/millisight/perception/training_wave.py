@@ -1,7 +1,6 @@
 """Training of the `wave` segmenter: recipe, scenes, network, and the weights as the package ships them."""
 
 import dataclasses
-import hashlib
 import json
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -12,7 +11,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from millisight.errors import InputError
-from millisight.files import atomic_path, make_folder, write_text
+from millisight.files import make_folder
+from millisight.perception.networks import write_network
 from millisight.perception.training import Schedule, fit, one_thread
 from millisight.perception.training_examples import Example, example_of
 from millisight.perception.training_scenes import SceneParts, Scenes, scenes_of
@@ -22,9 +22,8 @@ from millisight.records import checked_integer, checked_record, put, record
 if TYPE_CHECKING:
     from torch import Tensor, nn
 
-    from millisight.perception.wave_network import WaveNetwork
-
-WEIGHTS_NAME, TENSORS_NAME = "wave.onnx", "wave.safetensors"
+STEM = "wave"
+"""Of the files that training writes."""
 CUTS = tuple(round(0.2 + 0.05 * i, 2) for i in range(13))
 """Probabilities at which a mask might begin; the best by mean F2 on the validation scenes is taken."""
 
@@ -141,7 +140,7 @@ def train_segmenter(
     """
     import torch
 
-    from millisight.perception.wave_network import WaveNetwork
+    from millisight.perception.wave_network import WaveNetwork, example
 
     folder, schedule = make_folder(folder), recipe.schedule
     held = [
@@ -181,23 +180,10 @@ def train_segmenter(
         "history": [{key: round(value, 5) for key, value in entry.items()} for entry in fitted.history],
         "recipe": _plain(recipe),
     }
-    return Trained(write_weights(folder, network, description), description)
-
-
-def write_weights(folder: Path, network: "WaveNetwork", description: dict[str, Any]) -> Path:
-    """Write the network as ONNX and as safetensors, and beside them the description with the ONNX file's SHA-256."""
-    from safetensors.torch import save_file
-
-    from millisight.perception.wave_network import onnx_bytes
-
-    content = onnx_bytes(network)
-    with atomic_path(folder / TENSORS_NAME) as temporary:
-        save_file({name: value.contiguous() for name, value in network.state_dict().items()}, temporary)
-    with atomic_path(folder / WEIGHTS_NAME) as temporary:
-        temporary.write_bytes(content)
-    told = {"sha256": hashlib.sha256(content).hexdigest(), **description}
-    write_text((folder / WEIGHTS_NAME).with_suffix(".json"), json.dumps(told, indent=1) + "\n")
-    return folder / WEIGHTS_NAME
+    weights = write_network(
+        folder, STEM, network, example(), description, free={2: "a", 3: "b"}, free_out={1: "a", 2: "b"}
+    )
+    return Trained(weights, description)
 
 
 def _loss(network: "nn.Module", batch: "tuple[Tensor, ...]") -> "Tensor":

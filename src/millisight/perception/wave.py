@@ -46,7 +46,9 @@ class WaveSegmenter:
     def __init__(self, weights: str | os.PathLike[str] | None = None):
         path = check_readable(WEIGHTS if weights is None else weights)
         self.description = _read_description(path.with_suffix(".json"))
-        self._session = open_network(path, self.description["sha256"], needed_by=self.name)
+        self._session = open_network(
+            path, self.description["sha256"], needed_by=self.name, channels=len(wave_features.CHANNELS)
+        )
 
     def probability(self, picture: Picture, prompts: Prompts | None = None) -> np.ndarray:
         """(A, B) float32, how probable it is that the object lies over each pixel of the picture.

@@ -1,19 +1,12 @@
-"""The `wave` network in torch, for training: a small U-Net, and how it becomes the file that ONNX Runtime runs."""
+"""The `wave` network in torch, for training: a small U-Net."""
 
-import io
-import logging
-import warnings
 from collections.abc import Sequence
-from typing import Any
 
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
 from millisight.perception.wave_features import CHANNELS
-
-INPUT, OUTPUT = "channels", "logits"
-"""Names in the exported file."""
 
 _GROUPS = 8
 
@@ -56,21 +49,6 @@ def _block(inputs: int, outputs: int) -> nn.Sequential:
     return nn.Sequential(*steps)
 
 
-def onnx_bytes(network: WaveNetwork) -> bytes:
-    """The network as an ONNX file, for images of any size."""
-    target: Any = io.BytesIO()
-    logger = logging.getLogger("torch.onnx")
-    example = torch.zeros(1, len(CHANNELS), 64, 64)
-    level = logger.level
-    logger.setLevel(logging.ERROR)
-    network.eval()
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # torch's own, about its own ways of exporting
-            torch.onnx.export(
-                network, (example,), target, input_names=[INPUT], output_names=[OUTPUT], opset_version=18, dynamo=False,
-                dynamic_axes={INPUT: {0: "n", 2: "a", 3: "b"}, OUTPUT: {0: "n", 1: "a", 2: "b"}},
-            )  # fmt: skip
-    finally:
-        logger.setLevel(level)
-    return target.getvalue()
+def example() -> Tensor:
+    """(1, C, 64, 64) what the network takes; sides may be others."""
+    return torch.zeros(1, len(CHANNELS), 64, 64)
