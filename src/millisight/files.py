@@ -156,6 +156,27 @@ def make_folder(path: str | os.PathLike[str]) -> Path:
     return path
 
 
+def check_folder(path: str | os.PathLike[str]) -> None:
+    """Raise before long work what `make_folder`, or the first file in it, would raise after it; nothing is left.
+
+    Raises
+    ------
+    FileError
+        The folder cannot be made or written to, or a file is in its place.
+    """
+    path = checked_path(path)
+    there = next(place for place in (path.absolute(), *path.absolute().parents) if os.path.lexists(place))
+    trial = there / f".{secrets.token_hex(4)}.part"
+    try:
+        trial.mkdir()
+        trial.rmdir()
+    except OSError as error:
+        verb = "write to" if there == path.absolute() else "make"
+        raise FileError(
+            f"cannot {verb} the folder {printable(path)}: {error.strerror}; choose another folder or free this one"
+        ) from error
+
+
 def read_toml(path: str | os.PathLike[str], what: str) -> dict[str, Any]:
     """The content of a TOML file of under a mebibyte.
 

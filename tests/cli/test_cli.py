@@ -149,6 +149,8 @@ def test_bad_meshes_get_one_clear_line(name, tmp_path):
         (("simulate", "mug", "--aperture", "wide"), "expected a size along x and y such as 30x22cm"),
         (("simulate", "mug", "--step", "2 parsec"), "expected a length such as 2mm"),
         (("simulate", "mug", "--step", "0"), "step is 0 m; expected more than 0 m"),
+        (("simulate", "mug", "--step", "5"), "--step has 5 without a unit, which would be metres: write 5mm"),
+        (("simulate", "mug", "--aperture", "0.3x22"), "--aperture has 22 without a unit"),
         (("simulate", "mug", "--height", "3cm"), "the aperture hangs at 3.0 cm"),
         (("simulate", "mug", "--model", "edge", "--alpha", "1", "1"), "no meaning for --model edge"),
         (("simulate", "mug", "--alpha", "0", "0"), "alpha is (0, 0)"),

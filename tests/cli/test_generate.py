@@ -10,7 +10,7 @@ import small_recipe
 from millisight.cli.generate import generate
 from millisight.datasets.manifest import read_manifest
 from millisight.datasets.simulator_job import SimulatorJob
-from millisight.errors import FormatError, InputError, UnknownNameError
+from millisight.errors import FileError, FormatError, InputError, UnknownNameError
 
 app = typer.Typer()
 app.command()(generate)
@@ -60,6 +60,22 @@ def test_a_dry_run_writes_nothing(recipe, tmp_path):
     assert done.exit_code == 0
     assert "estimate: " in done.stdout
     assert sorted(path.name for path in tmp_path.iterdir()) == ["recipe.toml"]
+
+
+@pytest.mark.parametrize(
+    ("out", "said"),
+    [
+        ("file", "cannot write to the folder .*file: Not a directory"),
+        ("file/data", "cannot make the folder .*data: Not a directory"),
+        ("/proc/data", "cannot make the folder /proc/data: "),
+    ],
+)
+def test_a_folder_that_cannot_be_made_is_told_before_the_work(out, said, recipe, tmp_path):
+    (tmp_path / "file").write_text("")
+    done = run(recipe, "-o", tmp_path / out, "--dry-run")
+    assert isinstance(done.exception, FileError)
+    assert re.search(said, str(done.exception))
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "recipe.toml"]
 
 
 def test_a_failure_is_told_at_the_end_and_by_the_exit_code(recipe, tmp_path, monkeypatch):

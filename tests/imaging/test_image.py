@@ -87,6 +87,14 @@ def test_values_are_read_only_and_of_the_grids_shape():
         ms.SarImage(grid=GRID, values=np.zeros((2, 2, 2)))
 
 
+@pytest.mark.parametrize("largest", [-3e38, 3e38j, 2e15])
+def test_values_whose_squares_would_overflow_are_refused(largest):
+    with pytest.raises(InputError, match=r"values reach .*; expected at most 1e\+15, .* divide them"):
+        ms.SarImage(grid=GRID, values=np.full(GRID.shape, largest))
+    bright = ms.SarImage(grid=GRID, values=np.full(GRID.shape, -1e15 + 1e15j))
+    assert ms.project(bright, values="rms").power.max() == 1
+
+
 def test_reprs_are_short():
     assert repr(GRID) == "VoxelGrid(4 x 3 x 3 voxels, x 0 to 0.03 m, y 0 to 0.02 m, z -0.1 to 0 m)"
     assert repr(image(0)) == f"SarImage(complex128 on {GRID!r})"

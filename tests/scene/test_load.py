@@ -150,6 +150,13 @@ def test_missing_file_and_folder(tmp_path):
         load_mesh(tmp_path)
 
 
+def test_a_file_too_large_for_memory_is_not_read(tmp_path):
+    with open(tmp_path / "city.stl", "wb") as file:
+        file.truncate(5 << 30)  # holes take no room
+    with pytest.raises(MeshError, match=r"city\.stl has 5\.4 GB; expected a mesh of at most 1\.1 GB"):
+        load_mesh(tmp_path / "city.stl")
+
+
 def test_unknown_suffix(tmp_path):
     (tmp_path / "mug.plyy").write_text("ply")
     with pytest.raises(UnknownNameError, match=r"unknown mesh format 'plyy'\. Did you mean 'ply'\?"):

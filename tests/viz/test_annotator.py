@@ -135,6 +135,10 @@ class TestOpening:
         ms.save(tmp_path / "grid.h5", radar_image().grid)
         with pytest.raises(FormatError, match="holds a VoxelGrid, which is no picture"):
             open_subject(tmp_path / "grid.h5")
+        with open(tmp_path / "long.h5", "wb") as file:
+            file.truncate(4 << 30)  # holes take no room
+        with pytest.raises(FileError, match=r"long\.h5 has 4\.3 GB; what is annotated is read whole, up to 1\.1 GB"):
+            open_subject(tmp_path / "long.h5")
         with pytest.raises(InputError, match="photograph, which has no other band"):
             open_subject(tmp_path / "whole.png", other_band=radar_file)
 

@@ -16,25 +16,46 @@ from millisight.errors import InputError, UnknownNameError
 from millisight.files import FIGURE_SUFFIXES, check_writable, printable, same_file
 
 _UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "": 1.0}
+_MOST_BARE = 2.0  # [m]: who writes 10 means millimetres
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 
 Progress = Callable[[int, int], None]
 
 
 def length(text: str, *, option: str) -> float:
-    """A length such as 2mm, 1.5cm, 0.3m or 0.3 (metres), in metres."""
+    """A length such as 2mm, 1.5cm, 0.3m or 0.3 (metres), in metres.
+
+    Raises
+    ------
+    InputError
+        It is none, or larger than what people scan and without a unit.
+    """
     match = re.fullmatch(rf"({_NUMBER})\s*(m|cm|mm|)", text.strip())
     if not match:
         raise InputError(f"{option} is {text!r}; expected a length such as 2mm, 30cm or 0.3 (metres)")
-    return float(match[1]) * _UNITS[match[2]]
+    return _metres(match[1], match[2], option)
+
+
+def _metres(number: str, unit: str, option: str) -> float:
+    if not unit and abs(float(number)) > _MOST_BARE:
+        raise InputError(
+            f"{option} has {number} without a unit, which would be metres: write {number}mm, {number}cm or {number}m"
+        )
+    return float(number) * _UNITS[unit]
 
 
 def size(text: str, *, option: str) -> tuple[float, float]:
-    """A size along x and y such as 30x22cm or 0.3x0.22, in metres."""
+    """A size along x and y such as 30x22cm or 0.3x0.22, in metres.
+
+    Raises
+    ------
+    InputError
+        As `length`.
+    """
     match = re.fullmatch(rf"({_NUMBER})\s*[x×]\s*({_NUMBER})\s*(m|cm|mm|)", text.strip())
     if not match:
         raise InputError(f"{option} is {text!r}; expected a size along x and y such as 30x22cm or 0.3x0.22 (metres)")
-    return float(match[1]) * _UNITS[match[3]], float(match[2]) * _UNITS[match[3]]
+    return _metres(match[1], match[3], option), _metres(match[2], match[3], option)
 
 
 def slices(text: str, *, option: str) -> tuple[int, int]:

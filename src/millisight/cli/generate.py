@@ -49,9 +49,11 @@ def generate(
     from millisight.datasets.engine import engine_of
     from millisight.datasets.generate import carried_out, check_room, planned
     from millisight.datasets.recipefile import read_recipe
+    from millisight.files import check_folder
 
     described = read_recipe(recipe)
     output = output or Path(described.name)
+    check_folder(output)
     engine = engine_of(scheduler, workers)
     with progress("check the recipe") as report:
         plan = planned(described, output, meshes=meshes, engine=engine_of(), progress=report)

@@ -19,6 +19,8 @@ from millisight.records import (
     with_step,
 )
 
+_LARGEST = 1e15  # the sum of the squares of as many voxels as fit any memory is finite in float32
+
 
 @record
 class SarImage:
@@ -38,11 +40,16 @@ class SarImage:
     def __post_init__(self) -> None:
         checked_record(self.grid, VoxelGrid, name="grid")
         dtype = np.complex128 if getattr(self.values, "dtype", None) in ("<c16", ">c16") else np.complex64
-        put(
-            self,
-            values=checked_array(self.values, name="values", shape=self.grid.shape, dtype=dtype),
-            metadata=checked_metadata(self.metadata),
+        values = checked_array(self.values, name="values", shape=self.grid.shape, dtype=dtype)
+        largest = max(
+            float(abs(extreme)) for part in (values.real, values.imag) for extreme in (part.min(), part.max())
         )
+        if largest > _LARGEST:
+            raise InputError(
+                f"values reach {largest:.3g}; expected at most {_LARGEST:g}, where a unit reflector is 1: divide them "
+                "by their maximum"
+            )
+        put(self, values=values, metadata=checked_metadata(self.metadata))
 
     def __repr__(self) -> str:
         return f"SarImage({self.values.dtype} on {self.grid!r})"

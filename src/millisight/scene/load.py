@@ -27,6 +27,7 @@ FORMATS = ("stl", "obj", "ply", "off", "glb")
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}  # [m]
 NAMES = {"m": "metres", "cm": "centimetres", "mm": "millimetres", "in": "inches"}
 EVERYDAY = (0.005, 2.0)  # largest extent of an everyday object [m]
+_LARGEST_FILE = 1 << 30  # [bytes]; some twenty million triangles, which take many times that in memory
 MENDABLE = 0.01  # share of edges on three or more faces: up to here a flaw of a scan, above it another kind of mesh
 
 
@@ -79,6 +80,11 @@ def _read(path: Path) -> Any:
     suffix = path.suffix.lower().removeprefix(".")
     if suffix not in FORMATS:
         raise UnknownNameError("mesh format", suffix, FORMATS)
+    if (size := path.stat().st_size) > _LARGEST_FILE:
+        raise MeshError(
+            f"{printable(path.name)} has {size / 1e9:.1f} GB; expected a mesh of at most {_LARGEST_FILE / 1e9:.1f} GB: "
+            "reduce it, since a radar image needs some ten thousand triangles"
+        )
     try:
         with open(path, "rb") as file, warnings.catch_warnings():
             # An open file and no resolver: whatever else the file names cannot be read or fetched.

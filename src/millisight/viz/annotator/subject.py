@@ -15,7 +15,7 @@ import numpy as np
 
 from millisight.capture.camera import CameraFrame
 from millisight.datasets.manifest import checksum
-from millisight.errors import DamagedFileError, FormatError, InputError
+from millisight.errors import DamagedFileError, FileError, FormatError, InputError
 from millisight.files import check_readable, printable
 from millisight.imaging.image import SarImage
 from millisight.io.mito_names import origin
@@ -26,6 +26,7 @@ COLOURS = ("jet", "inferno", "viridis", "gray")
 """Colour maps to look at a radar image in; segmenters look at the first, whatever is shown."""
 PHOTO_SUFFIXES = (".png", ".jpg", ".jpeg")
 _MOST_PIXELS = 50_000_000
+_LARGEST_FILE = 1 << 30  # bytes; an image of 130 million voxels
 
 
 @record
@@ -112,7 +113,7 @@ def open_subject(path: str | os.PathLike[str], *, other_band: str | os.PathLike[
     InputError
         `other_band` with a photograph.
     """
-    path = check_readable(path)
+    path = _of_bearable_size(check_readable(path))
     read = _photo if path.suffix.lower() in PHOTO_SUFFIXES else _recorded
     content = read(path)
     if isinstance(content, SarImage):
@@ -125,8 +126,18 @@ def open_subject(path: str | os.PathLike[str], *, other_band: str | os.PathLike[
     return Subject(path=path, sha256=checksum(path), picture=picture, other_band=other)
 
 
+def _of_bearable_size(path: Path) -> Path:
+    size = os.path.getsize(path)
+    if size > _LARGEST_FILE:
+        raise FileError(
+            f"{printable(path)} has {size / 1e9:.1f} GB; what is annotated is read whole, up to "
+            f"{_LARGEST_FILE / 1e9:.1f} GB: make an image of fewer voxels (`millisight image --grid`)"
+        )
+    return path
+
+
 def _image(path: Path) -> SarImage:
-    content = _recorded(check_readable(path))
+    content = _recorded(_of_bearable_size(check_readable(path)))
     if not isinstance(content, SarImage):
         raise FormatError(f"{printable(path)} holds a camera's picture; expected a radar image")
     return content
