@@ -12,7 +12,7 @@ from millisight.perception import networks
 from millisight.perception.networks import open_network, read_description
 
 
-def doubler(onnx, **external):
+def doubler(onnx, *, shape=("n", 3), **external):
     """An ONNX network that doubles its input, as bytes; its 2 may be said to lie in another file."""
     two = onnx.numpy_helper.from_array(np.array([2], np.float32), "two")
     if external:
@@ -24,8 +24,8 @@ def doubler(onnx, **external):
     graph = onnx.helper.make_graph(
         [onnx.helper.make_node("Mul", ["x", "two"], ["y"])],
         "doubler",
-        [one("x", onnx.TensorProto.FLOAT, ["n"])],
-        [one("y", onnx.TensorProto.FLOAT, ["n"])],
+        [one("x", onnx.TensorProto.FLOAT, shape)],
+        [one("y", onnx.TensorProto.FLOAT, shape)],
         [two],
     )
     opset = [onnx.helper.make_opsetid("", 17)]
@@ -49,9 +49,21 @@ def written(tmp_path):
 
 def test_a_network_is_opened_and_runs(written):
     onnx = pytest.importorskip("onnx")
-    session = open_network(*written(doubler(onnx)), needed_by="this")
-    (y,) = session.run(None, {"x": np.arange(3, dtype=np.float32)})
-    np.testing.assert_array_equal(y, [0, 2, 4])
+    session = open_network(*written(doubler(onnx)), needed_by="this", channels=3)
+    (y,) = session.run(None, {"x": np.arange(3, dtype=np.float32)[None]})
+    np.testing.assert_array_equal(y, [[0, 2, 4]])
+
+
+@pytest.mark.parametrize(("shape", "taken"), [(("n", 3), (3,)), (("n", "c", "a"), (1, 3)), (("n",), ()), ((), ())])
+def test_a_network_that_takes_something_else_is_refused(written, shape, taken):
+    onnx = pytest.importorskip("onnx")
+    weights = written(doubler(onnx, shape=shape))
+    for channels in (1, 3):
+        if channels in taken:
+            open_network(*weights, needed_by="this", channels=channels)
+        else:
+            with pytest.raises(FormatError, match=rf"w\.onnx takes x .* with {channels} channels.* no network of this"):
+                open_network(*weights, needed_by="this", channels=channels)
 
 
 def test_weights_are_refused_that_are_others_or_no_network(written, monkeypatch):
