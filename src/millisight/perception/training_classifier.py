@@ -75,7 +75,10 @@ class ClassifierRecipe:
 
     def __post_init__(self) -> None:
         checked_record(self.name, str, name="name")
-        own = {name: tuple(objects) for name, objects in self.classes.items()}
+        for shape, objects in self.classes.items():
+            if isinstance(objects, str) or not isinstance(objects, Sequence):
+                raise InputError(f"classes: {shape} is {objects!r}; expected a list of names of the catalogue")
+        own = {str(shape): tuple(str(name) for name in objects) for shape, objects in self.classes.items()}
         for kind, value, known in (("parts", self.parts, PARTS), ("network", self.network, _NETWORKS)):
             if value not in known:
                 raise UnknownNameError(kind, value, known)
