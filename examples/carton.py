@@ -75,7 +75,7 @@ def main() -> None:
                 print(f"{name}, {title}", flush=True)
             x, y = 100 * scene.grid.x, 100 * scene.grid.y
             axis.imshow(shown.magnitude.mean(axis=2), extent=(y[0], y[-1], x[-1], x[0]), cmap="viridis")
-            axis.locator_params(axis="x", nbins=3)
+            axis.locator_params(axis="x", nbins=3, steps=[1, 2, 4, 5, 10], integer=True)  # a fork's panel is narrow
             axis.set_title(title, fontsize=9)
     figure.supxlabel("y [cm]")
     figure.supylabel("x [cm]")

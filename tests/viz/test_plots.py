@@ -344,6 +344,13 @@ class TestAperture:
 
 
 class TestSaving:
+    @pytest.mark.parametrize("suffix", [".png", ".svg", ".pdf"])
+    def test_names_in_letters_that_there_are_not_are_no_warning(self, suffix, tmp_path):
+        figure = plots.plot_projections(image())
+        figure.suptitle("杯子 컵")
+        plots.save_figure(figure, tmp_path / f"cup{suffix}")
+        assert (tmp_path / f"cup{suffix}").stat().st_size > 1000
+
     @pytest.mark.parametrize("suffix", [".png", ".svg", ".pdf", ".PNG"])
     def test_the_same_figure_gives_the_same_bytes(self, suffix, tmp_path):
         for name in ("a", "b"):

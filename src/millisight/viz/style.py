@@ -5,6 +5,7 @@ Figures are made with `matplotlib.figure.Figure` and never through pyplot: no wi
 
 import functools
 import os
+import warnings
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, ParamSpec, TypeVar
@@ -84,7 +85,10 @@ def save_figure(figure: Figure, path: str | os.PathLike[str], *, dpi: float = 15
     suffix = Path(path).suffix.lower()
     if suffix not in _METADATA:
         raise UnknownNameError("figure format", suffix or Path(path).name, _METADATA)
-    with atomic_path(path) as temporary, matplotlib.rc_context({**_STYLE, "svg.hashsalt": "millisight"}):
+    look = {**_STYLE, "svg.hashsalt": "millisight"}
+    with atomic_path(path) as temporary, matplotlib.rc_context(look), warnings.catch_warnings():
+        # Names in scripts that the letters have not: boxes stand for them, and a warning for each helps nobody.
+        warnings.filterwarnings("ignore", message="Glyph .* missing from", category=UserWarning)
         figure.savefig(temporary, format=suffix[1:], dpi=dpi, metadata=_METADATA[suffix])
 
 
