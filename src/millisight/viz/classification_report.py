@@ -166,13 +166,13 @@ def plot_reliability(answers: Sequence[Answer], split: str, *, data: str) -> Fig
 def plot_mistakes(mistakes: Sequence[Mistake], *, title: str) -> Figure:
     """Each mistake as two pictures: the image with the mask and the true one as outlines, and what was classified."""
     rows = -(-len(mistakes) // _ACROSS)
-    wide, tall, above = 3.1, 2.0, 0.5  # of a mistake, and above all [inches]
+    wide, tall, above = 3.1, 1.95, 0.5  # of a mistake, and above all [inches]
     size = (0.2 + _ACROSS * wide, above + rows * tall + 0.1)
     figure = Figure(figsize=size)
     for number, one in enumerate(mistakes):
         left, top = 0.1 + (number % _ACROSS) * wide, size[1] - above - (number // _ACROSS) * tall
         for half, masked in enumerate((False, True)):
-            _show(_axes(figure, left + half * 1.48, top - 1.95, 1.42, 1.42), one, masked=masked)
+            _show(_axes(figure, left + half * 1.48, top - 1.8, 1.42, 1.42), one, masked=masked)
         figure.text((left + 0.03) / size[0], (top - 0.02) / size[1], _heading(one), fontsize=7.5, va="top")
     figure.text(0.12 / size[0], 1 - 0.1 / size[1], title, fontsize=10, va="top", fontweight="bold")
     return figure

@@ -1,0 +1,188 @@
+"""What training and test must not share: each leak is found, and refused by name."""
+
+import json
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from millisight.datasets.recipe import catalogue_name
+from millisight.errors import InputError
+from millisight.evaluation.classes import CLOSED, DISJOINT
+from millisight.evaluation.leaks import (
+    NO_CLASS,
+    SAME_POSE,
+    VALIDATION,
+    TestImage,
+    check_closed,
+    check_disjoint,
+    check_physics,
+    check_seeds,
+    classes_of,
+    nearest_pose_deg,
+    plan,
+    siblings,
+    side_of,
+    training_of,
+)
+from millisight.perception.wave import WEIGHTS
+
+RECIPES = Path(__file__).parents[2] / "examples" / "recipes"
+RIG = "virtual rig: physical optics"
+CLASSES = {"mug": "can", "lemon": "sphere", "dice": "box"}
+TOLD = {
+    "objects": {"training": ["mug", "b_cups", "fork"], "validation": ["dice"]},
+    "poses": {"mug": [[0, 0, 90], [5, 0, 10.5]], "b_cups": [[0, 0, 0]], "fork": [], "dice": [[0, 0, 0]]},
+    "seed": 3,
+    "physics": "paper's simulator: point reflectors",
+}
+
+
+def training(**changes):
+    return training_of("mine", {**TOLD, **changes})
+
+
+def image(name="lemon", angles=(0, 0, 30), *, physics=RIG, seeds=(76,)):
+    scene = f"{name}/{'_'.join(map(str, angles))}/exp1/los"
+    return TestImage(scene, name, angles, physics, frozenset(seeds))
+
+
+class TestSides:
+    @pytest.mark.parametrize(
+        ("name", "angles", "side"),
+        [
+            ("mug", (0, 0, 30), CLOSED),
+            ("025_mug", (0, 0, 30), CLOSED),  # by its folder, as a scan is called
+            ("mug", (0, 0, 91), SAME_POSE),
+            ("mug", (0, 0, 92), CLOSED),
+            ("fork", (0, 0, 0), CLOSED),
+            ("dice", (0, 0, 45), VALIDATION),
+            ("lemon", (0, 0, 0), DISJOINT),
+            ("c_cups", (0, 0, 0), DISJOINT),
+        ],
+    )
+    def test_by_what_was_seen(self, name, angles, side):
+        assert side_of(training(), name, angles) == side
+
+    def test_what_is_in_training_and_validation_is_known(self):
+        both = training(objects={"training": ["mug"], "validation": ["mug"]})
+        assert side_of(both, "mug", (0, 0, 30)) == CLOSED
+
+    def test_poses_are_apart_by_the_angle_between_them(self):
+        one = training(poses={**TOLD["poses"], "fork": [[30, 20, 10]]})
+        assert nearest_pose_deg(one, "fork", (30, 20, 10)) == pytest.approx(0, abs=1e-5)
+        assert nearest_pose_deg(one, "fork", (30, 20, 170)) == pytest.approx(160)
+        # Tilted by 90° about y, angles about x and z are about one axis, and make up for each other.
+        one = training(poses={**TOLD["poses"], "fork": [[0, 90, 0]]})
+        assert nearest_pose_deg(one, "fork", (40, 90, 40)) == pytest.approx(0, abs=1e-5)
+        assert nearest_pose_deg(one, "fork", (-20, 90, 40)) == pytest.approx(60)
+        assert nearest_pose_deg(one, "fork", (0, 90, 360)) == pytest.approx(0, abs=1e-5)
+        assert nearest_pose_deg(one, "lemon", (0, 0, 0)) == np.inf
+
+
+class TestChecks:
+    def test_a_new_object_must_not_have_been_seen(self):
+        check_disjoint(training(), ["lemon", "banana"])
+        with pytest.raises(InputError, match="mine saw dice, mug in training or validation: no object-disjoint"):
+            check_disjoint(training(), ["lemon", "025_mug", "dice"])
+
+    def test_a_known_object_must_lie_otherwise(self):
+        check_closed(training(), [("mug", (0, 0, 30)), ("fork", (0, 0, 0))])
+        with pytest.raises(InputError, match=r"trained on mug turned by 0\.5° from the test's 5_0_11; expected more"):
+            check_closed(training(), [("mug", (0, 0, 30)), ("mug", (5, 0, 11))])
+        with pytest.raises(InputError, match="was not trained on dice: no object-closed test of it"):
+            check_closed(training(), [("dice", (0, 0, 30))])
+
+    def test_no_seed_is_shared(self):
+        check_seeds(training(), [1, 2, 4])
+        with pytest.raises(InputError, match="mine was trained with the seed 3"):
+            check_seeds(training(), [2, 3])
+
+    def test_the_physics_of_training_is_not_that_of_the_test(self):
+        check_physics(training(), [RIG, ""])
+        with pytest.raises(
+            InputError, match="images of the physics of the test images, 'virtual rig: physical optics'"
+        ):
+            check_physics(training(physics="Virtual  rig: of last year"), ["", RIG])
+        with pytest.raises(InputError, match="does not say by what physics"):
+            check_physics(training(physics=""), [""])
+
+
+class TestPlan:
+    def test_every_image_stands_in_one_table_or_in_none_for_a_reason(self):
+        images = [
+            image("mug"), image("mug", (0, 0, 90)), image("dice"), image(), image("lemon", (0, 0, 40)), image("plate")
+        ]  # fmt: skip
+        found = plan(training(), images, CLASSES)
+        assert found.placed == {
+            "mug/0_0_30/exp1/los": (CLOSED, "can"),
+            "lemon/0_0_30/exp1/los": (DISJOINT, "sphere"),
+            "lemon/0_0_40/exp1/los": (DISJOINT, "sphere"),
+        }
+        assert found.left_out == {
+            SAME_POSE: ["mug/0_0_90/exp1/los"],
+            VALIDATION: ["dice/0_0_30/exp1/los"],
+            NO_CLASS: ["plate/0_0_30/exp1/los"],
+        }
+
+    @pytest.mark.parametrize(
+        ("leaking", "said"),
+        [({"seeds": (76, 3)}, "seed 3"), ({"physics": "paper's simulator: another"}, "physics of the test images")],
+    )
+    def test_one_leaking_image_is_enough_to_refuse_all(self, leaking, said):
+        with pytest.raises(InputError, match=said):
+            plan(training(), [image(), image("banana", **leaking)], CLASSES)
+
+    def test_real_images_have_neither_seeds_nor_physics(self):
+        assert plan(training(), [image(physics="", seeds=())], CLASSES).placed.values()
+
+
+class TestDescriptions:
+    @pytest.mark.parametrize(
+        "changes",
+        [
+            {"objects": {"training": ["mug"]}}, {"objects": None}, {"poses": None}, {"poses": ["mug"]}, {"seed": None},
+            {"poses": {"mug": 3}},
+        ],
+    )  # fmt: skip
+    def test_who_does_not_tell_of_training_is_not_judged(self, changes):
+        with pytest.raises(InputError, match="does not tell its training's objects, poses, seed and physics"):
+            training(**changes)
+
+    @pytest.mark.parametrize("key", TOLD)
+    def test_every_part_is_needed(self, key):
+        with pytest.raises(InputError, match="train anew"):
+            training_of("mine", {name: value for name, value in TOLD.items() if name != key})
+
+    def test_poses_are_those_of_all_objects_and_three_angles_each(self):
+        with pytest.raises(InputError, match="tells no poses of dice, fork"):
+            training(poses={"mug": [[0, 0, 0]], "b_cups": []})
+        with pytest.raises(InputError, match="poses of mug of mine has shape"):
+            training(poses={**TOLD["poses"], "mug": [[0, 0]]})
+
+    def test_classes_are_the_catalogues_or_its_own(self):
+        known = classes_of({}, ("can", "box"))
+        assert known["cracker_box"] == "box"
+        assert set(known.values()) == {"can", "box"}
+        own = classes_of({"classes": {"003_cracker_box": "can", "gear": "box", "fork": "other"}}, ("can", "box"))
+        assert own == {**known, "cracker_box": "can", "gear": "box"}
+        with pytest.raises(InputError, match="classes are 3"):
+            classes_of({"classes": 3}, ("can",))
+
+    def test_siblings_are_told(self):
+        assert siblings(training(), ["c_cups", "lemon", "a_lego_duplo"]) == {"c_cups": ["b_cups"]}
+
+
+def test_no_shipped_network_saw_an_object_of_the_test_images():
+    recipe = tomllib.loads((RECIPES / "classes.toml").read_text())
+    tested = {catalogue_name(name) for name in recipe["objects"]["names"]}
+    assert len(tested) == 14
+    shipped = sorted(WEIGHTS.parent.glob("*.json"))
+    assert shipped
+    for path in shipped:
+        told = json.loads(path.read_text())
+        seen = {name for side in told["objects"].values() for name in side}
+        assert len(seen) > 30
+        assert not seen & tested, path.name
+        assert told.get("seed") != recipe["seed"]
