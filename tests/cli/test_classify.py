@@ -43,7 +43,7 @@ class Sizes:
     name, bands, class_names = "sizes", ("77_ghz", "24_ghz"), ("can", "box", "sphere")
 
     def __init__(self, weights=None):
-        self.description = {"sha256": SHA256, "from": None if weights is None else Path(weights).name}
+        self.description = {"sha256": SHA256}
 
     def classify(self, image, mask, *, other_band=None):
         if mask.inside.shape != image.grid.xy.shape:
