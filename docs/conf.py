@@ -43,7 +43,7 @@ html_math_renderer = "mathml"
 # Every notebook runs, in an empty folder; one that fails, or says something on stderr, fails the build.
 nb_execution_mode = "force"
 nb_execution_in_temp = True
-nb_execution_timeout = 120  # seconds for a cell: CI's machine may be busy
+nb_execution_timeout = 600  # seconds for a cell: the machine may be busy with other things
 nb_execution_raise_on_error = True
 nb_execution_show_tb = True
 nb_output_stderr = "warn"
