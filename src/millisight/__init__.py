@@ -48,7 +48,9 @@ if TYPE_CHECKING:
     from millisight.io.hdf5 import load as load
     from millisight.io.hdf5 import open_capture as open_capture
     from millisight.io.hdf5 import save as save
+    from millisight.perception.classification import Classifier as Classifier
     from millisight.perception.classification import Prediction as Prediction
+    from millisight.perception.classification import classify as classify
     from millisight.perception.projection import Picture as Picture
     from millisight.perception.projection import project as project
     from millisight.perception.prompts import Prompts as Prompts
@@ -67,6 +69,7 @@ _HOMES = {
     "CameraFrame": "capture.camera",
     "CameraMask": "capture.camera",
     "Capture": "capture.capture",
+    "Classifier": "perception.classification",
     "ClockCorrection": "capture.clock",
     "FScore": "evaluation.f_score",
     "Intrinsics": "capture.camera",
@@ -89,6 +92,7 @@ _HOMES = {
     "Waveform": "capture.radar",
     "add_noise": "capture.noise",
     "align": "evaluation.alignment",
+    "classify": "perception.classification",
     "combine": "imaging.image",
     "estimate_clock": "imaging.synchronise",
     "f_score": "evaluation.f_score",

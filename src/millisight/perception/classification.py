@@ -103,7 +103,14 @@ class Classifier:
         self.name: str = self.description["name"]
         self.class_names: tuple[str, ...] = tuple(self.description["class_names"])
         self.bands: tuple[str, ...] = tuple(self.description["bands"])
-        self._session = open_network(path, self.description["sha256"], needed_by="the classifier")
+        self._session = open_network(
+            path, self.description["sha256"], needed_by="the classifier", channels=len(classifier_features.CHANNELS)
+        )
+        if self._session.get_outputs()[0].shape[1:] != [len(self.class_names)]:
+            raise FormatError(
+                f"{printable(path)} answers {self._session.get_outputs()[0].shape[1:]} figures for the "
+                f"{len(self.class_names)} classes that its description names; copy both anew"
+            )
 
     def classify(self, image: SarImage, mask: Mask, *, other_band: SarImage | None = None) -> Prediction:
         """What the object under a mask is.

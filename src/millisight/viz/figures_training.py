@@ -1,0 +1,159 @@
+"""What networks are trained on, to look at: every augmentation, one at a time, and the examples that come of them."""
+
+from collections.abc import Callable, Sequence
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from millisight.errors import InputError
+from millisight.perception import augmentation, wave_features
+from millisight.perception.classifier_features import CHANNELS, masked_channels
+from millisight.perception.training_scenes import SceneParts
+from millisight.viz.style import styled
+
+_COLUMNS = 7
+_PANEL = 1.25  # inches
+_WEIGHTS = {"specular": 0.8, "edge": 0.3}  # where no others are shown
+_SHARE_DB = -12.0  # of what is added, below the object's maximum
+
+
+@styled
+def plot_augmentations(scene: SceneParts, *, band: str = "77_ghz", seed: int = 0) -> Figure:
+    """Each augmentation alone, on one object's image: levels of its mean magnitude along z.
+
+    Rows: the paper's random weights; what is added to the complex image; what is done to a classifier's channels;
+    masks that err (outlined).
+
+    Parameters
+    ----------
+    scene : SceneParts
+    band : "77_ghz" or "24_ghz"
+    seed : of all that is drawn
+
+    Raises
+    ------
+    InputError
+        The scene has no such band.
+    """
+    if band not in scene.images:
+        raise InputError(f"band is {band!r}; expected one of {list(scene.images)}")
+    rng = np.random.default_rng(seed)
+    rows = [_weighted(scene, band, rng), _added(scene, band, rng), _disturbed(scene, band, rng)]
+    figure, axes = plt.subplots(len(rows) + 1, _COLUMNS, figsize=(_PANEL * _COLUMNS, _PANEL * 1.22 * (len(rows) + 1)))
+    for places, panels in zip(axes, rows, strict=False):
+        for place, (title, picture) in zip(places, panels.items(), strict=False):
+            _show(place, picture, title)
+    _show_masks(axes[-1], scene, band, rng)
+    for place in axes.flat:
+        place.set_axis_off()
+    figure.tight_layout(pad=0.4)
+    return figure
+
+
+@styled
+def plot_examples(examples: np.ndarray, titles: Sequence[str], *, channels: Sequence[str] = CHANNELS) -> Figure:
+    """Inputs of a classifier, an example a row, a channel a column.
+
+    Parameters
+    ----------
+    examples : (N, C, S, S)
+    titles : (N,) for the rows
+    channels : those that are shown, by name
+
+    Raises
+    ------
+    InputError
+        Examples and titles differ in number, or a channel is unknown.
+    """
+    if len(examples) != len(titles) or not len(examples):
+        raise InputError(
+            f"{len(examples)} examples and {len(titles)} titles; expected a title for each, and one at least"
+        )
+    unknown = [name for name in channels if name not in CHANNELS]
+    if unknown:
+        raise InputError(f"channels {unknown} are unknown; expected some of {list(CHANNELS)}")
+    size = (_PANEL * 0.8 * len(channels) + 1, _PANEL * 0.8 * len(examples) + 0.3)
+    figure, axes = plt.subplots(len(examples), len(channels), figsize=size, squeeze=False)
+    for row, title, example in zip(axes, titles, examples, strict=True):
+        for place, name in zip(row, channels, strict=True):
+            _show(place, example[CHANNELS.index(name)], name if row is axes[0] else "")
+            place.set_axis_off()
+        row[0].text(-0.08, 0.5, title, ha="right", va="center", fontsize=7, transform=row[0].transAxes)
+    figure.tight_layout(pad=0.2)
+    return figure
+
+
+def _weighted(scene: SceneParts, band: str, rng: np.random.Generator) -> dict[str, np.ndarray]:
+    """The simulator's two parts, and sums of them with drawn weights."""
+    panels = {
+        "specular": augmentation.object_image(scene, band, {"specular": 1, "edge": 0}),
+        "edge": augmentation.object_image(scene, band, {"specular": 0, "edge": 1}),
+    }
+    for _ in range(_COLUMNS - len(panels)):
+        gains = augmentation.drawn_gains(rng)
+        panels[f"{gains['specular']:.2f} s + {gains['edge']:.2f} e"] = augmentation.object_image(scene, band, gains)
+    return {title: _seen(image) for title, image in panels.items()}
+
+
+def _added(scene: SceneParts, band: str, rng: np.random.Generator) -> dict[str, np.ndarray]:
+    """What is added to the object's image, each at one strength."""
+    thing, share = augmentation.object_image(scene, band, _WEIGHTS), 10 ** (_SHARE_DB / 20)
+    _, _, plate, sheet = scene.images[band]
+    noise = rng.standard_normal((2, *thing.shape), dtype=np.float32)
+    panels = {
+        "none": thing,
+        "below: plate" if plate.any() else "below: none": thing + plate,
+        "above: sheet" if sheet.any() else "above: none": thing + sheet,
+        "echo": thing + augmentation.echo(thing, rng, highest_db=-3, sideways=3),
+        "clutter": thing + share * augmentation.clutter(thing.shape, rng),
+        "noise": augmentation.with_noise(thing, noise, share / 2),
+        "speckle": thing * (1 + 0.5 * noise[0]),
+    }
+    return {title: _seen(image) for title, image in panels.items()}
+
+
+def _disturbed(scene: SceneParts, band: str, rng: np.random.Generator) -> dict[str, np.ndarray]:
+    """What is done to a classifier's channels."""
+    power, inside = _on_canvas(scene, band)
+    channels = masked_channels(power, np.arange(power.shape[2]) * 0.015, inside)
+    steps: dict[str, Callable[[np.ndarray, np.random.Generator], np.ndarray]] = {
+        "masked": lambda c, rng: c,
+        "moved": augmentation.moved,
+        "moved again": augmentation.moved,
+        "blurred": augmentation.blurred,
+        "uneven light": augmentation.distorted,
+        "erased": augmentation.erased,
+        "several": augmentation.seen_otherwise,
+    }
+    level = CHANNELS.index("level")
+    return {title: step(channels.copy(), rng)[level] for title, step in steps.items()}
+
+
+def _show_masks(places: Sequence[Axes], scene: SceneParts, band: str, rng: np.random.Generator) -> None:
+    power, inside = _on_canvas(scene, band)
+    seen, truth = wave_features.seen_from_above(power), inside > 0.5
+    for index, place in enumerate(places):
+        mask = truth if index == 0 else augmentation.erring_mask(truth, power.max(axis=2), rng)
+        _show(place, seen, "true mask" if index == 0 else "a mask that errs")
+        place.contour(mask.T, levels=[0.5], colors="white", linewidths=1.2)
+
+
+def _on_canvas(scene: SceneParts, band: str) -> tuple[np.ndarray, np.ndarray]:
+    """(A, B, Z) power of the object alone, and (A, B) the share of each pixel that it covers."""
+    along = [wave_features.resampling(axis, wave_features.canvas_axis(axis)) for axis in (scene.x, scene.y)]
+    image = abs(augmentation.object_image(scene, band, _WEIGHTS)).astype(np.float32)
+    return (
+        wave_features.resampled_power(image, along[0], along[1]),
+        along[0] @ scene.inside.astype(np.float32) @ along[1].T,
+    )
+
+
+def _seen(image: np.ndarray) -> np.ndarray:
+    return wave_features.seen_from_above(np.square(abs(image)))
+
+
+def _show(place: Axes, picture: np.ndarray, title: str) -> None:
+    place.imshow(picture.T, origin="lower", cmap="inferno", vmin=0, vmax=1, interpolation="nearest")
+    place.set_title(title, fontsize=7, pad=2)

@@ -1,0 +1,184 @@
+"""Classifiers from recipes: what is trained on and what not, the same weights again, calibrated answers."""
+
+import json
+
+import numpy as np
+import pytest
+
+from millisight.errors import DamagedFileError, FormatError, InputError, UnknownNameError
+from millisight.perception.training import Schedule
+from millisight.perception.training_classifier import (
+    ClassifierRecipe,
+    _balanced,
+    _surprise,
+    _temperature,
+    _threshold,
+    example_of,
+    make_examples,
+    train_classifier,
+)
+from millisight.scene.objects import CATALOGUE
+
+COARSE = {"vertices": 200, "spacing": (0.008, 0.008, 0.02), "scenes": 2}
+TWO = {"box": ("dice",), "sphere": ("golf_ball",)}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("scenes")
+
+
+@pytest.fixture(scope="module")
+def recipe():
+    return ClassifierRecipe(classes=TWO, batch=2, views=3, schedule=Schedule(epochs=2, seed=1), **COARSE)
+
+
+@pytest.fixture(scope="module")
+def examples(recipe, folder):
+    return make_examples(recipe, folder)
+
+
+def test_classes_are_the_papers_four_without_what_is_left_out():
+    recipe = ClassifierRecipe(without=("dice", "apple"))
+    assert list(recipe.objects) == ["can", "handle", "box", "sphere"]
+    named = [name for names in recipe.objects.values() for name in names]
+    assert len(named) == 42 == len(set(named))
+    assert {CATALOGUE[name].shape_class for name in named} == set(recipe.objects)
+    assert not {"dice", "apple"} & set(named)
+    assert recipe.scenes_of("can").poses == 20  # 5 cans share 96 scenes
+    assert recipe.scenes_of("can").stretch == 0.25
+
+
+@pytest.mark.parametrize(
+    ("wrong", "kind", "told"),
+    [
+        ({"classes": {"box": ("dice",)}}, InputError, "two at least"),
+        ({"classes": {"box": ("dice",), "sphere": ()}}, InputError, "no object is left for the class 'sphere'"),
+        ({"classes": TWO, "without": ("dice",)}, InputError, "no object is left for the class 'box'"),
+        ({"classes": {"box": ("dice",), "cube": ("dice",)}}, InputError, "dice is named more than once"),
+        ({"classes": {"box": "dice", "sphere": ("plum",)}}, InputError, "box is 'dice'; expected a list"),
+        ({"classes": {"box": ("dicee",), "sphere": ("plum",)}}, UnknownNameError, "dicee"),
+        ({"without": ("dicee",)}, UnknownNameError, "dicee"),
+        ({"parts": "diffuse"}, UnknownNameError, "diffuse"),
+        ({"network": "large"}, UnknownNameError, "large"),
+        ({"scenes": 0}, InputError, "scenes is 0"),
+    ],
+)
+def test_recipes_that_cannot_be(wrong, kind, told):
+    with pytest.raises(kind, match=told):
+        ClassifierRecipe(**wrong)
+
+
+def test_some_scenes_of_each_object_are_held_back(examples):
+    assert {side: [(one.name, one.label) for one in some] for side, some in examples.items()} == {
+        side: [("dice", 0), ("golf_ball", 1)] for side in ("training", "validation")
+    }
+
+
+def test_an_example_follows_from_its_generator_and_from_the_parts(examples, recipe):
+    scene = examples["training"][0].scene
+    made = {
+        parts: example_of(scene, ClassifierRecipe(classes=TWO, parts=parts, **COARSE), np.random.default_rng(4))
+        for parts in ("both", "edge", "specular")
+    }
+    np.testing.assert_array_equal(made["both"], example_of(scene, recipe, np.random.default_rng(4)))
+    for one in ("edge", "specular"):
+        assert abs(made[one] - made["both"]).max() > 0.05
+    assert made["both"].shape == (13, 80, 80)
+    shown = [example_of(scene, recipe, np.random.default_rng(seed))[-1].any() for seed in range(30)]
+    assert 10 < sum(shown) < 30  # of some there is no other band
+
+
+def test_every_class_and_every_object_of_a_class_has_its_turn():
+    from millisight.perception.training_classifier import Drawn
+
+    drawn = [
+        Drawn(name, label, None) for name, label, count in (("a", 0, 9), ("b", 0, 1), ("c", 1, 2)) for _ in range(count)
+    ]
+    order = _balanced(drawn, 40, np.random.default_rng(0))
+    names = [drawn[i].name for i in order]
+    assert [names.count(name) for name in "abc"] == [10, 10, 20]
+
+
+def test_temperature_makes_confidence_honest():
+    rng = np.random.default_rng(0)
+    logits = rng.normal(0, 2, (4000, 3))
+    probabilities = np.exp(logits) / np.exp(logits).sum(axis=1, keepdims=True)
+    labels = np.array([rng.choice(3, p=p) for p in probabilities])
+    assert _temperature(logits, labels) == pytest.approx(1, abs=0.06)
+    assert _temperature(5 * logits, labels) == pytest.approx(5, rel=0.06)
+    assert _surprise(logits, labels).mean() == pytest.approx(
+        -np.log(probabilities[np.arange(4000), labels]).mean(), rel=1e-9
+    )
+
+
+def test_from_the_threshold_on_answers_are_right():
+    confidence = np.array([0.99, 0.97, 0.9, 0.8, 0.7, 0.6])
+    logits = np.log(np.stack([confidence, 1 - confidence], axis=1))
+    assert _threshold(logits, np.zeros(6, int)) == pytest.approx(0.6)
+    assert _threshold(logits, np.array([0, 0, 0, 1, 1, 1])) == pytest.approx(0.9)
+    assert _threshold(logits, np.array([1, 1, 1, 1, 1, 1])) == pytest.approx(0.99)
+
+
+def test_weights_are_the_same_again_and_resumed_and_run_without_torch(examples, recipe, tmp_path):
+    pytest.importorskip("torch")
+    pytest.importorskip("onnxruntime")
+    from millisight.perception.classification import Classifier
+
+    def cut_off(done, total):
+        raise KeyboardInterrupt
+
+    first = train_classifier(recipe, examples, tmp_path / "a")
+    with pytest.raises(KeyboardInterrupt):
+        train_classifier(recipe, examples, tmp_path / "b", progress=cut_off)
+    second = train_classifier(recipe, examples, tmp_path / "b")
+    for name in ("classifier.onnx", "classifier.json", "classifier.safetensors"):
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes(), name
+    told = json.loads(second.weights.with_suffix(".json").read_text())
+    assert told == {"sha256": told["sha256"], **first.description}
+    assert told["objects"] == {"training": ["dice", "golf_ball"], "validation": ["dice", "golf_ball"]}
+    assert told["classes"] == {"dice": "box", "golf_ball": "sphere"}
+    assert {name: len(poses) for name, poses in told["poses"].items()} == {"dice": 2, "golf_ball": 2}
+    assert told["seed"] == 1
+    by = Classifier(first.weights)
+    assert (by.class_names, by.bands) == (("box", "sphere"), ("77_ghz", "24_ghz"))
+
+
+def test_the_papers_network_looks_at_one_projection_alone(examples, tmp_path):
+    torch = pytest.importorskip("torch")
+    from millisight.perception.classifier_features import CHANNELS, MAGNITUDE
+    from millisight.perception.classifier_networks import PaperNetwork, SmallNetwork, example
+
+    torch.manual_seed(0)
+    paper, small = PaperNetwork(4).eval(), SmallNetwork(4).eval()
+    convolutions = [layer for layer in paper.modules() if isinstance(layer, torch.nn.Conv2d)]
+    assert [(layer.in_channels, layer.out_channels, layer.stride[0]) for layer in convolutions] == [
+        (1, 16, 2), (16, 128, 2), (128, 256, 2), (256, 512, 2), (512, 512, 1)
+    ]  # fmt: skip
+    connected = [layer.out_features for layer in paper.modules() if isinstance(layer, torch.nn.Linear)]
+    assert connected == [1024, 512, 256, 4]
+    changed = {name: torch.rand(example().shape) for name in "ab"}
+    changed["b"][:, MAGNITUDE] = changed["a"][:, MAGNITUDE]
+    with torch.no_grad():
+        torch.testing.assert_close(paper(changed["a"]), paper(changed["b"]))
+        assert (small(changed["a"]) - small(changed["b"])).abs().max() > 1e-3
+    assert len(CHANNELS) == 13
+
+
+def test_damaged_descriptions_and_other_weights_are_refused(tmp_path):
+    pytest.importorskip("onnxruntime")
+    from millisight.perception.classification import WEIGHTS, Classifier
+
+    told = json.loads(WEIGHTS.with_suffix(".json").read_text())
+    (tmp_path / "one.onnx").write_bytes(WEIGHTS.read_bytes())
+    for changed, kind, message in (
+        ({"channels": ["mask"]}, FormatError, "of no classifier"),
+        ({"class_names": ["box"]}, DamagedFileError, "expected lists of names"),
+        ({"bands": []}, DamagedFileError, "expected lists of names"),
+        ({"temperature": 0}, DamagedFileError, "temperature is 0"),
+        ({"threshold": 2}, DamagedFileError, "threshold is 2"),
+        ({"sha256": "0" * 64}, DamagedFileError, "its SHA-256 differs"),
+    ):
+        (tmp_path / "one.json").write_text(json.dumps(told | changed))
+        with pytest.raises(kind, match=message):
+            Classifier(tmp_path / "one.onnx")

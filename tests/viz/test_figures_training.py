@@ -1,0 +1,40 @@
+"""Pictures of what networks are trained on: every augmentation leaves its trace in one."""
+
+import numpy as np
+import pytest
+
+from millisight.errors import InputError
+from millisight.perception.classifier_features import CHANNELS
+from millisight.perception.training_scenes import Scenes, make_scene
+from millisight.viz.figures_training import plot_augmentations, plot_examples
+
+
+def pictures(figure):
+    return {axes.get_title(): axes.images[0].get_array() for axes in figure.axes if axes.images}
+
+
+def test_each_augmentation_is_seen():
+    scene = make_scene("dice", Scenes(vertices=300, spacing=(0.006, 0.006, 0.02)), rng=np.random.default_rng(2))
+    figure = plot_augmentations(scene, seed=1)
+    found = pictures(figure)
+    assert {"specular", "edge", "none", "echo", "clutter", "noise", "speckle", "masked", "moved", "blurred",
+            "uneven light", "erased", "several", "true mask", "a mask that errs"} <= set(found)  # fmt: skip
+    for title in ("echo", "clutter", "noise", "speckle"):
+        assert abs(found[title] - found["none"]).max() > 0.02, title
+    for title in ("moved", "blurred", "uneven light", "erased", "several"):
+        assert abs(found[title] - found["masked"]).max() > 0.02, title
+    again = pictures(plot_augmentations(scene, seed=1))
+    np.testing.assert_array_equal(found["several"], again["several"])
+    with pytest.raises(InputError, match="band is '60_ghz'"):
+        plot_augmentations(scene, band="60_ghz")
+
+
+def test_examples_are_shown_channel_by_channel():
+    examples = np.random.default_rng(0).random((2, len(CHANNELS), 80, 80))
+    figure = plot_examples(examples, ["one", "two"], channels=("mask", "level"))
+    assert len(figure.axes) == 4
+    np.testing.assert_array_equal(figure.axes[1].images[0].get_array(), examples[0, 2].T)
+    with pytest.raises(InputError, match="2 examples and 1 titles"):
+        plot_examples(examples, ["one"])
+    with pytest.raises(InputError, match="'colour'"):
+        plot_examples(examples, ["one", "two"], channels=("colour",))
