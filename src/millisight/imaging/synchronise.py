@@ -1,29 +1,24 @@
 """The clocks of radar and robot, brought together by the sharpness of the image."""
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 
 from millisight.capture.capture import Capture
-from millisight.capture.clock import ClockCorrection, check_log, spans
+from millisight.capture.clock import ClockCorrection, check_log
 from millisight.capture.trajectory import Trajectory
-from millisight.errors import InputError
 from millisight.imaging import _focus
 from millisight.imaging._focus import Focus, Scene
-from millisight.imaging._row_turns import Guess, Pattern, Row, guess_from_rows, pattern_of, peak, rows_of
+from millisight.imaging._row_turns import Guess, Pattern, guess_from_rows, pattern_of, peak
+from millisight.imaging._survey import Scan, Unobservable, check_way, parts_of, survey
 from millisight.imaging.grid import VoxelGrid
 from millisight.records import checked_number, checked_record, record
 
 _SUBSETS = 10  # disjoint sets of frames, whose answers' scatter is the uncertainty
-_LEAST_FRAMES = 30 * _SUBSETS
-_LEAST_AGAINST = 0.1  # of the way
-_LEAST_ROWS = 3
 _LEAST_COHERENCE = 0.5
 _SEARCH_SHARE = 0.25  # of the frames choose the scene and the start; the others are fitted
 _SEARCH_CHANNELS, _FIT_CHANNELS = 4_000, 24_000
 _SEARCH_PAIRS = 3e9  # voxel-channel pairs of the lattice
-_SIDE = 16  # wavelengths: of the parts of the aperture whose powers are added
 _STEP = 0.25  # turns of the fastest phase
 _MOST_STEPS = 25  # of the search for the offset, either way
 _MOST_MOVES = 6  # steps uphill before the peak is fitted
@@ -111,7 +106,7 @@ def estimate_clock(
     found = {"against": 0.0, "coarse_offset": 0.0, "coherence": 0.0}
     try:
         clock, errors = _estimate(capture, log, grid, limits, np.random.default_rng(rng), _Steps(progress, 6), found)
-    except _Unobservable as reason:
+    except Unobservable as reason:
         return ClockEstimate(
             clock=None,
             offset_uncertainty=float("inf"),
@@ -130,10 +125,6 @@ def estimate_clock(
     )
 
 
-class _Unobservable(Exception):
-    """The scan does not tell the clock; says why."""
-
-
 class _Steps:
     """Counts the steps done for a call-back."""
 
@@ -146,43 +137,12 @@ class _Steps:
             self._progress(self._done, self._total)
 
 
-class _Scan(NamedTuple):
-    """What the search knows of a scan.
-
-    Attributes
-    ----------
-    log : what of the robot's log the frames can need
-    poses : (n,) frames that lie within the log whatever the clock, in the order of their times
-    middle, half : of the frames' times [s]
-    direction : (3,) in which most of the way runs
-    rows : runs along it
-    against : part of the way, while frames were taken, that runs against it
-    """
-
-    log: Trajectory
-    poses: np.ndarray
-    middle: float
-    half: float
-    direction: np.ndarray
-    rows: list[Row]
-    against: float
-
-    @property
-    def speed(self) -> float:
-        """[m/s]"""
-        return max(row.speed for row in self.rows)
-
-    def clock(self, offset: float, late: float) -> ClockCorrection:
-        """The correction by `offset` [s] in the middle and by `late` [s] more at the end: two numbers of one kind."""
-        return ClockCorrection(offset=offset, drift=late / self.half, reference_time=self.middle)
-
-
 def _estimate(capture, log, grid, limits, rng, step_done, found) -> tuple[ClockCorrection, np.ndarray]:
     """The clock, and the standard errors (2,) of its offset and drift; `found` is filled on the way."""
-    scan = _survey(capture, log, *limits)
+    scan = survey(capture, log, *limits)
     found["against"] = scan.against
     wavelength = capture.radar.waveform.wavelength
-    _check_way(scan, wavelength)
+    check_way(scan, wavelength)
     step_done()
 
     pattern = pattern_of(capture, rng)
@@ -191,7 +151,7 @@ def _estimate(capture, log, grid, limits, rng, step_done, found) -> tuple[ClockC
         pattern, scan.rows, wavelength=wavelength, max_offset=limits[0], max_late=longest_late, rng=rng
     )
     if guess is None:
-        raise _Unobservable("nothing in what the radar hears changes along the rows")
+        raise Unobservable("nothing in what the radar hears changes along the rows")
     found["coarse_offset"] = guess.offset
     step_done()
 
@@ -202,7 +162,7 @@ def _estimate(capture, log, grid, limits, rng, step_done, found) -> tuple[ClockC
     # The rows tell the offset; of a drift's trace in them too little can be told from chance.
     counts = _count(guess.error, limits[0], step), int(np.ceil(longest_late / step))
     if counts[0] > _MOST_STEPS:
-        raise _Unobservable(
+        raise Unobservable(
             f"the rows tell the offset to ± {guess.error * 1e3:.3g} ms only, too vaguely for the image to go on "
             "from: what the radar hears to and fro is too faint or too even"
         )
@@ -219,7 +179,7 @@ def _estimate(capture, log, grid, limits, rng, step_done, found) -> tuple[ClockC
     clock = scan.clock(*best)
     found["coherence"] = _coherence(focus, scan, clock)
     if found["coherence"] < _LEAST_COHERENCE:
-        raise _Unobservable(
+        raise Unobservable(
             f"rows that run forward and rows that run backward make images that are alike to {found['coherence']:.2f} "
             f"only, under {_LEAST_COHERENCE:g}: the scene is too faint, or the log is not that of the frames"
         )
@@ -227,18 +187,18 @@ def _estimate(capture, log, grid, limits, rng, step_done, found) -> tuple[ClockC
 
 
 def _scene(
-    capture: Capture, scan: _Scan, guess: Guess, searched: np.ndarray, grid: VoxelGrid | None, pattern: Pattern
+    capture: Capture, scan: Scan, guess: Guess, searched: np.ndarray, grid: VoxelGrid | None, pattern: Pattern
 ) -> Scene:
     """The brightest places, as parts of the aperture see them by the rows' clock."""
     start = scan.clock(guess.offset, 0.0)
     robot = np.clip(start.robot_times(capture.trajectory.times[scan.poses]), scan.log.times[0], scan.log.times[-1])
     positions = scan.log.at(robot).positions
-    parts = _parts(scan, robot, positions @ scan.direction, capture.radar.waveform.wavelength)
+    parts = parts_of(scan, robot, positions @ scan.direction, capture.radar.waveform.wavelength)
     box = _focus.box_below(capture, positions, pattern.paths) if grid is None else grid.bounds
     return _focus.bright_scene(capture, scan.poses[searched], parts[searched], scan.log, start, box)
 
 
-def _fastest(capture: Capture, scan: _Scan, points: np.ndarray) -> float:
+def _fastest(capture: Capture, scan: Scan, points: np.ndarray) -> float:
     """How fast the phase of any of the points turns along the rows [cycles/m]."""
     some = scan.log.at(np.linspace(scan.log.times[0], scan.log.times[-1], _PLACES_OF_LOG))
     few = points[:: max(len(points) // _PLACES_OF_SCENE, 1)]
@@ -246,7 +206,7 @@ def _fastest(capture: Capture, scan: _Scan, points: np.ndarray) -> float:
 
 
 def _sharpest(
-    focus: Focus, scan: _Scan, center: tuple[float, float], step: float, counts: tuple[int, int]
+    focus: Focus, scan: Scan, center: tuple[float, float], step: float, counts: tuple[int, int]
 ) -> np.ndarray:
     """(2,) the node of a lattice around `center`, offset and late [s], at which the sum of |I|⁴ is largest."""
     offsets, lates = (c + step * np.arange(-n, n + 1) for c, n in zip(center, counts, strict=True))
@@ -256,7 +216,7 @@ def _sharpest(
 
 
 def _refined(
-    focus: Focus, scan: _Scan, scene: Scene, start: np.ndarray, step: float, rng: np.random.Generator, step_done
+    focus: Focus, scan: Scan, scene: Scene, start: np.ndarray, step: float, rng: np.random.Generator, step_done
 ) -> tuple[np.ndarray, np.ndarray]:
     """Offset and late (2,) at the top of the sum of |I|⁴, and their standard errors (2,) [s].
 
@@ -281,7 +241,7 @@ def _refined(
         if top is not None:
             best = best + np.clip(top, -width * step, width * step)
     if top is None or move.any():
-        raise _Unobservable("the image has no clock at which it is sharpest: the scene is too faint, or too large")
+        raise Unobservable("the image has no clock at which it is sharpest: the scene is too faint, or too large")
     without_set = [_fourth(whole - images[:, :, k]).sum(axis=-1) for k in range(_SUBSETS)]
     without_group = [_fourth(whole[..., groups != k]).sum(axis=-1) for k in np.unique(groups)]
     errors = [np.full(2, _FLOOR * step), _jackknife(nodes, without_set)]
@@ -289,13 +249,13 @@ def _refined(
         errors.append(_jackknife(nodes, without_group))
     error = np.sqrt(np.sum(np.square(errors), axis=0))
     if not error.max() < step:
-        raise _Unobservable(
+        raise Unobservable(
             f"the image tells the offset to ± {error[0] * 1e3:.3g} ms only: the scene is too faint, or too even"
         )
     return best, error
 
 
-def _images(focus: Focus, scan: _Scan, sets: np.ndarray, center: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+def _images(focus: Focus, scan: Scan, sets: np.ndarray, center: np.ndarray, nodes: np.ndarray) -> np.ndarray:
     """(n, n, sets, V) complex64 images of each set of channels, at nodes (n,) [s] around an offset and a late."""
     images = np.empty((len(nodes), len(nodes), _SUBSETS, focus.points.shape[1]), dtype=np.complex64)
     for k in range(_SUBSETS):
@@ -334,81 +294,7 @@ def _channels(capture: Capture, poses: np.ndarray, count: int, rng: np.random.Ge
     return np.stack([poses[pose], tx, rx], axis=1)[order]
 
 
-def _parts(scan: _Scan, robot: np.ndarray, along: np.ndarray, wavelength: float) -> np.ndarray:
-    """(n,) which part of the aperture each frame is of: some neighbouring rows, some wavelengths long."""
-    starts = np.array([row.times[0] for row in scan.rows])
-    row = np.clip(np.searchsorted(starts, robot, side="right") - 1, 0, len(starts) - 1)
-    across = scan.log.positions - np.outer(scan.log.positions @ scan.direction, scan.direction)
-    pitch = np.linalg.norm(np.ptp(across, axis=0)) / max(len(starts) - 1, 1)
-    side = _SIDE * wavelength
-    size = int(np.clip(round(side / max(pitch, 1e-9)), 4, max(len(starts), 4)))
-    group = row * max(1, len(starts) // size) // len(starts)
-    segments = max(1, round(np.ptp(along) / side))
-    segment = np.clip(((along - along.min()) / np.ptp(along) * segments).astype(int), 0, segments - 1)
-    return group * segments + segment
-
-
-def _survey(capture: Capture, log: Trajectory, max_offset: float, max_drift: float) -> _Scan:
-    """What the log and the frames' times say of the scan.
-
-    Raises
-    ------
-    InputError
-        Frames and log do not meet in time.
-    """
-    times = capture.trajectory.times
-    middle, half = (times.min() + times.max()) / 2, np.ptp(times) / 2
-    reach = max_offset + max_drift * half
-    # Where the arm went before and after is nothing to the search.
-    cut = (log.times >= times.min() - 2 * reach) & (log.times <= times.max() + 2 * reach)
-    if cut.sum() < 2:
-        raise InputError(f"frames and log do not meet: {spans(times, log)}")
-    log = Trajectory(
-        times=log.times[cut],
-        positions=log.positions[cut],
-        orientations=None if log.orientations is None else log.orientations[cut],
-    )
-    inside = np.flatnonzero((times >= log.times[0] + reach) & (times <= log.times[-1] - reach))
-    poses = inside[np.argsort(times[inside], kind="stable")]
-    steps = np.diff(log.positions, axis=0)
-    lengths = np.maximum(np.linalg.norm(steps, axis=1, keepdims=True), 1e-12)
-    direction = np.linalg.eigh(steps.T @ (steps / lengths))[1][:, -1]
-    rows = rows_of(log, direction)
-    return _Scan(log, poses, middle, half, direction, rows, _against(times[poses], log, direction, rows))
-
-
-def _against(times: np.ndarray, log: Trajectory, direction: np.ndarray, rows: list[Row]) -> float:
-    """Part of the way along the rows that runs the less common way, counted from frame to frame, gaps left out."""
-    if len(times) < 2:
-        return 0.0
-    gaps = np.diff(times)
-    steps = np.diff(log.at(times).positions @ direction) * (gaps < 3 * np.median(gaps))
-    ways = {1.0: 0.0, -1.0: 0.0}
-    for row in rows:
-        during = slice(*np.searchsorted(times[:-1], row.times[[0, -1]]))
-        ways[row.sign] += max(0.0, row.sign * steps[during].sum())
-    return min(ways.values()) / (sum(ways.values()) or 1.0)
-
-
-def _check_way(scan: _Scan, wavelength: float) -> None:
-    """Raise where the way alone says that the clock cannot be observed."""
-    if len(scan.poses) < _LEAST_FRAMES:
-        raise _Unobservable(
-            f"{len(scan.poses)} frames lie within the log for every clock that is searched; expected {_LEAST_FRAMES} "
-            "at least: a longer log, or a smaller max_offset"
-        )
-    if np.ptp(scan.log.positions @ scan.direction) < wavelength:
-        raise _Unobservable("the radar moves by less than a wavelength")
-    if len(scan.rows) < _LEAST_ROWS:
-        raise _Unobservable(f"the scan has {len(scan.rows)} rows; expected {_LEAST_ROWS} at least, to and fro")
-    if scan.against < _LEAST_AGAINST:
-        raise _Unobservable(
-            f"the rows all run one way ({100 * scan.against:.0f} % of the way against it), so that an offset only "
-            "shifts the image"
-        )
-
-
-def _coherence(focus: Focus, scan: _Scan, clock: ClockCorrection) -> float:
+def _coherence(focus: Focus, scan: Scan, clock: ClockCorrection) -> float:
     """How alike, from 0 to 1, the images of the rows that run forward and of those that run backward are."""
     starts = np.array([row.times[0] for row in scan.rows])
     row = np.searchsorted(starts, clock.robot_times(focus.times)) - 1
