@@ -1,14 +1,20 @@
 """Classifiers from recipes: what is trained on and what not, the same weights again, calibrated answers."""
 
 import json
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from millisight.errors import DamagedFileError, FormatError, InputError, UnknownNameError
+from millisight.perception.classification import WEIGHTS, Classifier
 from millisight.perception.training import Schedule
 from millisight.perception.training_classifier import (
     ClassifierRecipe,
+    Drawn,
     _balanced,
     _surprise,
     _temperature,
@@ -18,6 +24,8 @@ from millisight.perception.training_classifier import (
     train_classifier,
 )
 from millisight.scene.objects import CATALOGUE
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
 
 COARSE = {"vertices": 200, "spacing": (0.008, 0.008, 0.02), "scenes": 2}
 TWO = {"box": ("dice",), "sphere": ("golf_ball",)}
@@ -90,8 +98,6 @@ def test_an_example_follows_from_its_generator_and_from_the_parts(examples, reci
 
 
 def test_every_class_and_every_object_of_a_class_has_its_turn():
-    from millisight.perception.training_classifier import Drawn
-
     drawn = [
         Drawn(name, label, None) for name, label, count in (("a", 0, 9), ("b", 0, 1), ("c", 1, 2)) for _ in range(count)
     ]
@@ -123,7 +129,6 @@ def test_from_the_threshold_on_answers_are_right():
 def test_weights_are_the_same_again_and_resumed_and_run_without_torch(examples, recipe, tmp_path):
     pytest.importorskip("torch")
     pytest.importorskip("onnxruntime")
-    from millisight.perception.classification import Classifier
 
     def cut_off(done, total):
         raise KeyboardInterrupt
@@ -167,8 +172,6 @@ def test_the_papers_network_looks_at_one_projection_alone(examples, tmp_path):
 
 def test_damaged_descriptions_and_other_weights_are_refused(tmp_path):
     pytest.importorskip("onnxruntime")
-    from millisight.perception.classification import WEIGHTS, Classifier
-
     told = json.loads(WEIGHTS.with_suffix(".json").read_text())
     (tmp_path / "one.onnx").write_bytes(WEIGHTS.read_bytes())
     for changed, kind, message in (
@@ -182,3 +185,30 @@ def test_damaged_descriptions_and_other_weights_are_refused(tmp_path):
         (tmp_path / "one.json").write_text(json.dumps(told | changed))
         with pytest.raises(kind, match=message):
             Classifier(tmp_path / "one.onnx")
+
+
+def test_the_shipped_weights_are_those_of_the_recipe_and_saw_no_test():
+    told = json.loads(WEIGHTS.with_suffix(".json").read_text())
+    recipe = tomllib.loads((EXAMPLES / "training/classifier.toml").read_text())
+    for key, value in recipe.items():
+        assert told["recipe"][key] == value, key
+    tested = tomllib.loads((EXAMPLES / "recipes/bench24.toml").read_text())["objects"]["names"]
+    seen = {name for names in told["objects"].values() for name in names}
+    assert len(seen) == 30
+    assert not seen & set(tested)
+    assert told["physics"].startswith("paper's simulator")
+
+
+def test_neither_the_rig_nor_torch_is_loaded_where_it_is_not_used():
+    code = (
+        "import sys, numpy as np\n"
+        "from millisight.perception import classification, training_classifier, training_scenes\n"
+        "settings = training_scenes.Scenes(vertices=200, spacing=(0.01, 0.01, 0.02))\n"
+        "scene = training_scenes.make_scene('dice', settings, rng=np.random.default_rng(0))\n"
+        "recipe = training_classifier.ClassifierRecipe(spacing=(0.01, 0.01, 0.02))\n"
+        "training_classifier.example_of(scene, recipe, np.random.default_rng(0))\n"
+        "print(sorted(m for m in sys.modules if m.startswith(('millisight.rig', 'millisight.datasets', 'torch'))))\n"
+        "print('millisight.capture.simulate' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split("\n")[:2] == ["[]", "True"]

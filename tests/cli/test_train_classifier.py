@@ -1,0 +1,90 @@
+"""`millisight train classifier` on a recipe made in seconds: what it writes, and what its options change."""
+
+import shutil
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from commands import refused
+from millisight.cli.train_classifier import classifier, read_classifier_recipe
+from millisight.errors import FormatError
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+TEXT = """
+name = "tiny"
+batch = 2
+views = 2
+scenes = 2
+vertices = 200
+spacing = [0.008, 0.008, 0.02]
+without = ["plum"]
+{extra}
+[classes]
+{classes}
+
+[schedule]
+epochs = 1
+seed = 1
+"""
+TWO = 'box = ["dice"]\nsphere = ["golf_ball", "plum"]'
+
+
+def written(folder, *, extra="", classes=TWO):
+    path = folder / "tiny.toml"
+    path.write_text(TEXT.format(extra=extra, classes=classes))
+    return path
+
+
+def test_one_command_makes_weights_that_the_options_change(tmp_path, capsys):
+    pytest.importorskip("torch")
+    pytest.importorskip("onnxruntime")
+    from millisight.perception.classification import Classifier
+
+    recipe, scenes = written(tmp_path), tmp_path / "scenes"
+    classifier(recipe, tmp_path / "a", scenes=scenes)
+    out = capsys.readouterr().out
+    assert "1 epochs, the best of them 1; " in out
+    assert out.splitlines()[-1] == f"weights: {tmp_path / 'a' / 'classifier.onnx'}"
+    assert len(list(scenes.iterdir())) == 4
+    told = Classifier(tmp_path / "a" / "classifier.onnx").description
+    assert told["objects"]["training"] == ["dice", "golf_ball"]
+    assert (told["parts"], told["network"]) == ("both", "small")
+    shutil.copytree(scenes, tmp_path / "all")
+    classifier(recipe, tmp_path / "b", scenes=tmp_path / "all", parts="edge", all_objects=True)
+    other = Classifier(tmp_path / "b" / "classifier.onnx").description
+    assert other["objects"]["training"] == ["dice", "golf_ball", "plum"]
+    assert other["parts"] == "edge"
+    assert other["sha256"] != told["sha256"]
+
+
+def test_a_recipe_that_cannot_be_right_is_refused_by_its_place(tmp_path):
+    for changes, place in (
+        ({"extra": "wdths = [8]"}, r"tiny\.toml: wdths: unknown key"),
+        ({"extra": 'parts = "diffuse"'}, r"tiny\.toml: unknown parts 'diffuse'"),
+        ({"classes": 'box = ["dice"]'}, r"tiny\.toml: classes are \['box'\]; expected two at least"),
+        ({"classes": 'box = ["dice"]\nsphere = ["plum"]'}, "no object is left for the class 'sphere'"),
+        ({"classes": 'box = "dice"\nsphere = ["apple"]'}, "box is 'dice'; expected a list"),
+        ({"classes": 'box = ["dice"]\nsphere = ["aple"]'}, "unknown catalogue object 'aple'. Did you mean 'apple'"),
+    ):
+        with pytest.raises(FormatError, match=place):
+            read_classifier_recipe(written(tmp_path, **changes))
+
+
+def test_the_command_says_in_one_line_what_is_wrong(tmp_path):
+    line = refused("train", "classifier", "missing.toml", cwd=tmp_path)
+    assert line == "millisight: missing.toml: no such file"
+    written(tmp_path)
+    line = refused("train", "classifier", "tiny.toml", "--parts", "edges", cwd=tmp_path)
+    assert line.startswith("millisight: unknown parts 'edges'. Did you mean 'edge'?")
+
+
+def test_the_shipped_recipe_trains_on_no_object_of_the_tests():
+    recipe = read_classifier_recipe(EXAMPLES / "training/classifier.toml")
+    trained = {name for names in recipe.objects.values() for name in names}
+    assert len(trained) == 30
+    for tests in ("bench24", "classes"):
+        tested = tomllib.loads((EXAMPLES / f"recipes/{tests}.toml").read_text())["objects"]["names"]
+        assert len(tested) >= 14
+        assert not trained & set(tested)
