@@ -30,8 +30,6 @@ def answer(label="box", confidence=0.7, *, name="dice", pose=0, **changes):
         "prediction": None if label is None else prediction(label, confidence),
         "failure": "" if label else "nothing is bright",
         "iou": 0.8,
-        "seconds": 0.004,
-        "segmenting": 0.03,
     } | changes
     return Answer(scene=f"000_{name}/0_0_{pose}/exp1/{given['sight']}", **given)
 

@@ -20,7 +20,7 @@ from some_answers import NAMES, prediction
 LEARNED = {"fork": [[0, 0, 90]], "a_cups": [[0, 0, 0]]}
 TOLD = {
     "sha256": "1", "parts": "both", "network": "small", "seed": 3, "physics": "paper's simulator: point reflectors",
-    "objects": {"training": ["fork"], "validation": ["a_cups"]}, "poses": LEARNED, "classes": {"wide": "can"},
+    "objects": {"training": ["fork"], "validation": ["a_cups"]}, "poses": LEARNED, "classes": {"can": ["wide"]},
 }  # fmt: skip
 KNOWN = {"training": ["fork", "a_lego_duplo"], "validation": ["a_cups"]}
 DESCRIPTIONS = {

@@ -165,10 +165,11 @@ class TestDescriptions:
         known = classes_of({}, ("can", "box"))
         assert known["cracker_box"] == "box"
         assert set(known.values()) == {"can", "box"}
-        own = classes_of({"classes": {"003_cracker_box": "can", "gear": "box", "fork": "other"}}, ("can", "box"))
-        assert own == {**known, "cracker_box": "can", "gear": "box"}
-        with pytest.raises(InputError, match="classes are 3"):
-            classes_of({"classes": 3}, ("can",))
+        told = {"can": ["003_cracker_box"], "box": ["gear"], "other": ["fork"]}
+        assert classes_of({"classes": told}, ("can", "box")) == {**known, "cracker_box": "can", "gear": "box"}
+        for wrong in (3, {"can": "gear"}):
+            with pytest.raises(InputError, match="expected lists of objects' names by class"):
+                classes_of({"classes": wrong}, ("can",))
 
     def test_siblings_are_told(self):
         assert siblings(training(), ["c_cups", "lemon", "a_lego_duplo"]) == {"c_cups": ["b_cups"]}

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from millisight.viz.classification_report import Mistake
 
 
+_CLOCKED = 8  # scenes, at most
 _SAID = ("classifiers", "object-closed", "object-disjoint", "times")
 
 
@@ -78,6 +79,7 @@ def classification(
     from millisight.datasets.judging import Settings
     from millisight.datasets.mito import find
     from millisight.datasets.scenes import find_scenes
+    from millisight.evaluation.classification_tables import time_table
     from millisight.io.mito_names import SIGHTS
 
     if sight is not None and sight not in SIGHTS:
@@ -110,8 +112,11 @@ def classification(
     if answers:
         names = {scene: files.object for scene, files in known.items()}
         about = _about(candidates, names, settings, method, data, simulated)
+        times = _times(
+            candidates, [known[scene] for scene in dict.fromkeys(one.scene for one in answers)], settings, method
+        )
         drawn = _mistakes(answers, mistakes, known, settings, method)
-        for table in _write(output, answers, about, data, drawn):
+        for table in _write(output, answers, about, time_table(times, data=data), data, drawn):
             say(table.markdown() + "\n")
         say(f"wrote {output / 'index.html'}")
     lines = [f"{scene}: {in_options(reason)}" for scene, reason in sorted([*failures, *heard.failures])]
@@ -260,6 +265,17 @@ def _left_out(one: _Candidate) -> str:
     return ", ".join(f"{len(some)} {reason}" for reason, some in sorted(one.plan.left_out.items()))
 
 
+def _times(
+    candidates: Sequence[_Candidate], scenes: "Sequence[SceneFiles]", settings: "Settings", method: str
+) -> "dict[Variant, list[tuple[float, float]]]":
+    """How long classification and segmentation take, for a few scenes of all that there are."""
+    from millisight.datasets.classified import clocked
+
+    some = scenes[:: -(-len(scenes) // _CLOCKED)]
+    found = clocked([one.weights for one in candidates], some, settings, method)
+    return {one.variant: found[one.weights] for one in candidates}
+
+
 def _mistakes(
     answers: "Sequence[Answer]", count: int, scenes: "Mapping[str, SceneFiles]", settings: "Settings", method: str
 ) -> "list[Mistake]":
@@ -284,14 +300,19 @@ def _mistakes(
 
 
 def _write(
-    output: Path, answers: "Sequence[Answer]", about: "Table", data: str, mistakes: "Sequence[Mistake]"
+    output: Path,
+    answers: "Sequence[Answer]",
+    about: "Table",
+    times: "Table",
+    data: str,
+    mistakes: "Sequence[Mistake]",
 ) -> "list[Table]":
     """Everything into the folder; the tables that say most."""
     from millisight.evaluation.classification_tables import all_tables, answer_table, bin_table, confusion_table
     from millisight.files import write_text
     from millisight.viz.classification_report import write_report
 
-    tables = {"classifiers": about, **all_tables(answers, data=data)}
+    tables = {"classifiers": about, **all_tables(answers, data=data), "times": times}
     files = {
         **tables,
         "answers": answer_table(answers, data=data),

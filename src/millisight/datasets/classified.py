@@ -3,12 +3,12 @@
 import dataclasses
 import hashlib
 import json
-import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
+from time import perf_counter
 from typing import Any, NamedTuple
 
 from millisight.datasets.inventory import Dataset
@@ -93,8 +93,6 @@ class Said(NamedTuple):
     prediction: Prediction | None
     failure: str
     iou: float
-    seconds: float
-    segmenting: float
 
 
 class Heard(NamedTuple):
@@ -182,6 +180,35 @@ def masked(files: SceneFiles, settings: Settings, method: str) -> tuple[SarImage
     return image, _predicted(files, image, other, settings, method)[0], truth
 
 
+def clocked(
+    weights: Sequence[str | None], scenes: Sequence[SceneFiles], settings: Settings, method: str
+) -> dict[str | None, list[tuple[float, float]]]:
+    """How long each classifier takes for these scenes, and the segmenter before it [s], one after another.
+
+    The first scene is done once more before the clock runs. Scenes without a mask are passed over.
+
+    Raises
+    ------
+    FileError, FormatError, DamagedFileError, InputError
+        As `masked`.
+    """
+    found: dict[str | None, list[tuple[float, float]]] = {one: [] for one in weights}
+    for number, files in enumerate([*scenes[:1], *scenes]):
+        image, other, _ = _read(files, settings)
+        begun = perf_counter()
+        mask, _ = _predicted(files, image, other, settings, method)
+        segmenting = perf_counter() - begun
+        if mask is None:
+            continue
+        for one in weights:
+            begun = perf_counter()
+            classifier(one).classify(image, mask, other_band=other)
+            seconds = perf_counter() - begun
+            if number:
+                found[one].append((seconds, segmenting))
+    return found
+
+
 def _read(files: SceneFiles, settings: Settings) -> tuple[SarImage, SarImage | None, Mask]:
     if HIGH not in files.images:
         raise FileError(f"{files.name} has no image at {HIGH}; expected processed_image.pkl of that radar")
@@ -210,29 +237,17 @@ def _predicted(
 def _asked(job: _Job) -> list[list[Said]]:
     """Of each classifier what it says of the scene in the predicted and in the true mask."""
     image, other, truth = _read(job.files, job.settings)
-    begun = time.perf_counter()
     mask, failure = _predicted(job.files, image, other, job.settings, job.method)
-    segmenting = time.perf_counter() - begun
     iou = 0.0 if mask is None else score_mask(mask, truth).iou
     found = []
     for weights, checksum in job.weights:
         by = classifier(weights)
         if _checksum(by) != checksum:
             raise InputError(f"the weights of {by.name} have changed since the run began; run it again")
-        one, seconds = (None, 0.0) if mask is None else _timed(by, image, mask, other)
-        best, best_seconds = _timed(by, image, truth, other)
-        found.append(
-            [
-                Said(PREDICTED, one, failure, iou, seconds, segmenting),
-                Said(TRUE, best, "", 1.0, best_seconds, 0.0),
-            ]
-        )
+        one = None if mask is None else by.classify(image, mask, other_band=other)
+        best = by.classify(image, truth, other_band=other)
+        found.append([Said(PREDICTED, one, failure, iou), Said(TRUE, best, "", 1.0)])
     return found
-
-
-def _timed(by: Classifier, image: SarImage, mask: Mask, other: SarImage | None) -> tuple[Prediction, float]:
-    begun = time.perf_counter()
-    return by.classify(image, mask, other_band=other), time.perf_counter() - begun
 
 
 def _checksum(network: Any) -> str:

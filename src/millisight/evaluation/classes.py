@@ -58,8 +58,6 @@ class Answer:
     prediction : None where there was no mask
     failure : why there was none; "" otherwise
     iou : of the mask with the true one
-    seconds : for the classification
-    segmenting : for the mask [s]; 0 of a true one
     """
 
     scene: str
@@ -73,8 +71,6 @@ class Answer:
     prediction: Prediction | None
     failure: str = ""
     iou: float = 1.0
-    seconds: float = 0.0
-    segmenting: float = 0.0
 
     def __post_init__(self) -> None:
         for kind, value, known in (

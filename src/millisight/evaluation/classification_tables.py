@@ -79,7 +79,7 @@ def all_tables(answers: Sequence[Answer], *, data: str) -> dict[str, Table]:
         tables[f"{split}-objects"] = object_table(mine, split, data=data)
         tables[f"{split}-mistakes"] = mistake_table(mine, split, data=data)
         tables[f"{split}-calibration"] = calibration_table(mine, split, data=data)
-    return {**tables, "times": time_table(answers, data=data)} if tables else {}
+    return tables
 
 
 def classifier_table(
@@ -311,20 +311,24 @@ def pair_table(answers: Sequence[Answer], split: str, *, data: str) -> Table:
     )  # fmt: skip
 
 
-def time_table(answers: Sequence[Answer], *, data: str) -> Table:
-    """Medians of how long an image takes, in predicted masks."""
+def time_table(times: Mapping[Variant, Sequence[tuple[float, float]]], *, data: str) -> Table:
+    """Medians of how long an image takes.
+
+    Parameters
+    ----------
+    times : of each variant, for some images: the classification, and the segmentation before it [s]
+    data : what the images are, for the title
+    """
     rows: list[tuple[Cell, ...]] = []
-    for variant in variants_of(answers):
-        some = [one for one in chosen(answers, variant=variant, masks=PREDICTED) if one.prediction is not None]
+    for variant, some in times.items():
         if some:
-            alone = float(np.median([one.seconds for one in some]))
-            both = float(np.median([one.seconds + one.segmenting for one in some]))
-            rows.append((variant.name, variant.network, f"{1e3 * alone:.1f}", f"{1e3 * both:.1f}", len(some)))
+            alone, whole = float(np.median([one for one, _ in some])), float(np.median([sum(one) for one in some]))
+            rows.append((variant.name, variant.network, f"{1e3 * alone:.1f}", f"{1e3 * whole:.1f}", len(some)))
     return Table(
         title=f"Time an image: {data}",
         columns=("classifier", "network", "classification [ms]", "with segmentation [ms]", "images"),
         rows=tuple(rows),
-        notes=("Medians on the CPU, after imaging, taken while judging: other processes ran beside.",),
+        notes=("Medians on the CPU, after imaging, one image after another.",),
     )
 
 
@@ -376,12 +380,12 @@ def answer_table(answers: Sequence[Answer], *, data: str) -> Table:
         rows.append(
             (one.scene, one.object, one.shape, one.sight, one.split, one.masks, one.variant.name, one.truth, one.label,
              int(one.right), said.confidence if said else None, int(said.sure) if said else None,
-             *(shares.get(name) for name in classes), one.iou, one.seconds, one.segmenting, one.failure)
+             *(shares.get(name) for name in classes), one.iou, one.failure)
         )  # fmt: skip
     return Table(
         title=f"Every answer: {data}",
         columns=("scene", "object", "shape", "sight", "split", "masks", "classifier", "truth", "answer", "right",
-                 "confidence", "sure", *(f"p({name})" for name in classes), "iou", "seconds", "segmenting", "failure"),
+                 "confidence", "sure", *(f"p({name})" for name in classes), "iou", "failure"),
         rows=tuple(rows),
     )  # fmt: skip
 

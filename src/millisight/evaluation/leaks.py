@@ -164,16 +164,21 @@ def plan(training: Training, images: Sequence[TestImage], classes: Mapping[str, 
 def classes_of(description: Mapping[str, Any], class_names: Sequence[str]) -> dict[str, str]:
     """The class of every object that is of one that the classifier knows: by the catalogue, or by its own `classes`.
 
+    Parameters
+    ----------
+    description : of the weights; its `classes`, if any, are names of objects by class
+    class_names : that the classifier knows
+
     Raises
     ------
     InputError
-        `classes` is no mapping of names.
+        `classes` are no lists of names.
     """
     own = description.get("classes", {})
-    if not isinstance(own, Mapping):
-        raise InputError(f"the description's classes are {own!r}; expected names of objects with their classes")
+    if not isinstance(own, Mapping) or not all(isinstance(names, list | tuple) for names in own.values()):
+        raise InputError(f"the description's classes are {own!r}; expected lists of objects' names by class")
     told = {name: entry.shape_class for name, entry in CATALOGUE.items()}
-    told |= {_known_as(str(name)): str(one) for name, one in own.items()}
+    told |= {_known_as(str(name)): str(one) for one, names in own.items() for name in names}
     return {name: one for name, one in told.items() if one in class_names}
 
 
