@@ -6,6 +6,7 @@ takes outputs, counts and whatever an editor has noted out of notebooks, before 
 """
 
 import json
+import logging
 import sys
 from collections.abc import Iterator
 from contextlib import suppress
@@ -40,13 +41,8 @@ def _offered(app: Any, page: str, text: list[str]) -> None:
     path = Path(app.env.doc2path(page))
     if path.suffix == ".ipynb":
         notebook = json.loads(text[0])
-        link = {
-            "cell_type": "markdown",
-            "id": "download",
-            "metadata": {},
-            "source": [_DOWNLOAD.format(*[path.name] * 2)],
-        }
-        notebook["cells"].insert(1, link)
+        source = _DOWNLOAD.format(path.name)
+        notebook["cells"].insert(1, {"cell_type": "markdown", "id": "download", "metadata": {}, "source": source})
         text[0] = json.dumps(notebook)
 
 
@@ -56,6 +52,7 @@ def setup(app: Any) -> dict[str, bool]:
     # Or each kernel warns that whoever else is on the machine can listen. MyST-NB has no setting for it.
     with suppress(AttributeError):  # older versions neither encrypt nor warn
         KernelManager.transport_encryption.default_value = "auto"
+    logging.getLogger("traitlets").setLevel(logging.WARNING)  # which says on stderr that a notebook begins
     app.connect("source-read", _offered)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
 
