@@ -118,6 +118,10 @@ class TestAccuracy:
         assert accuracy([]) is None
         assert accuracy([answer(), answer(name="peach", label="sphere")]).by_object == (1.0, 1.0)
 
+    def test_of_a_single_object_nothing_can_be_drawn(self):
+        found = accuracy([answer(), answer("can", pose=1)])
+        assert (found.share, found.objects, found.by_object) == (0.5, 1, None)
+
     def test_no_mask_is_wrong(self):
         assert not answer(None).right
         assert answer(None).label == NO_MASK

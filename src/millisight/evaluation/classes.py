@@ -144,14 +144,14 @@ class Accuracy(NamedTuple):
     ----------
     right, images, objects : counts
     wilson : 95 % interval of the share, as if images were independent
-    by_object : 95 % bootstrap interval, objects drawn with all their images
+    by_object : 95 % bootstrap interval, objects drawn with all their images; None of a single object
     """
 
     right: int
     images: int
     objects: int
     wilson: tuple[float, float]
-    by_object: tuple[float, float]
+    by_object: tuple[float, float] | None
 
     @property
     def share(self) -> float:
@@ -164,9 +164,8 @@ def accuracy(answers: Sequence[Answer]) -> Accuracy | None:
         return None
     counts = np.array([(sum(one.right for one in some), len(some)) for some in by_object(answers).values()])
     right, images = int(counts[:, 0].sum()), len(answers)
-    return Accuracy(
-        right, images, len(counts), wilson_interval(right, images), bootstrap_interval(counts, _share, rng=0)
-    )
+    drawn = bootstrap_interval(counts, _share, rng=0) if len(counts) > 1 else None
+    return Accuracy(right, images, len(counts), wilson_interval(right, images), drawn)
 
 
 def _share(counts: np.ndarray) -> float:

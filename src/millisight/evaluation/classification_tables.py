@@ -49,7 +49,7 @@ _SAW = {
 }
 _INTERVALS = (
     "In round brackets 95 % Wilson intervals, as if images were independent; in square brackets 95 % bootstrap "
-    "intervals over objects, which are drawn with all their images."
+    "intervals over objects, which are drawn with all their images; where objects do not differ, these say nothing."
 )
 
 _PAPER_NOTE = (
@@ -156,7 +156,8 @@ def _short(sight: str) -> str:
 def _percent(found: Accuracy | None) -> str | None:
     if found is None:
         return None
-    return f"{100 * found.share:.1f} {_span(found.wilson)} {_span(found.by_object, '[]')}"
+    drawn = f" {_span(found.by_object, '[]')}" if found.by_object else ""
+    return f"{100 * found.share:.1f} {_span(found.wilson)}{drawn}"
 
 
 def _span(interval: tuple[float, float], brackets: str = "()") -> str:

@@ -78,8 +78,9 @@ def _draw_bar(axes: Axes, at: float, answers: list[Answer], sight: str, variant:
         return text if label and (sight == "overall" or text in SIGHTS.values()) else None
 
     axes.barh(at, 100 * found.share, height=0.22, color=colour, label=named(SIGHTS[sight]))
-    edges = [100 * edge for edge in found.by_object]
-    axes.plot(edges, [at, at], "|-", color="0.2", linewidth=0.8, markersize=6, label=named("by objects"))
+    if found.by_object is not None:
+        edges = [100 * edge for edge in found.by_object]
+        axes.plot(edges, [at, at], "|-", color="0.2", linewidth=0.8, markersize=6, label=named("by objects"))
     edges = [100 * edge for edge in found.wilson]
     axes.plot(edges, [at, at], color="0.2", linewidth=2.6, solid_capstyle="butt", label=named("Wilson"))
     true = accuracy(chosen(answers, sight=sight, masks=TRUE))
