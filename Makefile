@@ -17,7 +17,7 @@ help:
 	@echo "make test         all tests and doctests (TESTS=path or -k name for some, WORKERS=2 processes)"
 	@echo "make fuzz         100 000 damaged files against every reader (COUNT=)"
 	@echo "make lint         formatting, style, types, layers"
-	@echo "make docs         the documentation, into build/docs/html; broken links and missing docstrings fail it"
+	@echo "make docs         the documentation, into build/docs/html; runs the tutorials' notebooks and checks every link"
 	@echo "make bench        the benchmarks and their tables"
 
 setup: $(VENV)/setup.stamp
