@@ -1,8 +1,8 @@
 """The documentation's settings for Sphinx: `make docs` builds it into build/docs, warnings being errors.
 
 A new page in `tutorials`, `how-to`, `explanation`, its `decisions` or its `model-cards` needs no line anywhere: the
-contents of those folders are globs (`[!d]**` is all but the decisions, which have a list of their own). Nothing is fetched, at
-build time or by the reader's browser: equations become MathML, and fonts are the system's.
+contents of those folders are globs (`[!d]**` is all but the decisions, which have a list of their own). Nothing is
+fetched, at build time or by the reader's browser: equations become MathML, and fonts are the system's.
 """
 
 import sys
