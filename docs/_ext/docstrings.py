@@ -29,7 +29,6 @@ from millisight import errors
 
 _SECTIONS = ("Parameters", "Attributes", "Returns", "Yields", "Raises", "Examples", "Notes")
 _PRIMER = re.compile(r"\bprimer (\(\d+\)|\d+)")
-_LEFT = ("Picture.shape", "Comparison.specular", "Comparison.edge", "MaskScores.")  # still to be told
 _LOG = logging.getLogger(__name__)
 
 
@@ -59,8 +58,7 @@ def undocumented(name: str, thing: Any) -> list[str]:
     if not inspect.isclass(thing):
         return missing
     missing += [f"{name}.{field}" for field in _fields(thing) if field not in attributes(text)]
-    missing += [f"{name}.{member}" for member, of in _members(thing) if not (inspect.getdoc(of) or "").strip()]
-    return [what for what in missing if not what.startswith(_LEFT)]
+    return missing + [f"{name}.{member}" for member, of in _members(thing) if not (inspect.getdoc(of) or "").strip()]
 
 
 def _fields(thing: type) -> list[str]:

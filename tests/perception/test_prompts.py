@@ -148,6 +148,12 @@ def test_plain_values_that_are_no_prompts_are_refused(plain, message):
         Prompts.from_plain(plain)
 
 
+def test_a_point_on_the_object_and_beside_it_is_refused():
+    with pytest.raises(InputError, match=r"the point \[3, 4\] is both positive and negative; .* drop one"):
+        Prompts(points=[[9, 9], [3, 4], [3, 4]], positive=[False, True, False])
+    assert len(Prompts(points=[[3, 4], [3, 4], [4, 3]], positive=[True, True, False]).points) == 3
+
+
 def test_points_beside_the_picture_are_refused():
     with pytest.raises(InputError, match=r"the point \[100, 0\].*100 x 80 pixels"):
         Prompts(points=[[99, 79], [100, 0]], positive=[True, True]).check_on(picture(steps()))

@@ -15,7 +15,6 @@ from millisight.rig.virtual.radar import RadarSettings
 from millisight.rig.virtual.rig import plan_of
 from millisight.rig.virtual.stage import build
 from millisight.rig.virtual.world import Carton, Cloth, Scan, Support, Wall, World, WorldObject
-from millisight.rig.virtual.worldfile import world_from_table
 
 CUBE = WorldObject(object="rubiks_cube")
 SCAN = Scan(size=(0.3, 0.3), row_spacing=0.01)
@@ -240,7 +239,7 @@ TABLES = st.recursive(
 @given(TABLES)
 def test_whatever_stands_in_a_world_is_a_world_or_an_error_that_names_it(table):
     try:
-        made = world_from_table(table)
+        made = World.from_table(table)
     except FormatError as error:
         made = str(error)
     assert isinstance(made, World) or made.startswith("world: ")
@@ -258,10 +257,10 @@ def test_files_that_are_none(tmp_path):
 
 
 def test_a_table_within_a_recipe_is_a_world_too():
-    world = world_from_table({"objects": [{"object": "mug"}], "scan": {"size": [0.3, 0.3]}}, source="recipe: world")
+    world = World.from_table({"objects": [{"object": "mug"}], "scan": {"size": [0.3, 0.3]}}, source="recipe: world")
     assert world.objects[0].name == "mug"
     with pytest.raises(FormatError, match=r"recipe: world: scan.sise: unknown key"):
-        world_from_table({"scan": {"sise": 1}}, source="recipe: world")
+        World.from_table({"scan": {"sise": 1}}, source="recipe: world")
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda p: p.stem)

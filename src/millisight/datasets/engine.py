@@ -11,7 +11,7 @@ from contextlib import closing, contextmanager
 from functools import partial
 from typing import Any, NamedTuple, TypeVar
 
-from millisight.datasets.workers import Outcome, default_workers, each
+from millisight.datasets.workers import Outcome, default_workers, each, on_threads
 from millisight.errors import InputError, UnknownNameError
 from millisight.records import checked_integer
 
@@ -52,18 +52,6 @@ class Engine(NamedTuple):
         limited = partial(on_threads, function, self.threads)
         with _one_blas_thread(), closing(each(limited, things, workers=self.workers)) as outcomes:
             yield from outcomes
-
-
-def on_threads(function: Callable[[T], Any], threads: int, thing: T) -> Any:
-    """`function` of `thing`, its kernels on so many cores."""
-    import numba
-
-    before = numba.get_num_threads()
-    numba.set_num_threads(min(threads, numba.config.NUMBA_NUM_THREADS))  # type: ignore[attr-defined]
-    try:
-        return function(thing)
-    finally:
-        numba.set_num_threads(before)
 
 
 @contextmanager

@@ -10,8 +10,7 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import Any, TypeVar
 
-from millisight.datasets.engine import on_threads
-from millisight.datasets.workers import Outcome, attempt
+from millisight.datasets.workers import Outcome, attempt, on_threads
 from millisight.errors import DeviceError
 
 T = TypeVar("T")

@@ -22,7 +22,6 @@ from millisight.io.mito_layout import experiment_folder
 from millisight.io.mito_names import angles_folder
 from millisight.rig.virtual.rig import experiment_info
 from millisight.rig.virtual.world import Carton, Cloth, Scan, World, WorldObject
-from millisight.rig.virtual.worldfile import world_from_table
 
 Job = RigJob | SimulatorJob
 
@@ -158,7 +157,7 @@ class _Scans:
         table = _merged(self._rig.world, fragment)
         table = _merged(table, {"support": {"kind": background}})
         place = f"rig.world with rig.scans[{number}]" if self._rig.scans else "rig.world"
-        return world_from_table(table, source=f"{self._recipe.source}: {place}")
+        return World.from_table(table, source=f"{self._recipe.source}: {place}")
 
     def _experiments(self, subject: Subject) -> Iterator[Job]:
         """The scans of a subject in every condition on every background; experiments are numbered through."""

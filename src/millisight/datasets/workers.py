@@ -31,6 +31,18 @@ def default_workers() -> int:
     return min(cores, 8)
 
 
+def on_threads(function: Callable[[T], Any], threads: int, thing: T) -> Any:
+    """`function` of `thing`, its kernels on so many cores."""
+    import numba
+
+    before = numba.get_num_threads()
+    numba.set_num_threads(min(threads, numba.config.NUMBA_NUM_THREADS))  # type: ignore[attr-defined]
+    try:
+        return function(thing)
+    finally:
+        numba.set_num_threads(before)
+
+
 def each(
     function: Callable[[T], Any], things: Sequence[T], *, workers: int | None = None
 ) -> Generator[Outcome, None, None]:

@@ -13,7 +13,16 @@ _SAME_PLACE = 1e-6  # [m]; pixels of two grids this close are the same pixels
 
 
 class MaskScores(NamedTuple):
-    """Of one mask, or medians of many; each from 0 to 1."""
+    """Of one mask, or medians of many; each from 0 to 1.
+
+    Attributes
+    ----------
+    precision : of the predicted pixels, those that are the object's
+    recall : of the object's pixels, those that are predicted
+    f1 : harmonic mean of precision and recall
+    iou : pixels of both masks over pixels of either
+    accuracy : of all pixels, those on which the masks agree
+    """
 
     precision: float
     recall: float

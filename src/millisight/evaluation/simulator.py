@@ -108,10 +108,12 @@ class Comparison(NamedTuple):
 
     @property
     def specular(self) -> Trial:
+        """The trial of the specular image alone."""
         return self.of(SPECULAR)
 
     @property
     def edge(self) -> Trial:
+        """The trial of the edge image alone."""
         return self.of(EDGE)
 
     def of(self, weights: tuple[float, float]) -> Trial:

@@ -51,6 +51,7 @@ class Picture:
 
     @property
     def shape(self) -> tuple[int, int]:
+        """(A, B) pixels along each of its first two axes."""
         return self.rgb.shape[0], self.rgb.shape[1]
 
 

@@ -52,11 +52,14 @@ class Prompts:
         points = checked_array(self.points, name="points", shape=("n", 2), dtype=np.int64)
         if points.min() < 0:
             raise InputError(f"points go down to {points.min()}; expected indices of pixels, from 0 on")
-        put(
-            self,
-            points=points,
-            positive=checked_array(self.positive, name="positive", shape=(len(points),), dtype=np.bool_),
-        )
+        positive = checked_array(self.positive, name="positive", shape=(len(points),), dtype=np.bool_)
+        both = set(map(tuple, points[positive].tolist())) & set(map(tuple, points[~positive].tolist()))
+        if both:
+            raise InputError(
+                f"the point {list(min(both))} is both positive and negative; expected each to lie on the object or "
+                "beside it: drop one of the two"
+            )
+        put(self, points=points, positive=positive)
 
     @classmethod
     def from_plain(cls, value: Mapping[str, Any]) -> "Prompts":

@@ -5,6 +5,7 @@ speak the robot's base frame, of which `io.mito_setup.BASE_ORIGIN` is the origin
 """
 
 import os
+from collections.abc import Mapping
 from dataclasses import field, replace
 from pathlib import Path
 from typing import Any
@@ -12,12 +13,14 @@ from typing import Any
 import numpy as np
 
 from millisight.errors import InputError, UnknownNameError
+from millisight.files import printable, read_toml, write_text
 from millisight.imaging.grid import VoxelGrid
 from millisight.io.mito_setup import published_grid
 from millisight.records import checked_integer, checked_number, checked_numbers, checked_record, put, record
 from millisight.rig.virtual.arm import ArmSettings
 from millisight.rig.virtual.camera import CameraSettings
 from millisight.rig.virtual.radar import RadarSettings
+from millisight.rig.virtual.tables import record_of, text_of
 from millisight.scene.material import LAYERED, material_named
 from millisight.scene.objects import CATALOGUE
 
@@ -295,9 +298,25 @@ class World:
         FileError
             It cannot be read.
         """
-        from millisight.rig.virtual.worldfile import read_world
+        table = read_toml(path, "a world")
+        return cls.from_table(table, folder=str(Path(path).parent), source=printable(path))
 
-        return read_world(path)
+    @classmethod
+    def from_table(cls, table: Mapping[str, Any], *, folder: str = ".", source: str = "world") -> "World":
+        """The world that a TOML table describes, such as one within a recipe.
+
+        Parameters
+        ----------
+        table : keys as in WORLD.toml
+        folder : where relative paths of mesh files start
+        source : name of the table for messages
+
+        Raises
+        ------
+        FormatError
+            A key or a value cannot be right; the message names the place.
+        """
+        return record_of(cls, table, folder=folder, source=source)
 
     def to_toml(self, path: str | os.PathLike[str]) -> None:
         """Write the TOML file from which `from_toml` reads this world; mesh files are called as they are here.
@@ -306,9 +325,7 @@ class World:
         ------
         FileError
         """
-        from millisight.rig.virtual.worldfile import write_world
-
-        write_world(path, self)
+        write_text(path, text_of(self))
 
     def seen_from(self, folder: str | os.PathLike[str]) -> "World":
         """The same world with its mesh files called as from another folder, for a file of it there."""

@@ -1,31 +1,24 @@
-"""WORLD.toml, both ways: a table a record, a key a field; nothing unknown is passed over."""
+"""Records as TOML, both ways: a table a record, a key a field; nothing unknown is passed over."""
 
 import dataclasses
-import os
 import types
 import typing
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 from millisight.errors import FormatError, MillisightError, UnknownNameError
-from millisight.files import printable, read_toml, write_text
-from millisight.rig.virtual.world import World
+
+HIDDEN = "folder"
+"""The field of the outermost record that no file holds: where the file lies."""
 
 
-def read_world(path: str | os.PathLike[str]) -> World:
-    """See `World.from_toml`."""
-    table = read_toml(path, "a world")
-    return world_from_table(table, folder=str(Path(path).parent), source=printable(path))
-
-
-def world_from_table(table: Mapping[str, Any], *, folder: str = ".", source: str = "world") -> World:
-    """The world that a TOML table describes, such as one within a recipe.
+def record_of(cls: type, table: Mapping[str, Any], *, folder: str, source: str) -> Any:
+    """The record `cls` that a TOML table describes.
 
     Parameters
     ----------
-    table : keys as in WORLD.toml
-    folder : where relative paths of mesh files start
+    table : its fields by name; of fields that are records themselves, their tables
+    folder : where relative paths in the table start
     source : name of the table for messages
 
     Raises
@@ -33,14 +26,14 @@ def world_from_table(table: Mapping[str, Any], *, folder: str = ".", source: str
     FormatError
         A key or a value cannot be right; the message names the place.
     """
-    if "folder" in table:
-        raise FormatError(f"{source}: folder: unknown key; paths of mesh files start at the file's own folder")
-    return _made(World, {**table, "folder": folder}, source, "")
+    if HIDDEN in table:
+        raise FormatError(f"{source}: {HIDDEN}: unknown key; paths of mesh files start at the file's own folder")
+    return _made(cls, {**table, HIDDEN: folder}, source, "")
 
 
-def write_world(path: str | os.PathLike[str], world: World) -> None:
-    """See `World.to_toml`."""
-    write_text(path, "\n".join(_lines(world, "")) + "\n")
+def text_of(record: Any) -> str:
+    """The TOML from which `record_of` makes this record."""
+    return "\n".join(_lines(record, "")) + "\n"
 
 
 def _made(cls: type, table: Any, source: str, place: str) -> Any:
@@ -50,7 +43,7 @@ def _made(cls: type, table: Any, source: str, place: str) -> Any:
     kinds = typing.get_type_hints(cls)
     for key in table:
         if key not in kinds:
-            unknown = UnknownNameError("key", key, kinds.keys() - {"folder"})
+            unknown = UnknownNameError("key", key, kinds.keys() - {HIDDEN})
             raise FormatError(f"{source}: {_joined(place, key)}: {unknown}")
     values = {}
     for key, value in table.items():
@@ -101,7 +94,7 @@ def _lines(record: Any, place: str) -> list[str]:
         value = getattr(record, field.name)
         kind, many = _record_in(typing.get_type_hints(type(record))[field.name])
         where = _joined(place, field.name)
-        if value is None or (field.name == "folder" and isinstance(record, World)):
+        if value is None or (not place and field.name == HIDDEN):
             continue
         if kind is None:
             plain.append(f"{field.name} = {_text(value)}")
