@@ -148,7 +148,10 @@ def erased(channels: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 
 def erring_mask(inside: np.ndarray, power: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """A mask (A, B) bool as a segmenter makes it of a true one: too large or too small, ragged, or only what shines.
+    """A mask (A, B) bool as a segmenter makes it of a true one.
+
+    It is a little too large or too small, much too large, the lit part of a lid around the object, or no more than
+    what shines; and always ragged.
 
     Parameters
     ----------
@@ -158,15 +161,27 @@ def erring_mask(inside: np.ndarray, power: np.ndarray, rng: np.random.Generator)
     from scipy.ndimage import distance_transform_edt, gaussian_filter
 
     ragged: Any = gaussian_filter(rng.standard_normal(inside.shape), rng.uniform(1, 4))
-    ragged *= rng.uniform(0, 1.5) / max(ragged.std(), 1e-9)
+    ragged *= rng.uniform(0, 1) / max(ragged.std(), 1e-9)
+    kind = rng.choice(4, p=(0.4, 0.15, 0.2, 0.25))
+    if kind == 2:
+        inside = _surroundings(inside, rng)
     away: Any = distance_transform_edt(~inside)
     within: Any = distance_transform_edt(inside)
-    reach = rng.uniform(-1.5, 1.5) if rng.random() < 0.6 else rng.uniform(0, 5)
-    mask = away - within + 0.5 < reach + ragged
-    if rng.random() < 0.3:
+    mask = away - within + 0.5 < (rng.uniform(0, 5) if kind == 1 else rng.uniform(-1.5, 1.5)) + ragged
+    if kind == 3:
         shining = gaussian_filter(power, rng.uniform(0.5, 1.5))
-        mask &= shining > shining[inside].max() * 10 ** rng.uniform(-3.5, -1)
+        mask &= shining > shining[inside].max() * 10 ** rng.uniform(-3, -0.8)
     return mask if mask.any() else inside
+
+
+def _surroundings(inside: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """(A, B) bool: a rectangle with round corners about an object, as much of a lid as the aperture lights."""
+    rows, columns = (np.arange(size)[:, None] for size in inside.shape)
+    places = np.argwhere(inside)
+    low, high = places.min(axis=0) - rng.uniform(-1, 6, 2), places.max(axis=0) + rng.uniform(-1, 6, 2)
+    middle, half = (low + high) / 2, np.maximum(high - low, 2) / 2
+    across, along = abs(rows - middle[0]) / half[0], abs(columns - middle[1]).T / half[1]
+    return (across**6 + along**6 <= 1) | (inside & (across <= 1) & (along <= 1))
 
 
 def seen_otherwise(channels: np.ndarray, rng: np.random.Generator) -> np.ndarray:
@@ -178,6 +193,6 @@ def seen_otherwise(channels: np.ndarray, rng: np.random.Generator) -> np.ndarray
         channels[1:] = distorted(channels[1:], rng)
     if rng.random() < 0.25:
         channels[1:] += (channels[1:] > 0) * rng.normal(0, rng.uniform(0, 0.1), channels[1:].shape).astype(np.float32)
-    if rng.random() < 0.25:
+    if rng.random() < 0.15:
         channels = erased(channels, rng)
     return np.clip(channels, 0, 1).astype(np.float32)
