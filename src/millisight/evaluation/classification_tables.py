@@ -271,7 +271,7 @@ def calibration_table(answers: Sequence[Answer], split: str, *, data: str) -> Ta
         rows=tuple(rows),
         notes=(
             "Of images with a predicted mask. Under the threshold the answer is 'not sure'; temperature and threshold "
-            "were chosen on simulated validation images alone. The calibration error is over 10 bins of equal widths; "
+            "were chosen in training, and on no test image. The calibration error is over 10 bins of equal widths; "
             "the Brier score adds the classes up, from 0 to 2.",
         ),
     )  # fmt: skip

@@ -271,7 +271,7 @@ def write_report(
                     caption,
                 )
     introduction = (
-        f"Classifiers on {data}. Each was trained on simulated images alone. Object-closed: of objects that it was "
-        "trained on, in other poses; object-disjoint: of objects that it never met."
+        f"Classifiers on {data}. What each learned from stands in the first table. Object-closed: of objects that it "
+        "was trained on, in other poses; object-disjoint: of objects that it never met."
     )
     return write_page(folder, title="Classification", introduction=introduction, items=items, tables=tables)
