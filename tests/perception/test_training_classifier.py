@@ -38,7 +38,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def recipe():
-    return ClassifierRecipe(classes=TWO, batch=2, views=3, schedule=Schedule(epochs=2, seed=1), **COARSE)
+    return ClassifierRecipe(classes=TWO, batch=2, examples=6, schedule=Schedule(epochs=2, seed=1), **COARSE)
 
 
 @pytest.fixture(scope="module")

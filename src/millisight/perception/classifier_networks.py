@@ -18,7 +18,7 @@ _PAPER_CONNECTED = (1024, 512, 256)
 
 
 class SmallNetwork(nn.Module):
-    """Four convolutions that halve each time, mean and maximum over what is left, one layer to the classes.
+    """Four times two convolutions, the first of which halves; mean and maximum over what is left; one layer more.
 
     It sees all channels: the mask, the paper's projection, levels of eight slices along z, the other band. Groups of
     channels are normalised over each image, not over batches, so that training and use are one function.
@@ -26,10 +26,11 @@ class SmallNetwork(nn.Module):
 
     def __init__(self, classes: int, widths: Sequence[int] = (24, 48, 64, 96)):
         super().__init__()
-        inputs = (len(CHANNELS), *widths[:-1])
         steps: list[nn.Module] = []
-        for a, b in zip(inputs, widths, strict=True):
-            steps += [nn.Conv2d(a, b, 3, stride=2, padding=1, bias=False), nn.GroupNorm(_GROUPS, b), nn.ReLU()]
+        for inputs, outputs in zip((len(CHANNELS), *widths[:-1]), widths, strict=True):
+            for channels, stride in ((inputs, 2), (outputs, 1)):
+                convolution = nn.Conv2d(channels, outputs, 3, stride=stride, padding=1, bias=False)
+                steps += [convolution, nn.GroupNorm(_GROUPS, outputs), nn.ReLU()]
         self.seen = nn.Sequential(*steps)
         self.dropout = nn.Dropout(0.3)
         self.last = nn.Linear(2 * widths[-1], classes)

@@ -31,10 +31,11 @@ PHYSICS = "paper's simulator: specular and edge reflections of vertices"
 
 _NETWORKS = ("small", "paper")
 _BANDS = {"small": ("77_ghz", "24_ghz"), "paper": ("77_ghz",)}
+_STRETCH = 0.25
 _ONE_BAND = 0.3  # of the examples have no 24 GHz image
 _HELD_EVERY = 6  # scene of each object is for validation
 _HELD_VIEWS = 3  # examples of each of these
-_VALIDATION_SEED = 1 << 20  # apart from any epoch's
+_VALIDATION_SEED, _POOL_SEED = 1 << 20, 1 << 21  # apart from any epoch's
 _SMOOTHING = 0.05  # of the labels
 _SURE = 0.95  # of the answers that are given should be right: on validation
 
@@ -50,11 +51,12 @@ class ClassifierRecipe:
     classes : names of catalogue objects by class; empty: the catalogue's own classes but "other", the paper's four
     without : objects that no scene shows: those that will test
     scenes : of each class; its objects share them evenly. Every sixth of an object's is for validation
-    vertices, spacing, widest, stretch : of the scenes, see Scenes
+    vertices, spacing, widest : of the scenes, see Scenes
+    stretch : of the scenes of each class, see Scenes; 0.25 of those that are not named
     parts : "both", "edge" or "specular"
     network : "small", or the "paper"'s
     batch : examples in a batch
-    views : examples of each scene in an epoch, on the mean: each class has as many, and each object of a class
+    examples : drawn once, of each class as many and of each object of a class; an epoch has them all, laid otherwise
     schedule : its seed is that of everything
     """
 
@@ -66,11 +68,11 @@ class ClassifierRecipe:
     vertices: int = 3000
     spacing: tuple[float, float, float] = (0.003, 0.003, 0.015)
     widest: float = 0.32
-    stretch: float = 0.25
+    stretch: Mapping[str, float] = field(default_factory=dict)
     parts: str = "both"
     network: str = "small"
     batch: int = 32
-    views: int = 2
+    examples: int = 6000
     schedule: Schedule = field(default_factory=Schedule)
 
     def __post_init__(self) -> None:
@@ -90,11 +92,17 @@ class ClassifierRecipe:
             classes=own,
             scenes=checked_integer(self.scenes, name="scenes"),
             spacing=checked_numbers(self.spacing, name="spacing", count=3, unit="m", above=0),
-            stretch=checked_number(self.stretch, name="stretch", minimum=0),
+            stretch={
+                str(shape): checked_number(value, name=f"stretch of {shape}", minimum=0)
+                for shape, value in self.stretch.items()
+            },
             batch=checked_integer(self.batch, name="batch"),
-            views=checked_integer(self.views, name="views"),
+            examples=checked_integer(self.examples, name="examples", minimum=self.batch),
         )
         _check_classes(self.objects)
+        for shape in self.stretch:
+            if shape not in self.objects:
+                raise UnknownNameError("class", shape, self.objects)
 
     @property
     def objects(self) -> dict[str, tuple[str, ...]]:
@@ -109,7 +117,7 @@ class ClassifierRecipe:
         """How the scenes of the objects of a class are made."""
         return Scenes(
             poses=max(-(-self.scenes // len(self.objects[shape])), 2), vertices=self.vertices, spacing=self.spacing,
-            widest=self.widest, stretch=self.stretch,
+            widest=self.widest, stretch=self.stretch.get(shape, _STRETCH),
         )  # fmt: skip
 
 
@@ -244,13 +252,16 @@ def train_classifier(
             held.append((example_of(drawn.scene, recipe, rng), drawn.label))
     labels = np.array([label for _, label in held])
 
+    pool = _pool(recipe, examples["training"])
+
     def batches(epoch: int) -> "Iterator[tuple[Tensor, ...]]":
         rng = np.random.default_rng([schedule.seed, epoch])
-        order = _balanced(examples["training"], recipe.views * len(examples["training"]), rng)
+        order = rng.permutation(len(pool))
         for start in range(0, len(order) - recipe.batch + 1, recipe.batch):
-            some = [examples["training"][i] for i in order[start : start + recipe.batch]]
-            channels = np.stack([example_of(drawn.scene, recipe, rng) for drawn in some])
-            yield torch.from_numpy(channels), torch.tensor([drawn.label for drawn in some])
+            some = [pool[i] for i in order[start : start + recipe.batch]]
+            laid = [augmentation.turned(np.moveaxis(one.channels, 0, 2), int(rng.integers(8))) for one in some]
+            channels = np.moveaxis(np.stack(laid), 3, 1).astype(np.float32)
+            yield torch.from_numpy(np.ascontiguousarray(channels)), torch.tensor([one.label for one in some])
 
     def score(network: "nn.Module") -> float:
         logits = _logits(network, [channels[None] for channels, _ in held])
@@ -286,6 +297,22 @@ def train_classifier(
         "recipe": _plain(recipe),
     }
     return Trained(write_network(folder, STEM, network, classifier_networks.example(), description), description)
+
+
+class _Example(NamedTuple):
+    """Channels (C, S, S) as float16, which is fine enough for levels, and the index of the class."""
+
+    channels: np.ndarray
+    label: int
+
+
+def _pool(recipe: ClassifierRecipe, drawn: Sequence[Drawn]) -> list[_Example]:
+    """The recipe's examples."""
+    rng = np.random.default_rng([recipe.schedule.seed, _POOL_SEED])
+    return [
+        _Example(example_of(drawn[i].scene, recipe, rng).astype(np.float16), drawn[i].label)
+        for i in _balanced(drawn, recipe.examples, rng)
+    ]
 
 
 def _balanced(drawn: Sequence[Drawn], count: int, rng: np.random.Generator) -> list[int]:
