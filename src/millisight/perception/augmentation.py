@@ -19,17 +19,18 @@ def drawn_gains(rng: np.random.Generator) -> dict[str, float]:
     return {
         "specular": rng.uniform(0.2, 1),
         "edge": rng.uniform(0, 0.6),
-        "plate": _amplitude(rng, -28, 8) if rng.random() < 0.85 else 0.0,
-        "sheet": _amplitude(rng, -35, 8) if rng.random() < 0.75 else 0.0,
+        "plate": amplitude(rng, -28, 8) if rng.random() < 0.85 else 0.0,
+        "sheet": amplitude(rng, -35, 8) if rng.random() < 0.75 else 0.0,
     }
 
 
 def other_gains(gains: Mapping[str, float], rng: np.random.Generator) -> dict[str, float]:
     """The same at another wavelength."""
-    return {part: gain * _amplitude(rng, -8, 8) for part, gain in gains.items()}
+    return {part: gain * amplitude(rng, -8, 8) for part, gain in gains.items()}
 
 
-def _amplitude(rng: np.random.Generator, lowest_db: float, highest_db: float) -> float:
+def amplitude(rng: np.random.Generator, lowest_db: float, highest_db: float) -> float:
+    """A factor, drawn evenly in decibels."""
     return 10 ** (rng.uniform(lowest_db, highest_db) / 20)
 
 
@@ -45,9 +46,9 @@ def mixed(scene: SceneParts, band: str, gains: Mapping[str, float], rng: np.rand
         total = total + echo(total, rng, highest_db=-6, sideways=0)
     total = total + hidden
     if rng.random() < 0.5:
-        total = total + clutter(total.shape, rng) * (abs(total).max() * _amplitude(rng, -35, -6))
+        total = total + clutter(total.shape, rng) * (abs(total).max() * amplitude(rng, -35, -6))
     noise = rng.standard_normal((2, *total.shape), dtype=np.float32)
-    noisy = with_noise(total, noise, _amplitude(rng, -60, -24))
+    noisy = with_noise(total, noise, amplitude(rng, -60, -24))
     if rng.random() < 0.3:  # speckle
         noisy = noisy * (1 + rng.uniform(0, 0.5) * noise[0])
     return abs(noisy).astype(np.float32)
@@ -74,7 +75,7 @@ def echo(image: np.ndarray, rng: np.random.Generator, *, highest_db: float, side
     to, fro = (tuple(slice(max(s * k, 0), size + min(s * k, 0)) for k, size in zip(steps, image.shape, strict=True))
                for s in (1, -1))  # fmt: skip
     moved[to] = image[fro]
-    return moved * (_amplitude(rng, highest_db - 22, highest_db) * np.exp(2j * np.pi * rng.random()))
+    return moved * (amplitude(rng, highest_db - 22, highest_db) * np.exp(2j * np.pi * rng.random()))
 
 
 def clutter(shape: tuple[int, ...], rng: np.random.Generator) -> np.ndarray:
@@ -147,7 +148,7 @@ def erased(channels: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     return channels
 
 
-def erring_mask(inside: np.ndarray, power: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+def erring_mask(inside: np.ndarray, power: np.ndarray, rng: np.random.Generator, *, hidden: bool = False) -> np.ndarray:
     """A mask (A, B) bool as a segmenter makes it of a true one.
 
     It is a little too large or too small, much too large, the lit part of a lid around the object, or no more than
@@ -157,12 +158,13 @@ def erring_mask(inside: np.ndarray, power: np.ndarray, rng: np.random.Generator)
     ----------
     inside : (A, B) bool, the truth, not empty
     power : (A, B) of the image seen from above
+    hidden : whether there is a lid, which segmenters take for the object more often than not
     """
     from scipy.ndimage import distance_transform_edt, gaussian_filter
 
     ragged: Any = gaussian_filter(rng.standard_normal(inside.shape), rng.uniform(1, 4))
     ragged *= rng.uniform(0, 1) / max(ragged.std(), 1e-9)
-    kind = rng.choice(4, p=(0.4, 0.15, 0.2, 0.25))
+    kind = rng.choice(4, p=(0.25, 0.1, 0.5, 0.15) if hidden else (0.45, 0.15, 0.1, 0.3))
     if kind == 2:
         inside = _surroundings(inside, rng)
     away: Any = distance_transform_edt(~inside)

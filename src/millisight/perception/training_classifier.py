@@ -16,6 +16,7 @@ from millisight.perception import augmentation, classifier_features, wave_featur
 from millisight.perception.classification import turned_all_ways
 from millisight.perception.networks import write_network
 from millisight.perception.training import Schedule, fit, one_thread
+from millisight.perception.training_scenes import PARTS as SCENE_PARTS
 from millisight.perception.training_scenes import SceneParts, Scenes, scenes_of
 from millisight.records import checked_integer, checked_number, checked_numbers, checked_record, put, record
 from millisight.scene.objects import CATALOGUE, SHAPE_CLASSES
@@ -32,6 +33,8 @@ PHYSICS = "paper's simulator: specular and edge reflections of vertices"
 _NETWORKS = ("small", "paper")
 _BANDS = {"small": ("77_ghz", "24_ghz"), "paper": ("77_ghz",)}
 _STRETCH = 0.25
+_IN_A_BOX = 0.6  # of the scenes with a sheet have it as bright as a carton's lid
+_LID_DB = (-18.0, 0.0)  # that is, relative to the object's maximum
 _ONE_BAND = 0.3  # of the examples have no 24 GHz image
 _HELD_EVERY = 6  # scene of each object is for validation
 _HELD_VIEWS = 3  # examples of each of these
@@ -187,6 +190,9 @@ def example_of(scene: SceneParts, recipe: ClassifierRecipe, rng: np.random.Gener
     gains = augmentation.drawn_gains(rng)
     if recipe.parts != "both":
         gains["specular" if recipe.parts == "edge" else "edge"] = 0.0
+    hidden = bool(scene.scales["77_ghz"][SCENE_PARTS.index("sheet")] > 0)
+    if hidden and rng.random() < _IN_A_BOX:
+        gains["sheet"] = augmentation.amplitude(rng, *_LID_DB)
     x, y = wave_features.canvas_axis(scene.x), wave_features.canvas_axis(scene.y)
     along_x, along_y = wave_features.resampling(scene.x, x), wave_features.resampling(scene.y, y)
     images = {"77_ghz": augmentation.mixed(scene, "77_ghz", gains, rng)}
@@ -195,7 +201,9 @@ def example_of(scene: SceneParts, recipe: ClassifierRecipe, rng: np.random.Gener
     power = {band: wave_features.resampled_power(image, along_x, along_y) for band, image in images.items()}
     inside = along_x @ scene.inside.astype(np.float32) @ along_y.T
     if rng.random() < 0.9:
-        mask = augmentation.erring_mask(inside > min(0.5, inside.max() / 2), power["77_ghz"].max(axis=2), rng)
+        mask = augmentation.erring_mask(
+            inside > min(0.5, inside.max() / 2), power["77_ghz"].max(axis=2), rng, hidden=hidden
+        )
         inside = mask.astype(np.float32)
     depths = recipe.spacing[2] * np.arange(power["77_ghz"].shape[2])
     channels = classifier_features.masked_channels(power["77_ghz"], depths, inside, power.get("24_ghz"))
