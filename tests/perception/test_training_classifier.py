@@ -194,7 +194,7 @@ def test_the_shipped_weights_are_those_of_the_recipe_and_saw_no_test():
         assert told["recipe"][key] == value, key
     tested = tomllib.loads((EXAMPLES / "recipes/bench24.toml").read_text())["objects"]["names"]
     seen = {name for names in told["objects"].values() for name in names}
-    assert len(seen) == 29
+    assert len(seen) == 28
     assert not seen & set(tested)
     assert told["physics"].startswith("paper's simulator")
 

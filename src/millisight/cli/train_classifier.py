@@ -28,7 +28,10 @@ def classifier(
     ] = None,
     network: Annotated[str | None, typer.Option(help="small, or paper: in the recipe's place.")] = None,
     all_objects: Annotated[
-        bool, typer.Option("--all-objects", help="Train with the objects that the recipe leaves out, too.")
+        bool,
+        typer.Option(
+            "--all-objects", help="Train with the recipe's `tests`, too: to test on known objects."
+        ),
     ] = False,
     device: Annotated[str, typer.Option(help="Of the training: cpu, or cuda where there is a GPU.")] = "cpu",
     tensorboard: Annotated[bool, typer.Option(help="Log to DIR/tensorboard as well.")] = False,
@@ -45,7 +48,7 @@ def classifier(
     from millisight.perception.training_classifier import make_examples, train_classifier
 
     described = read_classifier_recipe(recipe)
-    changes = {"parts": parts, "network": network, "without": () if all_objects else None}
+    changes = {"parts": parts, "network": network, "tests": () if all_objects else None}
     described = dataclasses.replace(described, **{key: value for key, value in changes.items() if value is not None})
     check_installed()  # before scenes are made, which takes long
     folder = output or Path(described.name)

@@ -151,8 +151,8 @@ def erased(channels: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 def erring_mask(inside: np.ndarray, power: np.ndarray, rng: np.random.Generator, *, hidden: bool = False) -> np.ndarray:
     """A mask (A, B) bool as a segmenter makes it of a true one.
 
-    It is a little too large or too small, much too large, the lit part of a lid around the object, or no more than
-    what shines; and always ragged.
+    It is a little too large or too small, the lit part of a lid around the object, no more than what shines, or under a
+    lid much too large; and always ragged.
 
     Parameters
     ----------
@@ -164,7 +164,7 @@ def erring_mask(inside: np.ndarray, power: np.ndarray, rng: np.random.Generator,
 
     ragged: Any = gaussian_filter(rng.standard_normal(inside.shape), rng.uniform(1, 4))
     ragged *= rng.uniform(0, 1) / max(ragged.std(), 1e-9)
-    kind = rng.choice(4, p=(0.25, 0.1, 0.5, 0.15) if hidden else (0.45, 0.15, 0.1, 0.3))
+    kind = rng.choice(4, p=(0.25, 0.1, 0.5, 0.15) if hidden else (0.6, 0, 0.1, 0.3))
     if kind == 2:
         inside = _surroundings(inside, rng)
     away: Any = distance_transform_edt(~inside)

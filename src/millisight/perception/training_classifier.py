@@ -52,7 +52,8 @@ class ClassifierRecipe:
     name : of the weights
     about : for the weights' description
     classes : names of catalogue objects by class; empty: the catalogue's own classes but "other", the paper's four
-    without : objects that no scene shows: those that will test
+    without : objects that no scene shows
+    tests : objects that no scene shows because they will test
     scenes : of each class; its objects share them evenly. Every sixth of an object's is for validation
     vertices, spacing, widest : of the scenes, see Scenes
     stretch : of the scenes of each class, see Scenes; 0.25 of those that are not named
@@ -67,6 +68,7 @@ class ClassifierRecipe:
     about: str = ""
     classes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     without: tuple[str, ...] = ()
+    tests: tuple[str, ...] = ()
     scenes: int = 96
     vertices: int = 3000
     spacing: tuple[float, float, float] = (0.003, 0.003, 0.015)
@@ -87,7 +89,7 @@ class ClassifierRecipe:
         for kind, value, known in (("parts", self.parts, PARTS), ("network", self.network, _NETWORKS)):
             if value not in known:
                 raise UnknownNameError(kind, value, known)
-        for name in (*self.without, *(name for objects in own.values() for name in objects)):
+        for name in (*self.without, *self.tests, *(name for objects in own.values() for name in objects)):
             if name not in CATALOGUE:
                 raise UnknownNameError("catalogue object", name, CATALOGUE)
         put(
@@ -114,7 +116,8 @@ class ClassifierRecipe:
             shape: tuple(name for name, entry in CATALOGUE.items() if entry.shape_class == shape)
             for shape in SHAPE_CLASSES[:-1]
         }
-        return {shape: tuple(name for name in names if name not in self.without) for shape, names in chosen.items()}
+        left_out = {*self.without, *self.tests}
+        return {shape: tuple(name for name in names if name not in left_out) for shape, names in chosen.items()}
 
     def scenes_of(self, shape: str) -> Scenes:
         """How the scenes of the objects of a class are made."""
@@ -129,7 +132,9 @@ def _check_classes(objects: Mapping[str, Sequence[str]]) -> None:
         raise InputError(f"classes are {list(objects)}; expected two at least, for there to be something to tell apart")
     for shape, names in objects.items():
         if not names:
-            raise InputError(f"no object is left for the class {shape!r}; name some in classes, or fewer in without")
+            raise InputError(
+                f"no object is left for the class {shape!r}; name some in classes, or fewer in without and tests"
+            )
     every = [name for names in objects.values() for name in names]
     for name in every:
         if every.count(name) > 1:
