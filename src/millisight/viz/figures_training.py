@@ -76,9 +76,9 @@ def plot_examples(examples: np.ndarray, titles: Sequence[str], *, channels: Sequ
         raise InputError(f"channels {unknown} are unknown; expected some of {list(CHANNELS)}")
     size = (_PANEL * 0.8 * len(channels) + 1, _PANEL * 0.8 * len(examples) + 0.3)
     figure, axes = plt.subplots(len(examples), len(channels), figsize=size, squeeze=False)
-    for row, title, example in zip(axes, titles, examples, strict=True):
+    for number, (row, title, example) in enumerate(zip(axes, titles, examples, strict=True)):
         for place, name in zip(row, channels, strict=True):
-            _show(place, example[CHANNELS.index(name)], name if row is axes[0] else "")
+            _show(place, example[CHANNELS.index(name)], "" if number else name)
             place.set_axis_off()
         row[0].text(-0.08, 0.5, title, ha="right", va="center", fontsize=7, transform=row[0].transAxes)
     figure.tight_layout(pad=0.2)
