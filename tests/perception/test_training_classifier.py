@@ -142,7 +142,7 @@ def test_weights_are_the_same_again_and_resumed_and_run_without_torch(examples, 
     told = json.loads(second.weights.with_suffix(".json").read_text())
     assert told == {"sha256": told["sha256"], **first.description}
     assert told["objects"] == {"training": ["dice", "golf_ball"], "validation": ["dice", "golf_ball"]}
-    assert told["classes"] == {"dice": "box", "golf_ball": "sphere"}
+    assert told["classes"] == {"box": ["dice"], "sphere": ["golf_ball"]}
     assert {name: len(poses) for name, poses in told["poses"].items()} == {"dice": 2, "golf_ball": 2}
     assert told["seed"] == 1
     by = Classifier(first.weights)

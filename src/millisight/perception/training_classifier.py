@@ -294,7 +294,7 @@ def train_classifier(
         "network": recipe.network,
         "parts": recipe.parts,
         "class_names": names,
-        "classes": {name: shape for shape, objects in recipe.objects.items() for name in objects},
+        "classes": {shape: list(objects) for shape, objects in recipe.objects.items()},
         "bands": list(_BANDS[recipe.network]),
         "channels": list(classifier_features.CHANNELS),
         "temperature": temperature,
