@@ -1,20 +1,28 @@
 """Every augmentation of a classifier's training, each alone, on one object's simulated images: a picture.
 
-python examples/augmentations.py [OBJECT] [PICTURE]
+python examples/augmentations.py mug augmentations.png
 """
 
 import sys
 
 import numpy as np
 
-from millisight.perception.training_scenes import Scenes, make_scene
+from millisight.perception.training_scenes import PARTS, Scenes, make_scene
 from millisight.viz.figures_training import plot_augmentations
 from millisight.viz.plots import save_figure
 
-name = sys.argv[1] if len(sys.argv) > 1 else "mustard_bottle"
-# The first seeds whose scenes have something below and above the object.
-for seed in range(20):
-    scene = make_scene(name, Scenes(widest=0.32), rng=np.random.default_rng(seed))
-    if all(part.any() for part in scene.images["77_ghz"]):
-        break
-save_figure(plot_augmentations(scene), sys.argv[2] if len(sys.argv) > 2 else "augmentations.png")
+
+def main(name: str, picture: str) -> None:
+    # The first of some scenes that has something below and above the object.
+    for seed in range(20):
+        scene = make_scene(name, Scenes(widest=0.32), rng=np.random.default_rng(seed))
+        if all(scene.scales["77_ghz"][PARTS.index(part)] > 0 for part in ("plate", "sheet")):
+            break
+    save_figure(plot_augmentations(scene), picture)
+
+
+if __name__ == "__main__":
+    if len(sys.argv) != 3:
+        print("usage: python examples/augmentations.py OBJECT PICTURE", file=sys.stderr)
+        sys.exit(2)
+    main(*sys.argv[1:])

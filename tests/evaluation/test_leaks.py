@@ -184,6 +184,6 @@ def test_no_shipped_network_saw_an_object_of_the_test_images():
     for path in shipped:
         told = json.loads(path.read_text())
         seen = {name for side in told["objects"].values() for name in side}
-        assert len(seen) > 30
+        assert len(seen) >= 28
         assert not seen & tested, path.name
         assert told.get("seed") != recipe["seed"]

@@ -29,9 +29,7 @@ def classifier(
     network: Annotated[str | None, typer.Option(help="small, or paper: in the recipe's place.")] = None,
     all_objects: Annotated[
         bool,
-        typer.Option(
-            "--all-objects", help="Train with the recipe's `tests`, too: to test on known objects."
-        ),
+        typer.Option("--all-objects", help="Train with the recipe's `tests`, too: to test on known objects."),
     ] = False,
     device: Annotated[str, typer.Option(help="Of the training: cpu, or cuda where there is a GPU.")] = "cpu",
     tensorboard: Annotated[bool, typer.Option(help="Log to DIR/tensorboard as well.")] = False,

@@ -93,6 +93,7 @@ class Answer:
 
     @property
     def right(self) -> bool:
+        """Whether that is what it is."""
         return self.label == self.truth
 
 
@@ -155,6 +156,7 @@ class Accuracy(NamedTuple):
 
     @property
     def share(self) -> float:
+        """Of the images, those named rightly, 0 to 1."""
         return self.right / self.images
 
 
@@ -218,7 +220,14 @@ def confusion(answers: Sequence[Answer]) -> Confusion:
 
 
 class Bin(NamedTuple):
-    """Answers whose confidence lies above `low`, up to `high`: how many, how many right, and the mean confidence."""
+    """Answers of like confidence.
+
+    Attributes
+    ----------
+    low, high : it lies above the first, and up to the second
+    images, right : counts
+    confidence : their mean
+    """
 
     low: float
     high: float

@@ -107,7 +107,15 @@ def nearest_pose_deg(training: Training, name: str, angles_deg: ArrayLike) -> fl
 
 
 class TestImage(NamedTuple):
-    """What is known of a test image: see `Answer`; `physics` that made it, "" of a real one; `seeds` of its numbers."""
+    """What is known of a test image.
+
+    Attributes
+    ----------
+    scene, object : see Answer
+    angles : how the object was turned about the fixed axes x, y and z, (3,) [degrees]
+    physics : what made the image; "" of a real one
+    seeds : of its random numbers
+    """
 
     __test__ = False  # pytest takes it for tests
 
