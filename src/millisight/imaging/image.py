@@ -42,7 +42,7 @@ class SarImage:
         dtype = np.complex128 if getattr(self.values, "dtype", None) in ("<c16", ">c16") else np.complex64
         values = checked_array(self.values, name="values", shape=self.grid.shape, dtype=dtype)
         largest = max(
-            float(abs(extreme)) for part in (values.real, values.imag) for extreme in (part.min(), part.max())
+            float(abs(extreme)) for part in (np.real(values), np.imag(values)) for extreme in (part.min(), part.max())
         )
         if largest > _LARGEST:
             raise InputError(
