@@ -161,12 +161,6 @@ def classify(
     ------
     InputError, ImportError, DamagedFileError, FormatError, FileError
         See Classifier.
-
-    Examples
-    --------
-    >>> mask = ms.segment(image, other_band=image_24)           # doctest: +SKIP
-    >>> ms.classify(image, mask, other_band=image_24).answer    # doctest: +SKIP
-    'box'
     """
     return _classifier(None if weights is None else os.path.abspath(weights)).classify(
         image, mask, other_band=other_band
