@@ -1,5 +1,6 @@
 """Classifiers from recipes: what is trained on and what not, the same weights again, calibrated answers."""
 
+import dataclasses
 import json
 import subprocess
 import sys
@@ -53,8 +54,12 @@ def test_classes_are_the_papers_four_without_what_is_left_out():
     assert len(named) == 42 == len(set(named))
     assert {CATALOGUE[name].shape_class for name in named} == set(recipe.objects)
     assert not {"dice", "apple"} & set(named)
-    assert recipe.scenes_of("can").poses == 20  # 5 cans share 96 scenes
-    assert recipe.scenes_of("can").stretch == 0.25
+    scenes = recipe.scenes_of("can")
+    assert (len(scenes), {how.poses for how in scenes.values()}) == (5, {20})  # 5 cans share 96 scenes
+    assert {how.stretch for how in scenes.values()} == {0.25}
+    drawn = ClassifierRecipe(without=("dice", "apple"), drawn=7).scenes_of("can")
+    assert set(drawn) - set(scenes) == {"any_can"}
+    assert (drawn["any_can"].poses, drawn["any_can"].stretch) == (7, 0)
 
 
 @pytest.mark.parametrize(
@@ -70,6 +75,8 @@ def test_classes_are_the_papers_four_without_what_is_left_out():
         ({"parts": "diffuse"}, UnknownNameError, "diffuse"),
         ({"network": "large"}, UnknownNameError, "large"),
         ({"scenes": 0}, InputError, "scenes is 0"),
+        ({"drawn": -1}, InputError, "drawn is -1"),
+        ({"classes": {"cube": ("dice",), "sphere": ("plum",)}, "drawn": 1}, InputError, "'cube' is none"),
     ],
 )
 def test_recipes_that_cannot_be(wrong, kind, told):
@@ -97,13 +104,25 @@ def test_an_example_follows_from_its_generator_and_from_the_parts(examples, reci
     assert 10 < sum(shown) < 30  # of some there is no other band
 
 
-def test_every_class_and_every_object_of_a_class_has_its_turn():
-    drawn = [
-        Drawn(name, label, None) for name, label, count in (("a", 0, 9), ("b", 0, 1), ("c", 1, 2)) for _ in range(count)
-    ]
+def test_every_class_has_its_turn_and_so_has_every_scene():
+    drawn = [Drawn(name, label, None) for name, label in (("a", 0), ("b", 0), ("c", 0), ("d", 1), ("any_box", 1))]
     order = _balanced(drawn, 40, np.random.default_rng(0))
-    names = [drawn[i].name for i in order]
-    assert [names.count(name) for name in "abc"] == [10, 10, 20]
+    counts = [order.count(i) for i in range(len(drawn))]
+    assert (sum(counts[:3]), counts[3:]) == (20, [10, 10])
+    assert set(counts[:3]) == {6, 7}
+
+
+def test_shapes_drawn_at_random_are_scenes_of_their_own_and_no_objects(recipe, folder, tmp_path):
+    pytest.importorskip("torch")
+    drawn = dataclasses.replace(recipe, drawn=2)
+    examples = make_examples(drawn, folder)
+    assert [one.name for one in examples["training"]] == ["dice", "any_box", "golf_ball", "any_sphere"]
+    assert [one.label for one in examples["training"]] == [0, 0, 1, 1]
+    sizes = [one.scene.inside.sum() for some in examples.values() for one in some if one.name == "any_box"]
+    assert sizes[0] != sizes[1]
+    told = train_classifier(drawn, examples, tmp_path).description
+    assert told["objects"]["training"] == ["dice", "golf_ball"] == list(told["poses"])
+    assert (told["scenes"], told["drawn"]) == ({"training": 4, "validation": 4}, {"training": 2, "validation": 2})
 
 
 def test_temperature_makes_confidence_honest():

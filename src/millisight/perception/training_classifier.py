@@ -17,7 +17,7 @@ from millisight.perception.classification import turned_all_ways
 from millisight.perception.networks import write_network
 from millisight.perception.training import Schedule, fit, one_thread
 from millisight.perception.training_scenes import PARTS as SCENE_PARTS
-from millisight.perception.training_scenes import SceneParts, Scenes, scenes_of
+from millisight.perception.training_scenes import RANDOM, SceneParts, Scenes, scenes_of
 from millisight.records import checked_integer, checked_number, checked_numbers, checked_record, put, record
 from millisight.scene.objects import CATALOGUE, SHAPE_CLASSES
 
@@ -55,12 +55,13 @@ class ClassifierRecipe:
     without : objects that no scene shows
     tests : objects that no scene shows because they will test
     scenes : of each class; its objects share them evenly. Every sixth of an object's is for validation
+    drawn : of each class besides, scenes of shapes drawn at random (`scene.random_shapes`), every sixth for validation
     vertices, spacing, widest : of the scenes, see Scenes
     stretch : of the scenes of each class, see Scenes; 0.25 of those that are not named
     parts : "both", "edge" or "specular"
     network : "small", or the "paper"'s
     batch : examples in a batch
-    examples : drawn once, of each class as many and of each object of a class; an epoch has them all, laid otherwise
+    examples : of each class as many and of each of its scenes; an epoch has them all, laid otherwise
     schedule : its seed is that of everything
     """
 
@@ -70,6 +71,7 @@ class ClassifierRecipe:
     without: tuple[str, ...] = ()
     tests: tuple[str, ...] = ()
     scenes: int = 96
+    drawn: int = 0
     vertices: int = 3000
     spacing: tuple[float, float, float] = (0.003, 0.003, 0.015)
     widest: float = 0.32
@@ -96,6 +98,7 @@ class ClassifierRecipe:
             self,
             classes=own,
             scenes=checked_integer(self.scenes, name="scenes"),
+            drawn=checked_integer(self.drawn, name="drawn", minimum=0),
             spacing=checked_numbers(self.spacing, name="spacing", count=3, unit="m", above=0),
             stretch={
                 str(shape): checked_number(value, name=f"stretch of {shape}", minimum=0)
@@ -105,6 +108,12 @@ class ClassifierRecipe:
             examples=checked_integer(self.examples, name="examples", minimum=self.batch),
         )
         _check_classes(self.objects)
+        for shape in self.objects if self.drawn else ():
+            if _random(shape) not in RANDOM:
+                raise InputError(
+                    f"drawn is {self.drawn}, and {shape!r} is none of the classes whose shapes can be drawn at random, "
+                    f"{', '.join(RANDOM.values())}; name these only, or set drawn to 0"
+                )
         for shape in self.stretch:
             if shape not in self.objects:
                 raise UnknownNameError("class", shape, self.objects)
@@ -119,12 +128,22 @@ class ClassifierRecipe:
         left_out = {*self.without, *self.tests}
         return {shape: tuple(name for name in names if name not in left_out) for shape, names in chosen.items()}
 
-    def scenes_of(self, shape: str) -> Scenes:
-        """How the scenes of the objects of a class are made."""
-        return Scenes(
-            poses=max(-(-self.scenes // len(self.objects[shape])), 2), vertices=self.vertices, spacing=self.spacing,
+    def scenes_of(self, shape: str) -> dict[str, Scenes]:
+        """How the scenes of a class are made, by the name of what they show: its objects, and what is drawn."""
+        objects = self.objects[shape]
+        every = Scenes(
+            poses=max(-(-self.scenes // len(objects)), 2), vertices=self.vertices, spacing=self.spacing,
             widest=self.widest, stretch=self.stretch.get(shape, _STRETCH),
         )  # fmt: skip
+        made = dict.fromkeys(objects, every)
+        if self.drawn:
+            made[_random(shape)] = dataclasses.replace(every, poses=self.drawn, stretch=0.0)
+        return made
+
+
+def _random(shape: str) -> str:
+    """What scenes of a class's random shapes are called."""
+    return f"any_{shape}"
 
 
 def _check_classes(objects: Mapping[str, Sequence[str]]) -> None:
@@ -146,7 +165,7 @@ class Drawn(NamedTuple):
 
     Attributes
     ----------
-    name : of its object
+    name : of its object, or one of `RANDOM`
     label : index of its class
     scene : SceneParts
     """
@@ -170,8 +189,8 @@ def make_examples(
     ------
     FileError, DamagedFileError
     """
-    objects, done = recipe.objects, 0
-    total = sum(recipe.scenes_of(shape).poses * len(names) for shape, names in objects.items())
+    scenes, done = [recipe.scenes_of(shape) for shape in recipe.objects], 0
+    total = sum(how.poses for some in scenes for how in some.values())
 
     def count() -> None:
         nonlocal done
@@ -180,11 +199,10 @@ def make_examples(
             progress(done, total)
 
     made: dict[str, list[Drawn]] = {"training": [], "validation": []}
-    for label, (shape, names) in enumerate(objects.items()):
-        how = recipe.scenes_of(shape)
-        for name in names:
-            scenes = scenes_of([name], how, seed=recipe.schedule.seed, folder=folder, progress=count)
-            for number, scene in enumerate(scenes):
+    for label, some in enumerate(scenes):
+        for name, how in some.items():
+            parts = scenes_of([name], how, seed=recipe.schedule.seed, folder=folder, progress=count)
+            for number, scene in enumerate(parts):
                 side = "validation" if number % _HELD_EVERY == 1 else "training"
                 made[side].append(Drawn(name, label, scene))
     return made
@@ -286,7 +304,7 @@ def train_classifier(
     )  # fmt: skip
     logits = _logits(network, [turned_all_ways(channels) for channels, _ in held])
     temperature = _temperature(logits, labels)
-    sides = {side: sorted({drawn.name for drawn in some}) for side, some in examples.items()}
+    sides = {side: sorted({drawn.name for drawn in some} - set(RANDOM)) for side, some in examples.items()}
     description = {
         "name": recipe.name,
         "about": recipe.about,
@@ -303,6 +321,7 @@ def train_classifier(
         "objects": sides,
         "poses": _poses(examples),
         "scenes": {side: len(some) for side, some in examples.items()},
+        "drawn": {side: sum(drawn.name in RANDOM for drawn in some) for side, some in examples.items()},
         "seed": schedule.seed,
         "epochs": fitted.epochs,
         "best_epoch": fitted.best_epoch + 1,
@@ -329,16 +348,14 @@ def _pool(recipe: ClassifierRecipe, drawn: Sequence[Drawn]) -> list[_Example]:
 
 
 def _balanced(drawn: Sequence[Drawn], count: int, rng: np.random.Generator) -> list[int]:
-    """Indices of scenes, of each class as many, and of each object of a class."""
-    by_class: dict[int, dict[str, list[int]]] = {}
+    """Indices of scenes, of each class as many, and of a class each scene as often."""
+    by_class: dict[int, list[int]] = {}
     for index, one in enumerate(drawn):
-        by_class.setdefault(one.label, {}).setdefault(one.name, []).append(index)
-    order = []
-    for objects in by_class.values():
-        some = list(objects.values())
-        # Object after object, in a new order each time round.
-        turns = np.concatenate([rng.permutation(len(some)) for _ in range(-(-count // len(by_class) // len(some)))])
-        order += [int(rng.choice(some[turn])) for turn in turns[: -(-count // len(by_class))]]
+        by_class.setdefault(one.label, []).append(index)
+    each, order = -(-count // len(by_class)), []
+    for scenes in by_class.values():
+        # One after another, in a new order each time round.
+        order += [int(i) for _ in range(-(-each // len(scenes))) for i in rng.permutation(scenes)][:each]
     return [order[i] for i in rng.permutation(len(order))]
 
 
@@ -407,7 +424,7 @@ def _poses(examples: Mapping[str, Sequence[Drawn]]) -> dict[str, list[list[float
     """How each object lay, scene after scene, in whichever part [degrees]."""
     poses: dict[str, list[list[float]]] = {}
     for some in examples.values():
-        for drawn in some:
+        for drawn in (one for one in some if one.name not in RANDOM):
             poses.setdefault(drawn.name, []).append([round(float(angle), 2) for angle in drawn.scene.angles_deg])
     return poses
 

@@ -1,9 +1,9 @@
-"""What segmenters are trained on: scenes by the paper's simulator, each kept in parts that training mixes anew.
+"""What segmenters and classifiers are trained on: simulated scenes, each kept in parts that training mixes anew.
 
-A scene is an object of the catalogue, turned and placed at random; a plate that it lies on, as large as a tripod's or a
-table's; and a sheet above it, as a carton's lid. Each answers alone (the plate in the object's shadow), and since
-imaging is linear, a weighted sum of their images is the image of a scene with such weights (primer 14). The physics is
-`capture.simulate`'s point reflectors and nothing else.
+A scene is an object of the catalogue, or a shape drawn at random, turned and placed at random; a plate that it lies on,
+as large as a tripod's or a table's; and a sheet above it, as a carton's lid. Each answers alone (the plate in the
+object's shadow), and since imaging is linear, a weighted sum of their images is the image of a scene with such weights
+(primer 14). The physics is `capture.simulate`'s point reflectors and nothing else.
 """
 
 import dataclasses
@@ -30,6 +30,7 @@ from millisight.records import checked_integer, checked_number, checked_numbers,
 from millisight.scene.material import Material
 from millisight.scene.mesh import TriangleMesh
 from millisight.scene.objects import CATALOGUE, build_object
+from millisight.scene.random_shapes import RANDOM_SHAPES, random_shape
 from millisight.scene.scene import Scene
 
 BANDS = ("77_ghz", "24_ghz")
@@ -42,6 +43,9 @@ _STEPS = {"77_ghz": (0.55, 0.85), "24_ghz": (0.4, 0.7)}  # wavelengths between p
 _MOST_POSITIONS = 6_000  # over a large object they are further apart
 _TALLEST = 0.13  # object that is stood on another side [m]
 _UNSEEN = Material(name="unseen", reflection=1e-9)  # what shadows and does not answer
+
+RANDOM = {f"any_{shape_class}": shape_class for shape_class in RANDOM_SHAPES}
+"""Names that scenes take for an object's, and the class of the shapes that they show: each scene another."""
 
 
 @record
@@ -122,6 +126,7 @@ def scenes_of(
 
     Parameters
     ----------
+    names : of the catalogue, or of `RANDOM`
     seed : each scene is drawn from it, its object's name and its number, and from nothing else
     progress : called after each scene
 
@@ -194,7 +199,9 @@ def footprint(mesh: TriangleMesh, x: np.ndarray, y: np.ndarray) -> np.ndarray:
 def _object(name: str, scenes: Scenes, rng: np.random.Generator) -> tuple[Scene, tuple[float, float, float]]:
     """The object, mostly as it lies in the catalogue and a little tilted, sometimes on another side; and its angles."""
     source: str | TriangleMesh = name
-    if scenes.stretch:
+    if name in RANDOM:
+        source = random_shape(RANDOM[name], rng)
+    elif scenes.stretch:
         mesh = build_object(name)
         factors = np.exp(rng.uniform(-scenes.stretch, scenes.stretch, 3))
         source = dataclasses.replace(mesh, vertices=mesh.vertices * factors)
