@@ -3,7 +3,7 @@
     python examples/carton.py fork carton.png
 
 Prints the uncentred normalised correlation of each complex image with the open scene's, and draws their projections.
-Without noise and with the arm on its plan: what differs is the carton. Takes three minutes on two cores.
+Without noise and with the arm on its plan: what differs is the carton. Takes a minute or two on two cores.
 """
 
 import sys
@@ -61,24 +61,25 @@ def main() -> None:
         print(f"usage: {__doc__.splitlines()[2].strip()}", file=sys.stderr)
         sys.exit(2)
     name, out = sys.argv[1:]
-    figure, axes = plt.subplots(2, 4, figsize=(10, 6), layout="constrained", sharex=True, sharey=True)
+    figure, axes = plt.subplots(2, 4, figsize=(5.8, 6.5), layout="constrained", sharex=True, sharey=True)
     for row, (band, (settings, steps)) in zip(axes, RADARS.items(), strict=True):
         stage = stage_of(name, settings)
         scene = image(stage, settings, steps, None)
         for axis, thickness in zip(row, (None, 2.5e-3, 3e-3, 3.5e-3), strict=True):
-            shown, title = scene, f"{band}, open"
+            shown, title = scene, "open"
             if thickness is not None:
                 shown = image(stage, settings, steps, thickness)
                 norms = np.linalg.norm(scene.values) * np.linalg.norm(shown.values)
                 match = abs(np.vdot(scene.values, shown.values)) / norms
-                title = f"{band}, {thickness * 1e3:.1f} mm: {match:.3f}"
-                print(f"{name}, {title}", flush=True)
+                title = f"{thickness * 1e3:.1f} mm: {match:.3f}"
+                print(f"{name}, {band}, {title}", flush=True)
             x, y = 100 * scene.grid.x, 100 * scene.grid.y
             axis.imshow(shown.magnitude.mean(axis=2), extent=(y[0], y[-1], x[-1], x[0]), cmap="viridis")
-            axis.locator_params(axis="x", nbins=3, steps=[1, 2, 4, 5, 10], integer=True)  # a fork's panel is narrow
-            axis.set_title(title, fontsize=9)
-    figure.supxlabel("y [cm]")
-    figure.supylabel("x [cm]")
+            axis.set_title(title, fontsize=10)
+        row[0].set_ylabel(f"{band}\nx [cm]")
+    for axis in axes[-1]:
+        axis.set_xlabel("y [cm]")
+        axis.locator_params(axis="x", nbins=3, steps=[1, 2, 4, 5, 10])  # a fork's panel is narrow
     figure.savefig(out, dpi=110)
 
 
