@@ -164,12 +164,12 @@ def erring_mask(inside: np.ndarray, power: np.ndarray, rng: np.random.Generator,
 
     ragged: Any = gaussian_filter(rng.standard_normal(inside.shape), rng.uniform(1, 4))
     ragged *= rng.uniform(0, 1) / max(ragged.std(), 1e-9)
-    kind = rng.choice(4, p=(0.25, 0.1, 0.5, 0.15) if hidden else (0.6, 0, 0.1, 0.3))
+    kind = rng.choice(4, p=(0.2, 0.3, 0.35, 0.15) if hidden else (0.6, 0, 0.1, 0.3))
     if kind == 2:
         inside = _surroundings(inside, rng)
     away: Any = distance_transform_edt(~inside)
     within: Any = distance_transform_edt(inside)
-    mask = away - within + 0.5 < (rng.uniform(0, 5) if kind == 1 else rng.uniform(-1.5, 1.5)) + ragged
+    mask = away - within + 0.5 < (rng.uniform(0, 10) if kind == 1 else rng.uniform(-1.5, 1.5)) + ragged
     if kind == 3:
         shining = gaussian_filter(power, rng.uniform(0.5, 1.5))
         mask &= shining > shining[inside].max() * 10 ** rng.uniform(-3, -0.8)

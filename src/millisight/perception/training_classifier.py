@@ -119,14 +119,20 @@ class ClassifierRecipe:
                 raise UnknownNameError("class", shape, self.objects)
 
     @property
-    def objects(self) -> dict[str, tuple[str, ...]]:
-        """Names of the objects to train with, by class."""
-        chosen = self.classes or {
+    def every_object(self) -> Mapping[str, tuple[str, ...]]:
+        """Names of the objects of each class, whether trained with or not."""
+        return self.classes or {
             shape: tuple(name for name, entry in CATALOGUE.items() if entry.shape_class == shape)
             for shape in SHAPE_CLASSES[:-1]
         }
+
+    @property
+    def objects(self) -> dict[str, tuple[str, ...]]:
+        """Names of the objects to train with, by class."""
         left_out = {*self.without, *self.tests}
-        return {shape: tuple(name for name in names if name not in left_out) for shape, names in chosen.items()}
+        return {
+            shape: tuple(name for name in names if name not in left_out) for shape, names in self.every_object.items()
+        }
 
     def scenes_of(self, shape: str) -> dict[str, Scenes]:
         """How the scenes of a class are made, by the name of what they show: its objects, and what is drawn."""
@@ -312,7 +318,7 @@ def train_classifier(
         "network": recipe.network,
         "parts": recipe.parts,
         "class_names": names,
-        "classes": {shape: list(objects) for shape, objects in recipe.objects.items()},
+        "classes": {shape: list(objects) for shape, objects in recipe.every_object.items()},
         "bands": list(_BANDS[recipe.network]),
         "channels": list(classifier_features.CHANNELS),
         "temperature": temperature,

@@ -45,7 +45,10 @@ def random_shape(shape_class: str, rng: np.random.Generator) -> TriangleMesh:
     """
     if shape_class not in RANDOM_SHAPES:
         raise UnknownNameError("class of random shapes", shape_class, RANDOM_SHAPES)
-    return mesh_of(RANDOM_SHAPES[shape_class](rng))
+    solid = RANDOM_SHAPES[shape_class](rng)
+    # Where two parts nearly coincide, a crumb may be left beside the whole.
+    pieces = solid.simplify(1e-3).decompose()
+    return mesh_of(max(pieces, key=lambda piece: piece.volume()) if len(pieces) > 1 else solid)
 
 
 def _between(rng: np.random.Generator, lowest: float, highest: float) -> float:
