@@ -6,7 +6,7 @@ import pytest
 from millisight.errors import InputError
 from millisight.perception.classifier_features import CHANNELS
 from millisight.perception.training_scenes import Scenes, make_scene
-from millisight.viz.figures_training import plot_augmentations, plot_examples
+from millisight.viz.figures_training import plot_augmentations, plot_examples, plot_random_shapes
 
 
 def pictures(figure):
@@ -27,6 +27,16 @@ def test_each_augmentation_is_seen():
     np.testing.assert_array_equal(found["several"], again["several"])
     with pytest.raises(InputError, match="band is '60_ghz'"):
         plot_augmentations(scene, band="60_ghz")
+
+
+def test_random_shapes_are_shown_class_by_class():
+    figure = plot_random_shapes(count=3, seed=2)
+    assert len(figure.axes) == 12
+    assert [text.get_text() for axes in figure.axes for text in axes.texts] == ["can", "handle", "box", "sphere"]
+    drawn = [axes.collections[0].get_paths() for axes in figure.axes]
+    assert min(map(len, drawn)) >= 2
+    with pytest.raises(InputError, match="count is 0"):
+        plot_random_shapes(count=0)
 
 
 def test_examples_are_shown_channel_by_channel():

@@ -11,10 +11,14 @@ from millisight.errors import InputError
 from millisight.perception import augmentation, wave_features
 from millisight.perception.classifier_features import CHANNELS, masked_channels
 from millisight.perception.training_scenes import SceneParts
+from millisight.records import checked_integer
+from millisight.scene.random_shapes import RANDOM_SHAPES, random_shape
+from millisight.viz.figures import draw_mesh
 from millisight.viz.style import styled
 
 _COLUMNS = 7
 _PANEL = 1.25  # inches
+_REACH = 0.15  # of a picture of a shape, from its middle [m]
 _WEIGHTS = {"specular": 0.8, "edge": 0.3}  # where no others are shown
 _SHARE_DB = -12.0  # of what is added, below the object's maximum
 
@@ -49,6 +53,29 @@ def plot_augmentations(scene: SceneParts, *, band: str = "77_ghz", seed: int = 0
     for place in axes.flat:
         place.set_axis_off()
     figure.tight_layout(pad=0.4)
+    return figure
+
+
+@styled
+def plot_random_shapes(*, count: int = 10, seed: int = 0) -> Figure:
+    """Shapes that are drawn at random for training, seen from above: a class a row, all on one scale.
+
+    Parameters
+    ----------
+    count : of each class
+    seed : of all that is drawn
+    """
+    count, rng = checked_integer(count, name="count"), np.random.default_rng(seed)
+    figure, axes = plt.subplots(
+        len(RANDOM_SHAPES), count, figsize=(0.85 * count, 0.9 * len(RANDOM_SHAPES)), squeeze=False
+    )
+    for row, shape_class in zip(axes, RANDOM_SHAPES, strict=True):
+        for place in row:
+            draw_mesh(place, random_shape(shape_class, rng), "z")
+            place.set(xlim=(-_REACH, _REACH), ylim=(-_REACH, _REACH), aspect="equal")
+            place.set_axis_off()
+        row[0].text(-0.05, 0.5, shape_class, ha="right", va="center", rotation=90, transform=row[0].transAxes)
+    figure.tight_layout(pad=0.2)
     return figure
 
 
@@ -135,8 +162,9 @@ def _show_masks(places: Sequence[Axes], scene: SceneParts, band: str, rng: np.ra
     power, inside = _on_canvas(scene, band)
     seen, truth = wave_features.seen_from_above(power), inside > 0.5
     for index, place in enumerate(places):
-        mask = truth if index == 0 else augmentation.erring_mask(truth, power.max(axis=2), rng)
-        _show(place, seen, "true mask" if index == 0 else "a mask that errs")
+        hidden = index > len(places) // 2
+        mask = truth if index == 0 else augmentation.erring_mask(truth, power.max(axis=2), rng, hidden=hidden)
+        _show(place, seen, ("a mask that errs", "the same, in a box")[hidden] if index else "true mask")
         place.contour(mask.T, levels=[0.5], colors="white", linewidths=1.2)
 
 
