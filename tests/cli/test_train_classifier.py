@@ -7,8 +7,10 @@ from pathlib import Path
 import pytest
 
 from commands import refused
-from millisight.cli.train_classifier import classifier, read_classifier_recipe
+from millisight.cli.train import classifier
+from millisight.datasets.recipefile import record_from_file
 from millisight.errors import FormatError
+from millisight.perception.training_classifier import ClassifierRecipe
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -69,7 +71,7 @@ def test_a_recipe_that_cannot_be_right_is_refused_by_its_place(tmp_path):
         ({"classes": 'box = ["dice"]\nsphere = ["aple"]'}, "unknown catalogue object 'aple'. Did you mean 'apple'"),
     ):
         with pytest.raises(FormatError, match=place):
-            read_classifier_recipe(written(tmp_path, **changes))
+            record_from_file(ClassifierRecipe, written(tmp_path, **changes))
 
 
 def test_the_command_says_in_one_line_what_is_wrong(tmp_path):
@@ -81,7 +83,7 @@ def test_the_command_says_in_one_line_what_is_wrong(tmp_path):
 
 
 def test_the_shipped_recipe_trains_on_no_object_of_the_tests():
-    recipe = read_classifier_recipe(EXAMPLES / "training/classifier.toml")
+    recipe = record_from_file(ClassifierRecipe, EXAMPLES / "training/classifier.toml")
     trained = {name for names in recipe.objects.values() for name in names}
     assert len(trained) == 28
     for tests in ("bench24", "classes"):

@@ -6,9 +6,11 @@ import shutil
 import pytest
 
 from commands import refused
-from millisight.cli.train_segmenter import read_segmenter_recipe, segmenter
+from millisight.cli.train import segmenter
+from millisight.datasets.recipefile import record_from_file
 from millisight.errors import FormatError
 from millisight.perception.training import check_installed
+from millisight.perception.training_wave import SegmenterRecipe
 from millisight.scene.objects import CATALOGUE
 
 TEXT = """
@@ -55,7 +57,7 @@ def test_one_command_makes_the_weights_and_again_the_same_ones_even_when_resumed
     def cut_off(done, total):
         raise KeyboardInterrupt
 
-    described = read_segmenter_recipe(recipe)
+    described = record_from_file(SegmenterRecipe, recipe)
     shutil.copytree(tmp_path / "a" / "scenes", tmp_path / "b" / "scenes")
     scenes = make_scenes(described, tmp_path / "b")
     with pytest.raises(KeyboardInterrupt):
@@ -73,16 +75,16 @@ def test_a_recipe_that_cannot_be_right_is_refused_by_its_place(tmp_path):
         ("about = 3", r"small\.toml: about: expected a text, got 3"),
     ):
         with pytest.raises(FormatError, match=place):
-            read_segmenter_recipe(written(tmp_path, extra=extra))
+            record_from_file(SegmenterRecipe, written(tmp_path, extra=extra))
     with pytest.raises(FormatError, match="no object is left for validation"):
-        read_segmenter_recipe(written(tmp_path, keep=("dice",)))
+        record_from_file(SegmenterRecipe, written(tmp_path, keep=("dice",)))
     with pytest.raises(FormatError, match="no object is left for training"):
-        read_segmenter_recipe(written(tmp_path, keep=("golf_ball",)))
+        record_from_file(SegmenterRecipe, written(tmp_path, keep=("golf_ball",)))
     (tmp_path / "small.toml").write_text("= 3")
     with pytest.raises(FormatError, match=r"small\.toml is no TOML"):
-        read_segmenter_recipe(tmp_path / "small.toml")
+        record_from_file(SegmenterRecipe, tmp_path / "small.toml")
     shutil.copy(written(tmp_path), tmp_path / "other.toml")
-    assert read_segmenter_recipe(tmp_path / "other.toml").scenes.poses == 1
+    assert record_from_file(SegmenterRecipe, tmp_path / "other.toml").scenes.poses == 1
 
 
 def test_what_training_needs_is_asked_for_before_any_work(monkeypatch):

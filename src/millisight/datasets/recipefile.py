@@ -6,7 +6,7 @@ import types
 import typing
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from millisight.datasets.recipe import Recipe
 from millisight.errors import FormatError, MillisightError, UnknownNameError
@@ -15,6 +15,8 @@ from millisight.files import printable, read_toml
 _KEYS = {"shape_class": "class"}
 """What fields are called in the file where Python keeps the word for itself."""
 _NOT_KEYS = {"folder", "source"}
+
+T = TypeVar("T")
 
 
 def read_recipe(path: str | os.PathLike[str]) -> Recipe:
@@ -47,6 +49,19 @@ def recipe_from_table(table: Mapping[str, Any], *, folder: str = ".", source: st
     """
     recipe: Recipe = record_from_table(Recipe, table, source)
     return dataclasses.replace(recipe, folder=folder, source=source)
+
+
+def record_from_file(cls: type[T], path: str | os.PathLike[str]) -> T:
+    """The recipe `cls`, such as that of a training, that a TOML file holds.
+
+    Raises
+    ------
+    FormatError
+        The file is no TOML, or holds a key or a value that cannot be right; the message names the place.
+    FileError
+        It cannot be read.
+    """
+    return record_from_table(cls, read_toml(path, "a recipe"), printable(path))
 
 
 def record_from_table(cls: type, table: Any, source: str, place: str = "") -> Any:
