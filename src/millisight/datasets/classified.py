@@ -1,18 +1,16 @@
 """Scenes of a dataset named by classifiers, in several processes; what is done is kept, so that a run can go on."""
 
 import dataclasses
-import hashlib
-import json
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from functools import lru_cache
-from importlib.metadata import version
 from pathlib import Path
 from time import perf_counter
 from typing import Any, NamedTuple
 
 from millisight.datasets.inventory import Dataset
 from millisight.datasets.judging import Settings
+from millisight.datasets.kept import checksum_of, keep, kept, key_of
 from millisight.datasets.manifest import read_manifest
 from millisight.datasets.scenes import SceneFiles, read_scene
 from millisight.datasets.workers import each
@@ -20,7 +18,7 @@ from millisight.errors import FileError, InputError
 from millisight.evaluation.classes import PREDICTED, TRUE
 from millisight.evaluation.masks import score_mask
 from millisight.evaluation.segmentation import HIGH, LOW
-from millisight.files import make_folder, read_toml, write_text
+from millisight.files import make_folder, read_toml
 from millisight.imaging.image import SarImage
 from millisight.io.mito_names import angles_of
 from millisight.perception import classification
@@ -138,16 +136,16 @@ def ask(
         The folder cannot be written to.
     """
     folder = make_folder(folder)
-    by = settings.segmenter(method)
-    sums = {weights: _checksum(classifier(weights)) for weights in wanted}
+    segmenter = checksum_of(settings.segmenter(method))
+    sums = {weights: checksum_of(classifier(weights)) for weights in wanted}
     said: dict[tuple[str | None, str], list[Said]] = {}
     jobs: dict[str, _Job] = {}
     for weights, scenes in wanted.items():
         for files in scenes:
-            key = _key(_Job(files, method, settings, ((weights, sums[weights]),)), _checksum(by))
-            kept = _kept(_place(folder, sums[weights], files), key)
-            if kept is not None:
-                said[weights, files.name] = kept
+            key = _key(_Job(files, method, settings, ((weights, sums[weights]),)), segmenter)
+            there = kept(_place(folder, sums[weights], files), key, _heard)
+            if there is not None:
+                said[weights, files.name] = there
             else:
                 before = jobs[files.name].weights if files.name in jobs else ()
                 jobs[files.name] = _Job(files, method, settings, (*before, (weights, sums[weights])))
@@ -161,8 +159,8 @@ def ask(
             else:
                 for weights, found in zip(job.weights, result, strict=True):
                     said[weights[0], job.files.name] = found
-                    content = {"key": _key(job._replace(weights=(weights,)), _checksum(by)), "said": _plain(found)}
-                    write_text(_place(folder, weights[1], job.files), json.dumps(content, indent=1))
+                    key = _key(job._replace(weights=(weights,)), segmenter)
+                    keep(_place(folder, weights[1], job.files), key, said=_plain(found))
             if progress is not None:
                 progress(count, len(left))
     return Heard(said, sorted(failures), kept_count)
@@ -242,7 +240,7 @@ def _asked(job: _Job) -> list[list[Said]]:
     found = []
     for weights, checksum in job.weights:
         by = classifier(weights)
-        if _checksum(by) != checksum:
+        if checksum_of(by) != checksum:
             raise InputError(f"the weights of {by.name} have changed since the run began; run it again")
         one = None if mask is None else by.classify(image, mask, other_band=other)
         best = by.classify(image, truth, other_band=other)
@@ -250,31 +248,18 @@ def _asked(job: _Job) -> list[list[Said]]:
     return found
 
 
-def _checksum(network: Any) -> str:
-    """Of the weights of a classifier or a segmenter, where it has some."""
-    return str(getattr(network, "description", {}).get("sha256", ""))
-
-
 def _place(folder: Path, checksum: str, files: SceneFiles) -> Path:
     return folder / f"{checksum[:12]}.{files.name.replace('/', '.')}.json"
 
 
 def _key(job: _Job, segmenter: str) -> str:
-    """What the result follows from; files are known by size and time, networks by the checksums of their weights."""
-    paths = dataclasses.replace(job.files, frame=None).paths
-    stats = [path.stat() if path.exists() else None for path in paths]
-    content = {
-        "format": _FORMAT,
-        "version": version("millisight"),
-        "method": job.method,
-        "segmenter": segmenter,
-        "classifiers": [checksum for _, checksum in job.weights],
-        "options": dict(job.settings.options.get(job.method, {})),
-        "seeds": job.settings.seeds,
-        "reading": dict(job.settings.reading),
-        "files": [(one.st_size, one.st_mtime_ns) if one else None for one in stats],
-    }
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+    return key_of(
+        dataclasses.replace(job.files, frame=None).paths,
+        format=_FORMAT,
+        segmenter=segmenter,
+        classifiers=[checksum for _, checksum in job.weights],
+        **job.settings.plain(job.method),
+    )
 
 
 def _plain(said: Sequence[Said]) -> list[dict[str, Any]]:
@@ -294,15 +279,9 @@ def _plain(said: Sequence[Said]) -> list[dict[str, Any]]:
     ]
 
 
-def _kept(place: Path, key: str) -> list[Said] | None:
-    """What an earlier run heard; None where there is nothing of this key, or the file is damaged."""
-    try:
-        content = json.loads(place.read_text(encoding="utf-8"))
-        if content["key"] != key:
-            return None
-        return [
-            Said(**{**one, "prediction": None if one["prediction"] is None else Prediction(**one["prediction"])})
-            for one in content["said"]
-        ]
-    except (OSError, ValueError, KeyError, TypeError):
-        return None
+def _heard(content: Mapping[str, Any]) -> list[Said]:
+    """What an earlier run heard and kept."""
+    return [
+        Said(**{**one, "prediction": None if one["prediction"] is None else Prediction(**one["prediction"])})
+        for one in content["said"]
+    ]
