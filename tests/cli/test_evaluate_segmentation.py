@@ -56,7 +56,7 @@ def test_tables_pictures_and_every_mask_are_written(work):
     assert sorted(path.name for path in out.iterdir()) == names
     text = (out / "segmentation.md").read_text()
     for said in (
-        "data (by hand; simulated, not real data)",
+        "data (virtual rig, by hand; simulated, not real data)",
         "classical: no network; its levels were chosen",
         "dim (weights 0): NOT a fair test, its network saw 1 of the tested objects: wide",
         "multi-spectral",

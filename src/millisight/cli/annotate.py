@@ -8,6 +8,7 @@ import typer
 
 from millisight.cli.console import check_outputs, say
 from millisight.cli.interrupts import Interrupted
+from millisight.cli.options import SamDevice
 
 if TYPE_CHECKING:
     from millisight.viz.annotator import Subject
@@ -46,7 +47,7 @@ def annotate(
             "folder with a model. [default: sam is not offered; vit-b with --method sam]"
         ),
     ] = None,
-    device: Annotated[str, typer.Option(help="Of sam: cpu or cuda.")] = "cpu",
+    device: SamDevice = "cpu",
     port: Annotated[int, typer.Option(min=0, max=65535, help="To serve the page at. [default: a free one]")] = 0,
     no_browser: Annotated[
         bool, typer.Option("--no-browser", help="Serve the page until Ctrl-C, and open no window.")

@@ -19,6 +19,7 @@ from millisight.cli.image_sources import (
     one_by_one,
     read_as,
 )
+from millisight.cli.options import Images, Multispectral, RadarChoice
 from millisight.errors import InputError
 from millisight.files import make_folder, write_text
 from millisight.imaging.image import SarImage
@@ -46,14 +47,7 @@ class _Settings:
 
 
 def classify(
-    images: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="IMAGE",
-            help="What `millisight image` or `ms.save` wrote (HDF5), or processed_image*.pkl of the published dataset; "
-            "experiments of it, or any folder above them or above HDF5 images.",
-        ),
-    ],
+    images: Images,
     output: Annotated[
         Path | None,
         typer.Option(
@@ -79,11 +73,8 @@ def classify(
     other_band: Annotated[
         Path | None, typer.Option(help="The same scene at the radar's other frequency; mask and name get better by it.")
     ] = None,
-    multispectral: Annotated[
-        bool,
-        typer.Option("--multispectral", help="Of experiments: each 77 GHz image, with the 24 GHz image beside it."),
-    ] = False,
-    radar: Annotated[str | None, typer.Option(help="Of experiments only this one: 77_ghz or 24_ghz.")] = None,
+    multispectral: Multispectral = False,
+    radar: RadarChoice = None,
     condition: Annotated[
         str | None,
         typer.Option(

@@ -9,10 +9,11 @@ from typing import Annotated, Any
 import typer
 
 from millisight.cli.console import end_with_failures, in_options, length, progress, say
+from millisight.cli.options import Objects, Sight, Workers, checked_sight
 from millisight.datasets.inventory import Dataset, Experiment, ObjectFolder, Simulation
 from millisight.datasets.mito import find
-from millisight.errors import InputError, UnknownNameError
-from millisight.io.mito_names import CAMERA_FRAME, CAMERA_MASK, IMAGE, RADAR_MASK, RADARS, RAW, SIGHTS
+from millisight.errors import InputError
+from millisight.io.mito_names import CAMERA_FRAME, CAMERA_MASK, IMAGE, RADAR_MASK, RADARS, RAW
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -23,18 +24,13 @@ app = typer.Typer(
 )
 
 Root = Annotated[Path, typer.Argument(metavar="DIR", help="The dataset's folder, in which the objects' folders lie.")]
-Objects = Annotated[
-    list[str] | None,
-    typer.Option("--object", metavar="NAME", help="Only this object: id, name or folder, such as 004; repeatable."),
-]
-Workers = Annotated[int | None, typer.Option(min=1, help="Processes. [default: one a core, eight at most]")]
 
 
 @app.command("list")
 def list_(
     root: Root,
     objects: Objects = None,
-    sight: Annotated[str | None, typer.Option(help="Only experiments in line of sight (los), or not (nlos).")] = None,
+    sight: Sight = None,
     experiment: Annotated[int | None, typer.Option(min=0, help="Only experiments of this number.")] = None,
     incomplete: Annotated[
         bool, typer.Option("--incomplete", help="Only objects of which something is missing.")
@@ -45,8 +41,7 @@ def list_(
 
     Example: millisight dataset list MITO_Dataset --incomplete
     """
-    if sight is not None and sight not in SIGHTS:
-        raise UnknownNameError("--sight", sight, SIGHTS)
+    sight = checked_sight(sight)
     dataset = find(root).only(objects or [])
     chosen = [_narrowed(one, sight, experiment) for one in dataset.objects]
     if incomplete:

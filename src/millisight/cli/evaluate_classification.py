@@ -7,7 +7,17 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import typer
 
 from millisight.cli.console import end_with_failures, in_options, progress, say, slices
-from millisight.errors import InputError, UnknownNameError
+from millisight.cli.evaluate_scenes import (
+    Output,
+    Root,
+    Transform,
+    checked_settings,
+    chosen_scenes,
+    described,
+    physics_of_all,
+)
+from millisight.cli.options import Crop, Objects, Sight, Workers
+from millisight.errors import InputError
 
 if TYPE_CHECKING:
     from millisight.datasets.classified import Heard, Origin
@@ -35,8 +45,8 @@ class _Candidate(NamedTuple):
 
 
 def classification(
-    root: Annotated[Path, typer.Argument(metavar="DIR", help="A dataset in the published layout.")],
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="OUT", help="Folder for tables and pictures.")],
+    root: Root,
+    output: Output,
     weights: Annotated[
         list[Path] | None,
         typer.Option(
@@ -45,26 +55,15 @@ def classification(
     ] = None,
     method: Annotated[str, typer.Option(help="Segmenter of the predicted masks: wave or classical.")] = "wave",
     seed: Annotated[int, typer.Option(min=0, help="Seed of the segmenter's prompts, where it takes some.")] = 0,
-    objects: Annotated[
-        list[str] | None,
-        typer.Option("--object", metavar="NAME", help="Only this object: id, name or folder; repeatable."),
-    ] = None,
-    sight: Annotated[str | None, typer.Option(help="Only scenes in line of sight (los), or not (nlos).")] = None,
+    objects: Objects = None,
+    sight: Sight = None,
     truth: Annotated[
         str, typer.Option(help="True masks: the camera's, or of simulated data the exact ones.")
     ] = "camera",
-    transform: Annotated[
-        str | None,
-        typer.Option(
-            help="Camera to radar: by the pose in the file (file), or the constants of the published evaluation "
-            "(published). [default: file for simulated scenes, else published]"
-        ),
-    ] = None,
-    crop: Annotated[
-        str, typer.Option(metavar="LOW,HIGH", help="Slices of 77 GHz images to leave out, lowest and highest.")
-    ] = "0,0",
+    transform: Transform = None,
+    crop: Crop = "0,0",
     mistakes: Annotated[int, typer.Option(min=0, help="So many mistakes of each classifier are drawn.")] = 12,
-    workers: Annotated[int | None, typer.Option(min=1, help="Processes. [default: one a core, eight at most]")] = None,
+    workers: Workers = None,
 ) -> None:
     """Judge classifiers, in predicted and in true masks, on objects that they know and on new ones.
 
@@ -76,27 +75,17 @@ def classification(
     Example: millisight evaluate classification classes -o named --weights both/classifier.onnx
     """
     from millisight.datasets.classified import ask, origins
-    from millisight.datasets.judging import Settings
-    from millisight.datasets.mito import find
-    from millisight.datasets.scenes import find_scenes
     from millisight.evaluation.classification_tables import time_table
-    from millisight.io.mito_names import SIGHTS
 
-    if sight is not None and sight not in SIGHTS:
-        raise UnknownNameError("--sight", sight, SIGHTS)
-    dataset = find(root).only(objects or [])
-    scenes = find_scenes(dataset, sight=sight)
-    if not scenes:
-        raise InputError(f"{root} has no radar image of an object there; expected processed_image.pkl of experiments")
-    physics, failures = _physics(scenes)
-    data, simulated = _described(set(physics.values()), root)
+    dataset, scenes = chosen_scenes(root, objects, sight)
+    physics, failures = physics_of_all(scenes)
+    data, simulated = described(physics, root)
     reading = {
         "truth": truth,
         "transform": transform or ("file" if simulated else "published"),
         "crop": slices(crop, option="--crop"),
     }
-    settings = Settings(seeds=(seed,), reading=reading)
-    _check_segmenter(settings, method)
+    settings = checked_settings([method], seeds=(seed,), reading=reading)
     found = origins(dataset, scenes)
     known = {files.name: files for files in scenes if files.name in physics}
     candidates = _candidates(_paths(weights), list(known.values()), physics, found)
@@ -121,41 +110,6 @@ def classification(
         say(f"wrote {output / 'index.html'}")
     lines = [f"{scene}: {in_options(reason)}" for scene, reason in sorted([*failures, *heard.failures])]
     end_with_failures(lines)
-
-
-def _physics(scenes: "Sequence[SceneFiles]") -> tuple[dict[str, str], list[tuple[str, str]]]:
-    """What made each scene, by its name, "" of real ones; and the scenes that do not tell, with the reason."""
-    from millisight.datasets.scenes import physics_of
-    from millisight.errors import MillisightError
-
-    found, failures = {}, []
-    for files in scenes:
-        try:
-            found[files.name] = physics_of(files)
-        except MillisightError as error:
-            failures.append((files.name, str(error)))
-    return found, failures
-
-
-def _described(physics: set[str], root: Path) -> tuple[str, bool]:
-    """What the data are, in words for titles, and whether they are simulated."""
-    if "" in physics and len(physics) > 1:
-        raise InputError(f"{root} has simulated scenes and others; judge them apart, with --object")
-    name = root.resolve().name
-    made = ", ".join(sorted(physics - {""}))
-    if not made:
-        return f"{name} (not marked as simulated)", False
-    if "virtual rig" not in made:
-        made = f"virtual rig, {made}"
-    return f"{name} ({made}; simulated, not real data)", True
-
-
-def _check_segmenter(settings: "Settings", method: str) -> None:
-    """What is wrong with it is said before the work."""
-    try:
-        settings.segmenter(method)
-    except ImportError as error:
-        raise InputError(str(error)) from error
 
 
 def _paths(weights: list[Path] | None) -> list[str | None]:

@@ -7,7 +7,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from millisight.cli.console import end_with_failures, in_options, length, progress, say, slices
-from millisight.errors import InputError, UnknownNameError
+from millisight.cli.evaluate_scenes import (
+    Output,
+    Root,
+    Transform,
+    checked_settings,
+    chosen_scenes,
+    described,
+    physics_of_all,
+)
+from millisight.cli.options import Crop, Objects, SamDevice, Sight, Workers
 
 if TYPE_CHECKING:
     from millisight.datasets.judging import Settings
@@ -16,46 +25,33 @@ if TYPE_CHECKING:
     from millisight.evaluation.tables import Table
     from millisight.viz.segmentation_report import Failure
 
-_TABLES = ("los", "nlos", "differences")
-
 
 def segmentation(
-    root: Annotated[Path, typer.Argument(metavar="DIR", help="A dataset in the published layout.")],
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="OUT", help="Folder for tables and pictures.")],
+    root: Root,
+    output: Output,
     method: Annotated[
         list[str] | None,
         typer.Option("--method", help="Segmenter: wave, classical or sam; repeatable. [default: wave, classical]"),
     ] = None,
     sam_model: Annotated[
-        str, typer.Option(help="For sam: vit-b, vit-l, vit-h, sam2-tiny, sam2-large, or a folder with weights.")
+        str, typer.Option(help="Of sam: vit-b, vit-l, vit-h, sam2-tiny, sam2-large, or a folder with weights.")
     ] = "vit-b",
-    device: Annotated[str, typer.Option(help="For sam: cpu or cuda.")] = "cpu",
-    objects: Annotated[
-        list[str] | None,
-        typer.Option("--object", metavar="NAME", help="Only this object: id, name or folder; repeatable."),
-    ] = None,
-    sight: Annotated[str | None, typer.Option(help="Only scenes in line of sight (los), or not (nlos).")] = None,
+    device: SamDevice = "cpu",
+    objects: Objects = None,
+    sight: Sight = None,
     seeds: Annotated[int, typer.Option(min=1, help="So many seeds of the prompts: 0, 1, 2 and so on.")] = 3,
     truth: Annotated[
         str,
         typer.Option(help="What masks are compared with: the camera's mask, or of simulated data the exact one."),
     ] = "camera",
-    transform: Annotated[
-        str | None,
-        typer.Option(
-            help="Camera to radar: by the pose in the file (file), or the constants of the published evaluation "
-            "(published). [default: file for simulated scenes, else published]"
-        ),
-    ] = None,
+    transform: Transform = None,
     support: Annotated[
         str | None,
         typer.Option(help="Height of the support's face in the radar frame, such as -30cm. [default: by background]"),
     ] = None,
-    crop: Annotated[
-        str, typer.Option(metavar="LOW,HIGH", help="Slices of 77 GHz images to leave out, lowest and highest.")
-    ] = "0,0",
+    crop: Crop = "0,0",
     failures: Annotated[int, typer.Option(min=0, help="Worst masks of each segmenter to show.")] = 6,
-    workers: Annotated[int | None, typer.Option(min=1, help="Processes. [default: one a core, eight at most]")] = None,
+    workers: Workers = None,
 ) -> None:
     """Judge segmenters by the paper's metrics: on photos, at 24 GHz, at 77 GHz, and with both.
 
@@ -65,21 +61,16 @@ def segmentation(
     Example: millisight evaluate segmentation bench24 -o masks --method wave --method classical
     """
     from millisight.datasets.judging import judge
-    from millisight.datasets.mito import find
-    from millisight.datasets.scenes import find_scenes
-    from millisight.io.mito_names import SIGHTS
 
-    if sight is not None and sight not in SIGHTS:
-        raise UnknownNameError("--sight", sight, SIGHTS)
     methods = list(dict.fromkeys(method or ("wave", "classical")))
-    scenes = find_scenes(find(root).only(objects or []), sight=sight)
-    if not scenes:
-        raise InputError(f"{root} has no radar image of an object there; expected processed_image.pkl of experiments")
-    data, simulated = _described(scenes, root)
+    _, scenes = chosen_scenes(root, objects, sight)
+    physics, _ = physics_of_all(scenes)  # scenes that do not tell fail when they are judged
+    data, simulated = described(physics, root)
     transform = transform or ("file" if simulated else "published")
     height = None if support is None else length(support, option="--support")
     reading = {"truth": truth, "transform": transform, "support": height, "crop": slices(crop, option="--crop")}
-    settings = _settings(methods, seeds, reading, {"sam": {"model": sam_model, "device": device}})
+    options = {"sam": {"model": sam_model, "device": device}}
+    settings = checked_settings(methods, seeds=range(seeds), reading=reading, options=options)
     with progress("judge", compiles=False) as report:
         judged = judge(scenes, methods, output / "trials", settings, workers=workers, progress=report)
     if judged.kept:
@@ -92,39 +83,6 @@ def segmentation(
             say(table.markdown())
         say(f"wrote {output / 'index.html'}")
     end_with_failures([f"{scene}, {name}: {in_options(reason)}" for scene, name, reason in judged.failures])
-
-
-def _described(scenes: "Sequence[SceneFiles]", root: Path) -> tuple[str, bool]:
-    """What the data are, in words for titles, and whether they are simulated; what cannot be read says so later."""
-    from millisight.datasets.scenes import physics_of
-    from millisight.errors import MillisightError
-
-    found = set()
-    for files in scenes:
-        try:
-            found.add(physics_of(files))
-        except MillisightError:
-            continue
-    if len(found) > 1 and "" in found:
-        raise InputError(f"{root} has simulated scenes and others; judge them apart, with --object")
-    made = ", ".join(sorted(found))
-    name = root.resolve().name
-    return (f"{name} ({made}; simulated, not real data)" if made else f"{name} (not marked as simulated)"), bool(made)
-
-
-def _settings(methods: list[str], seeds: int, reading: dict[str, Any], options: dict[str, Any]) -> "Settings":
-    """The settings, once every segmenter was made: what is wrong with one is said before the work."""
-    from millisight.datasets.judging import Settings
-
-    settings = Settings(
-        seeds=tuple(range(seeds)), reading=reading, options={name: options.get(name, {}) for name in methods}
-    )
-    for name in methods:
-        try:
-            settings.segmenter(name)
-        except ImportError as error:
-            raise InputError(str(error)) from error
-    return settings
 
 
 def _notes(

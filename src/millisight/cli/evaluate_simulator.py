@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from millisight.cli.console import end_with_failures, in_options, length, progress, say, slices
+from millisight.cli.options import Objects, Sight, Workers, checked_sight
 from millisight.errors import FormatError, InputError, UnknownNameError
 
 if TYPE_CHECKING:
@@ -44,11 +45,8 @@ def simulator(
     output: Annotated[
         Path, typer.Option("-o", "--output", metavar="OUT", help="Folder for the page, tables and pictures.")
     ] = Path("simulator-evaluation"),
-    objects: Annotated[
-        list[str] | None,
-        typer.Option("--object", metavar="NAME", help="Only this object: id, name or folder; repeatable."),
-    ] = None,
-    sight: Annotated[str | None, typer.Option(help="Only experiments in line of sight (los), or not (nlos).")] = None,
+    objects: Objects = None,
+    sight: Sight = None,
     radar: Annotated[str, typer.Option(help="77_ghz or 24_ghz.")] = "77_ghz",
     flat: Annotated[
         bool | None,
@@ -72,7 +70,7 @@ def simulator(
         str | None, typer.Option(metavar="SUFFIX", help="Also write the compared clouds, as ply or pcd.")
     ] = None,
     pictures: Annotated[int, typer.Option(min=0, help="So many of the best and of the worst pairs are drawn.")] = 3,
-    workers: Annotated[int | None, typer.Option(min=1, help="Processes. [default: one a core, eight at most]")] = None,
+    workers: Workers = None,
 ) -> None:
     """Tell how true simulated images are: 3D F-scores against measured ones, the paper's row beside.
 
@@ -90,10 +88,9 @@ def simulator(
     from millisight.evaluation.simulator import Comparing
     from millisight.evaluation.simulator_tables import data_of
     from millisight.files import check_writable, make_folder
-    from millisight.io.mito_names import SIGHTS, checked_radar
+    from millisight.io.mito_names import checked_radar
 
-    if sight is not None and sight not in SIGHTS:
-        raise UnknownNameError("--sight", sight, SIGHTS)
+    sight = checked_sight(sight)
     if clouds is not None and f".{clouds.lstrip('.')}" not in CLOUD_SUFFIXES:
         raise UnknownNameError("point cloud format", clouds, CLOUD_SUFFIXES)
     settings = Comparing(

@@ -10,6 +10,7 @@ import typer
 from millisight.capture.capture import Capture
 from millisight.cli.console import check_outputs, end_with_failures, in_options, progress, say
 from millisight.cli.grids import outline_mesh, parse_grid
+from millisight.cli.options import RadarChoice
 from millisight.cli.sources import Opened, Source, sources
 from millisight.errors import InputError, MillisightError, UnknownNameError
 from millisight.files import make_folder
@@ -90,7 +91,7 @@ def image(
     data: Annotated[
         Path | None, typer.Option(help="Where the files that a description names lie. [default: beside it]")
     ] = None,
-    radar: Annotated[str | None, typer.Option(help="Of experiments only this one: 77_ghz or 24_ghz.")] = None,
+    radar: RadarChoice = None,
     background: Annotated[
         Path | None,
         typer.Option(help="A capture of the empty scene, whose first frame is subtracted from every one."),

@@ -11,12 +11,11 @@ from millisight.cli.console import end_with_failures, in_options, progress, say
 from millisight.errors import FileError, FormatError, InputError, MillisightError, UnknownNameError
 from millisight.files import check_readable, printable
 from millisight.imaging.image import SarImage
+from millisight.io.mito_names import RADARS, SIGHTS
 from millisight.perception.segmentation import Segmenter, segmenter
 
 MASK_SUFFIX = ".mask.h5"
 """Of the masks that `millisight segment` writes."""
-
-_CONDITIONS = ("los", "nlos")
 
 T = TypeVar("T")
 
@@ -73,8 +72,8 @@ def image_sources(
     InputError, UnknownNameError
         The options contradict each other, or two images would have one name.
     """
-    if condition is not None and condition not in _CONDITIONS:
-        raise UnknownNameError("--condition", condition, _CONDITIONS)
+    if condition is not None and condition not in SIGHTS:
+        raise UnknownNameError("--condition", condition, SIGHTS)
     if multispectral and (other_band is not None or radar == "24_ghz"):
         raise InputError(
             "--multispectral pairs 77 GHz images with their 24 GHz ones; leave --other-band and --radar out"
@@ -195,8 +194,6 @@ def _under(path: Path, radar: str | None, condition: str | None, *, multispectra
 
 
 def _source(path: Path, condition: str | None, *, multispectral: bool) -> ImageSource:
-    from millisight.io.mito_names import RADARS
-
     parts = path.resolve().parts
     published = path.name.startswith("processed_image") and path.parent.resolve().name in RADARS
     if not published:
@@ -207,7 +204,7 @@ def _source(path: Path, condition: str | None, *, multispectral: bool) -> ImageS
         return ImageSource(path, stem, condition or "los", None, path.parent)
     passed_over = ("robot_collected", "processed", "radars")
     named = [part for part in parts[-7 if "simulation" in parts[-7:] else -9 : -1] if part not in passed_over]
-    sight = parts[-5] if parts[-5:-4] and parts[-5] in _CONDITIONS else "los"
+    sight = parts[-5] if parts[-5:-4] and parts[-5] in SIGHTS else "los"
     other = path.resolve().parent.parent / "24_ghz" / path.name if multispectral else None
     name = ".".join(named) + path.stem.removeprefix("processed_image")
     return ImageSource(path, name, condition or sight, other, Path())

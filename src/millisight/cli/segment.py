@@ -16,6 +16,7 @@ from millisight.cli.image_sources import (
     named_segmenter,
     one_by_one,
 )
+from millisight.cli.options import Images, Multispectral, RadarChoice, SamDevice
 from millisight.errors import FormatError, InputError
 from millisight.files import check_readable, make_folder, printable
 from millisight.perception.prompts import Prompts
@@ -37,14 +38,7 @@ class _Settings:
 
 
 def segment(
-    images: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="IMAGE",
-            help="What `millisight image` or `ms.save` wrote (HDF5), or processed_image*.pkl of the published dataset; "
-            "experiments of it, or any folder above them or above HDF5 images.",
-        ),
-    ],
+    images: Images,
     output: Annotated[
         Path | None,
         typer.Option(
@@ -67,11 +61,8 @@ def segment(
             help="The same scene at the radar's other frequency: prompts must be bright in both; wave looks at both."
         ),
     ] = None,
-    multispectral: Annotated[
-        bool,
-        typer.Option("--multispectral", help="Of experiments: each 77 GHz image, with the 24 GHz image beside it."),
-    ] = False,
-    radar: Annotated[str | None, typer.Option(help="Of experiments only this one: 77_ghz or 24_ghz.")] = None,
+    multispectral: Multispectral = False,
+    radar: RadarChoice = None,
     condition: Annotated[
         str | None,
         typer.Option(
@@ -105,7 +96,7 @@ def segment(
             help="Of sam: vit-b, vit-l, vit-h, sam2-tiny or sam2-large, which are downloaded; or a folder with a model."
         ),
     ] = "vit-b",
-    device: Annotated[str, typer.Option(help="Of sam: cpu or cuda.")] = "cpu",
+    device: SamDevice = "cpu",
     no_picture: Annotated[
         bool, typer.Option("--no-picture", help="Do not draw prompts and mask over the image, MASK.png.")
     ] = False,
