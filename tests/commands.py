@@ -1,7 +1,12 @@
-"""The command line in a process of its own, as a user meets it."""
+"""The command line as a user meets it: in a process of its own, or quicker within this one."""
 
 import subprocess
 import sys
+
+from typer.testing import CliRunner
+
+from millisight.cli.app import app
+from millisight.errors import MillisightError
 
 
 def run(*arguments, cwd, timeout=240, **settings):
@@ -15,6 +20,15 @@ def run(*arguments, cwd, timeout=240, **settings):
         **settings,
     )
     return done.returncode, done.stdout, done.stderr
+
+
+def run_here(*arguments):
+    """Run it within this process: as `run`, and the error that `millisight` would print."""
+    done = CliRunner().invoke(app, list(map(str, arguments)))
+    if isinstance(done.exception, MillisightError):
+        return 1, done.stdout, done.stderr, str(done.exception)
+    assert done.exception is None or isinstance(done.exception, SystemExit), done.exception
+    return done.exit_code, done.stdout, done.stderr, ""
 
 
 def refused(*arguments, cwd, **settings):

@@ -8,27 +8,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 import millisight as ms
-from millisight.cli.app import app
-from millisight.errors import InputError, MillisightError
+from commands import run_here
+from millisight.errors import InputError
 from millisight.io.mito_layout import experiment_folder, radar_folder, write_published
 from millisight.perception import classification
 from millisight.perception.classification import Classifier, Prediction
 from millisight.perception.classifier_features import CHANNELS
+from small_images import BRIGHT, GRID, image, publish
 
 PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "classify.md"
-GRID = ms.VoxelGrid.regular((0, 0, 0), (0.145, 0.195, 0.01), (0.005, 0.005, 0.01))
-BRIGHT = (slice(8, 16), slice(10, 24))
 SHA256 = "ab" * 32
-
-
-def image(seed=0):
-    """A bright rectangle on speckle, 30 x 40 pixels."""
-    values = np.full(GRID.shape, 0.01)
-    values[BRIGHT] = 1
-    return ms.SarImage(grid=GRID, values=values * np.random.default_rng(seed).rayleigh(size=GRID.shape))
 
 
 def mask(inside=BRIGHT):
@@ -56,18 +47,10 @@ class Sizes:
 
 @pytest.fixture
 def run(tmp_path, monkeypatch):
-    """The command in `tmp_path` and within this process: exit code, output, errors, the error that ended it."""
+    """The command in `tmp_path` and within this process, as `run_here`."""
     monkeypatch.setattr(classification, "Classifier", Sizes)
     monkeypatch.chdir(tmp_path)
-
-    def invoke(*arguments, command="classify"):
-        done = CliRunner().invoke(app, [command, *arguments])
-        if isinstance(done.exception, MillisightError):
-            return 1, done.stdout, done.stderr, str(done.exception)
-        assert done.exception is None or isinstance(done.exception, SystemExit), done.exception
-        return done.exit_code, done.stdout, done.stderr, ""
-
-    return invoke
+    return lambda *arguments, command="classify": run_here(command, *arguments)
 
 
 @pytest.fixture
@@ -78,16 +61,7 @@ def mug(tmp_path):
 
 @pytest.fixture
 def dataset(tmp_path):
-    """Two sights of one object by both radars; one image is blank."""
-    for sight in ("los", "nlos"):
-        folder = experiment_folder(tmp_path / "MITO_Dataset", "004_sugar_box", (0, 0, 0), 1, sight)
-        for radar in ("77_ghz", "24_ghz"):
-            to = radar_folder(folder, radar, processed=True)
-            to.mkdir(parents=True)
-            blank = sight == "nlos" and radar == "24_ghz"
-            one = ms.SarImage(grid=GRID, values=np.zeros(GRID.shape)) if blank else image()
-            write_published(to / "processed_image.pkl", one)
-    return "004_sugar_box.0_0_0.exp1"
+    return publish(tmp_path / "MITO_Dataset")
 
 
 def test_one_image_is_named_and_every_class_has_its_line(mug, run, tmp_path):
@@ -292,7 +266,7 @@ def test_what_cannot_be_is_refused_and_writes_nothing(tmp_path, run, arguments, 
 
 
 def test_the_help_teaches():
-    shown = re.sub(r"\s+", " ", CliRunner().invoke(app, ["classify", "--help"]).output)
+    shown = re.sub(r"\s+", " ", run_here("classify", "--help")[1])
     for text in ("Example: millisight classify mug.image.h5", "calibrated", 'the answer is "not sure"'):
         assert text in shown
 
