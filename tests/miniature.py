@@ -249,6 +249,21 @@ def image_file(folder):
     return radar_folder(folder, "77_ghz", processed=True) / "processed_image.pkl"
 
 
+def values_of(path):
+    """What a pickle of it holds, a lone None or dictionary unwrapped."""
+    values = pickle.loads(path.read_bytes())  # noqa: S301, we made it
+    return {k: v.item() if isinstance(v, np.ndarray) and v.dtype == object else v for k, v in values.items()}
+
+
+def same(a, b):
+    """Whether values of pickles are the same to the bit."""
+    if isinstance(a, np.ndarray):
+        return isinstance(b, np.ndarray) and (a.dtype, a.shape, a.tobytes()) == (b.dtype, b.shape, b.tobytes())
+    if isinstance(a, dict):
+        return a.keys() == b.keys() and all(same(a[key], b[key]) for key in a)
+    return type(a) is type(b) and a == b
+
+
 def _changed(path, **changes):
     """A pickled dictionary with other values."""
     values = pickle.loads(path.read_bytes())  # noqa: S301, it is ours

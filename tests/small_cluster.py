@@ -4,10 +4,10 @@ import json
 import os
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 from millisight.datasets.engine import engine_of
+from processes import wait_for
 
 
 class Cluster:
@@ -54,10 +54,3 @@ class Cluster:
         for process in (*self.workers, self._scheduler):
             process.kill()
             process.wait()
-
-
-def wait_for(condition):
-    until = time.monotonic() + 60
-    while not condition():
-        assert time.monotonic() < until
-        time.sleep(0.05)

@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 
 import pytest
 from typer.testing import CliRunner
@@ -14,6 +13,7 @@ import millisight as ms
 from millisight.cli.app import app
 from millisight.errors import InputError, UnknownNameError
 from miniature import BOX, EMPTY, MUG, fault_folder
+from processes import alive, wait_for
 from small_hub import Hub
 
 
@@ -176,22 +176,6 @@ def test_ctrl_c_ends_in_one_line_leaves_no_process_and_can_be_resumed(miniature,
     assert code == 0
     assert 0 < there < 23
     assert lines[-1].startswith("converted ")
-
-
-def alive(group):
-    """Whether any process of the group is left."""
-    try:
-        os.killpg(group, 0)
-    except ProcessLookupError:
-        return False
-    return True
-
-
-def wait_for(condition):
-    until = time.monotonic() + 60
-    while not condition():
-        assert time.monotonic() < until
-        time.sleep(0.01)
 
 
 def test_a_dataset_is_downloaded(monkeypatch, tmp_path):

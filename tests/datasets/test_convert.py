@@ -7,10 +7,8 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import millisight as ms
@@ -20,7 +18,8 @@ from millisight.datasets.mito import find
 from millisight.errors import DamagedFileError, FileError, InputError
 from millisight.io.hdf5 import load_extras, provenance
 from millisight.io.mito_layout import experiment_folder, radar_folder, read_experiment, write_published
-from miniature import ANGLES, BOX, EMPTY, MUG, fault_folder, hostile_deed, image_file
+from miniature import ANGLES, BOX, EMPTY, MUG, fault_folder, hostile_deed, image_file, same, values_of
+from processes import alive, wait_for
 
 
 @pytest.fixture(scope="module")
@@ -36,18 +35,6 @@ def converted(miniature, tmp_path_factory):
 def contents(folder):
     """The bytes of every file."""
     return {p.relative_to(folder).as_posix(): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
-
-
-def plain(values):
-    return {k: v.item() if isinstance(v, np.ndarray) and v.dtype == object else v for k, v in values.items()}
-
-
-def same(a, b):
-    if isinstance(a, np.ndarray):
-        return isinstance(b, np.ndarray) and (a.dtype, a.shape, a.tobytes()) == (b.dtype, b.shape, b.tobytes())
-    if isinstance(a, dict):
-        return a.keys() == b.keys() and all(same(a[key], b[key]) for key in a)
-    return type(a) is type(b) and a == b
 
 
 def test_everything_is_converted_once(converted, miniature):
@@ -69,8 +56,7 @@ def test_pickles_come_back_from_the_converted_files_bit_for_bit(converted, minia
     for path in paths:
         ours = (out / path.relative_to(miniature.healthy)).with_suffix(".h5")
         write_published(tmp_path / "again.pkl", ms.load(ours), load_extras(ours))
-        stored, again = (plain(pickle.loads(p.read_bytes())) for p in (path, tmp_path / "again.pkl"))  # noqa: S301
-        assert same(stored, again), path
+        assert same(values_of(path), values_of(tmp_path / "again.pkl")), path
 
 
 def test_raw_captures_come_with_their_poses_and_the_robot_log(converted, miniature):
@@ -140,22 +126,6 @@ def test_killed_and_resumed_it_ends_with_the_same_bytes(converted, miniature, tm
 def finished(folder):
     """How many files are in their places."""
     return sum(".partial" not in path.parts for path in folder.rglob("*.h5"))
-
-
-def wait_for(condition):
-    until = time.monotonic() + 60
-    while not condition():
-        assert time.monotonic() < until
-        time.sleep(0.01)
-
-
-def alive(group):
-    """Whether any process of the group is left."""
-    try:
-        os.killpg(group, 0)
-    except ProcessLookupError:
-        return False
-    return True
 
 
 def test_what_is_there_and_right_is_kept_and_the_rest_made_anew(converted, miniature, tmp_path):

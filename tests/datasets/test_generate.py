@@ -29,7 +29,8 @@ from millisight.imaging.form import form_image
 from millisight.io.hdf5 import load_extras, open_capture
 from millisight.io.mito_layout import read_published
 from millisight.rig.virtual.world import World
-from small_cluster import Cluster, wait_for
+from processes import wait_for
+from small_cluster import Cluster
 from small_jobs import failing, napping
 
 HERE = Engine("threads", 1, 1)

@@ -41,9 +41,11 @@ from miniature import (
     image_file,
     raw_file,
     recorded,
+    same,
     scanned,
     small_grid,
     small_scene,
+    values_of,
 )
 from oracles import relative
 
@@ -116,20 +118,6 @@ def test_published_grids():
 
 
 # Pickles
-
-
-def values_of(path):
-    """What a file of the miniature holds, a lone None or dictionary unwrapped."""
-    values = pickle.loads(path.read_bytes())  # noqa: S301, the miniature is ours
-    return {k: v.item() if isinstance(v, np.ndarray) and v.dtype == object else v for k, v in values.items()}
-
-
-def same(a, b):
-    if isinstance(a, np.ndarray):
-        return isinstance(b, np.ndarray) and (a.dtype, a.shape, a.tobytes()) == (b.dtype, b.shape, b.tobytes())
-    if isinstance(a, dict):
-        return a.keys() == b.keys() and all(same(a[key], b[key]) for key in a)
-    return type(a) is type(b) and a == b
 
 
 def test_every_pickle_comes_back_bit_for_bit(miniature, tmp_path):

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import trimesh
 
+from closed_meshes import edge_owners, volume, wound_alike
 from millisight.errors import FileError, MeshError, UnknownNameError
 from millisight.scene.load import FORMATS, load_mesh
-from millisight.scene.mesh import TriangleMesh
 
 
 def lopsided() -> trimesh.Trimesh:
@@ -18,21 +18,6 @@ def lopsided() -> trimesh.Trimesh:
     mesh = trimesh.creation.icosphere(subdivisions=2, radius=0.1)
     mesh.apply_transform(np.array([[1.3, 0.2, 0, 0.4], [0, 0.8, 0.1, -0.2], [0, 0, 0.5, 0.7], [0, 0, 0, 1]]))
     return mesh
-
-
-def edge_owners(mesh: TriangleMesh) -> np.ndarray:
-    sides = np.sort(mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    return np.unique(sides, axis=0, return_counts=True)[1]
-
-
-def directed_edges_once(mesh: TriangleMesh) -> bool:
-    sides = mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    return len(np.unique(sides, axis=0)) == len(sides)
-
-
-def volume(mesh: TriangleMesh) -> float:
-    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
-    return float(np.einsum("fi,fi->", a, np.cross(b, c)) / 6)
 
 
 def sorted_corners(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
@@ -246,7 +231,7 @@ def test_each_closed_part_faces_outward_by_itself():
     sphere = lopsided()
     mesh = load_mesh(trimesh.util.concatenate([inside_out, sphere]))
     assert len(mesh.faces) == 12 + 320
-    assert directed_edges_once(mesh)
+    assert wound_alike(mesh)
     assert volume(mesh) == pytest.approx(1e-3 + sphere.volume)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import oracles
+from closed_meshes import volume
 from millisight.errors import FileError, InputError, MeshError, UnknownNameError
 from millisight.scene import shapes
 from millisight.scene.load import load_mesh
@@ -53,11 +54,6 @@ STANDING = {name for name in NAMES if name.endswith(("_cups", "_lego_duplo"))} |
 @pytest.fixture(scope="module")
 def meshes() -> dict[str, TriangleMesh]:
     return {name: build_object(name) for name in NAMES}
-
-
-def volume(mesh: TriangleMesh) -> float:
-    """Enclosed volume [m³]: positive where the faces are wound outward."""
-    return float(np.einsum("fi,fi->", mesh.vertices[mesh.faces[:, 0]], mesh.face_crosses) / 6)
 
 
 def oriented_extent(vertices: np.ndarray) -> np.ndarray:

@@ -8,6 +8,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 import oracles
+from closed_meshes import edge_owners, volume, wound_alike
 from millisight.errors import InputError
 from millisight.scene.load import load_mesh
 from millisight.scene.mesh import TriangleMesh
@@ -37,21 +38,6 @@ LOW_POLY = {
 
 def variation(mesh: TriangleMesh) -> float:
     return float(mesh.edge_lengths.std() / mesh.edge_lengths.mean())
-
-
-def edge_owners(mesh: TriangleMesh) -> np.ndarray:
-    sides = np.sort(mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    return np.unique(sides, axis=0, return_counts=True)[1]
-
-
-def wound_alike(mesh: TriangleMesh) -> bool:
-    sides = mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    return len(np.unique(sides, axis=0)) == len(sides)
-
-
-def volume(mesh: TriangleMesh) -> float:
-    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
-    return float(np.einsum("fi,fi->", a, np.cross(b, c)) / 6)
 
 
 def parts(mesh: TriangleMesh, kept: np.ndarray | None = None) -> int:
