@@ -82,11 +82,21 @@ def test_the_command_says_in_one_line_what_is_wrong(tmp_path):
     assert line.startswith("millisight: unknown parts 'edges'. Did you mean 'edge'?")
 
 
-def test_the_shipped_recipe_trains_on_no_object_of_the_tests():
+@pytest.mark.parametrize("name", ["classifier", "paper", "kinds"])
+def test_the_recipes_train_on_no_object_of_the_test_images_and_know_the_class_of_each(name):
+    recipe = record_from_file(ClassifierRecipe, EXAMPLES / f"training/{name}.toml")
+    trained, named = (
+        {one for names in by_class.values() for one in names} for by_class in (recipe.objects, recipe.every_object)
+    )
+    assert len(trained) == {"kinds": 26}.get(name, 28)
+    tested = tomllib.loads((EXAMPLES / "recipes/classes.toml").read_text())["objects"]["names"]
+    assert len(tested) == 14
+    assert not trained & set(tested)
+    assert set(tested) <= named
+
+
+def test_the_shipped_recipe_leaves_all_objects_of_the_benchmark_to_tests():
     recipe = record_from_file(ClassifierRecipe, EXAMPLES / "training/classifier.toml")
-    trained = {name for names in recipe.objects.values() for name in names}
-    assert len(trained) == 28
-    for tests in ("bench24", "classes"):
-        tested = tomllib.loads((EXAMPLES / f"recipes/{tests}.toml").read_text())["objects"]["names"]
-        assert len(tested) >= 14
-        assert not trained & set(tested)
+    tested = tomllib.loads((EXAMPLES / "recipes/bench24.toml").read_text())["objects"]["names"]
+    assert len(tested) == 24
+    assert set(recipe.tests) == set(tested)
