@@ -331,6 +331,7 @@ def test_a_grid_of_nothing_is_refused(capture):
         ("0mm", "spacing is 0 m"),
         ("", "--grid is ''; expected a length"),
         ("0.00001mm", "voxels; expected"),
+        ("2", "--grid is '2': voxels 2 m wide"),
     ):
         assert expected in refused("image", capture.name, "--grid", grid, cwd=capture.parent)
     for option in ("--step", "--aperture"):

@@ -48,7 +48,9 @@ def annotate(
         ),
     ] = None,
     device: SamDevice = "cpu",
-    port: Annotated[int, typer.Option(min=0, max=65535, help="To serve the page at. [default: a free one]")] = 0,
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, show_default=False, help="To serve the page at. [default: a free one]")
+    ] = 0,
     no_browser: Annotated[
         bool, typer.Option("--no-browser", help="Serve the page until Ctrl-C, and open no window.")
     ] = False,

@@ -24,7 +24,8 @@ def parse_grid(text: str | None, capture: Capture) -> VoxelGrid:
     Raises
     ------
     InputError
-        The text is no grid, or a spacing stands alone and the capture does not say where its scene is.
+        The text is no grid, or a spacing stands alone and the capture does not say where its scene is, or leaves
+        two voxels along each axis at most.
     """
     if text is not None and ":" in text:
         axes = [part.split(":") for part in text.split(",")]
@@ -35,8 +36,16 @@ def parse_grid(text: str | None, capture: Capture) -> VoxelGrid:
     spacing = None if text is None else length(text, option="--grid")
     stated = capture.metadata.get("image_grid")
     if isinstance(stated, Mapping):
-        return VoxelGrid.regular(stated["lower"], stated["upper"], stated["spacing"] if spacing is None else spacing)
-    return around_scene(capture, spacing)
+        steps = stated["spacing"] if spacing is None else spacing
+        grid = VoxelGrid.regular(stated["lower"], stated["upper"], steps)
+    else:
+        grid = around_scene(capture, spacing)
+    if spacing is not None and max(grid.shape) <= 2:
+        # Nobody wants eight voxels: "2" was meant as millimetres, and would take the place of an older image.
+        raise InputError(
+            f"--grid is {text!r}: voxels {spacing:g} m wide, two along each axis at most; pass a spacing such as 2mm"
+        )
+    return grid
 
 
 def outline_mesh(outline: str, capture: Capture) -> TriangleMesh:

@@ -69,9 +69,7 @@ def simulate(
     spreading: Annotated[str, typer.Option(help="Amplitude over path length: none, as in the paper, or 1/d.")] = "none",
     snr_db: Annotated[float | None, typer.Option(help="Add white noise at this signal-to-noise ratio [dB].")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the noise.")] = 0,
-    plot: Annotated[
-        Path | None, typer.Option(help="Write a picture of aperture and range profiles (PNG, SVG, PDF).")
-    ] = None,
+    plot: Annotated[Path | None, typer.Option(help="Write a picture of the range profiles (PNG, SVG, PDF).")] = None,
 ) -> None:
     """Simulate what a radar measures of a mesh.
 
