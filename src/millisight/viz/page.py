@@ -25,7 +25,8 @@ header { padding-top: 2.5rem; }
 h1 { font-size: 2rem; line-height: 1.2; margin: 0 0 1rem; }
 h2 { font-size: 1.3rem; line-height: 1.3; margin: 0 0 .75rem; }
 p { max-width: 46rem; margin: 0 0 1rem; }
-nav ol { columns: 18rem; margin: 0 0 1.5rem; padding-left: 1.4rem; }
+nav ol { columns: 18rem; column-gap: 2.5rem; margin: 0 0 1.5rem; padding: 0; }
+nav li { margin-left: 1.5rem; break-inside: avoid; }
 a { color: #0b5cad; }
 section { background: var(--paper); border: 1px solid var(--line); border-radius: 8px; padding: 1.5rem;
   margin: 0 0 1.5rem; }
