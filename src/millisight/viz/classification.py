@@ -69,7 +69,13 @@ def _draw_bars(axes: Axes, prediction: Prediction) -> None:
     colours = [GREY] * len(names)
     colours[int(np.argmax(shares))] = BLUE if prediction.sure else ORANGE
     bars = axes.barh(np.arange(len(names)), shares, height=0.7, color=colours, zorder=2)
-    axes.bar_label(bars, [f"{share:.2f}" for share in shares], padding=3)
+    axes.bar_label(
+        bars,
+        [f"{share:.2f}" for share in shares],
+        padding=3,
+        bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5},
+        zorder=4,
+    )
     label = "probability"
     if prediction.threshold > 0:
         label += f" (dashed: sure from {prediction.threshold:.2f})"

@@ -101,7 +101,7 @@ def plot_examples(examples: np.ndarray, titles: Sequence[str], *, channels: Sequ
     unknown = [name for name in channels if name not in CHANNELS]
     if unknown:
         raise InputError(f"channels {unknown} are unknown; expected some of {list(CHANNELS)}")
-    size = (_PANEL * 0.8 * len(channels) + 1, _PANEL * 0.8 * len(examples) + 0.3)
+    size = (_PANEL * 0.55 * len(channels) + 1, _PANEL * 0.6 * len(examples) + 0.3)
     figure, axes = plt.subplots(len(examples), len(channels), figsize=size, squeeze=False)
     for number, (row, title, example) in enumerate(zip(axes, titles, examples, strict=True)):
         for place, name in zip(row, channels, strict=True):
