@@ -23,6 +23,7 @@ help:
 setup: $(VENV)/setup.stamp
 
 $(VENV)/setup.stamp: pyproject.toml constraints.txt
+	@echo "installing into $(VENV), some minutes"
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(PIP) install --quiet --upgrade "pip>=25.1"
 	$(PIP) install --quiet --constraint constraints.txt --group dev --editable ".[$(EXTRAS)]"
@@ -31,6 +32,7 @@ $(VENV)/setup.stamp: pyproject.toml constraints.txt
 setup-train: $(VENV)/train.stamp
 
 $(VENV)/train.stamp: $(VENV)/setup.stamp
+	@echo "installing torch into $(VENV), some minutes"
 	$(PIP) install --quiet --constraint constraints.txt --editable ".[$(EXTRAS),train]"
 	touch $@
 
