@@ -222,6 +222,13 @@ def test_foreign_files_are_named(tmp_path):
     (tmp_path / "text.h5").write_text("not HDF5")
     with pytest.raises(FormatError, match="is not an HDF5 file"):
         ms.load(tmp_path / "text.h5")
+    (tmp_path / "empty.h5").touch()
+    with pytest.raises(FormatError, match=r"empty\.h5 is empty; expected an HDF5 file"):
+        ms.load(tmp_path / "empty.h5")
+    for name in ("part.STL", "part.ply", "part.obj"):
+        (tmp_path / name).write_text("solid part")
+        with pytest.raises(FormatError, match=rf"{name} is a mesh; `millisight simulate` makes a capture of it"):
+            ms.load(tmp_path / name)
     with h5py.File(tmp_path / "other.h5", "w") as file:
         file["data"] = [1, 2, 3]
     with pytest.raises(FormatError, match="not written by millisight"):

@@ -239,7 +239,7 @@ def _opened(path: str | os.PathLike[str]) -> Iterator[Any]:
         start = raw.read(8)
         sealed = seal_holds(raw)
     if start != b"\x89HDF\r\n\x1a\n":
-        raise FormatError(f"{path} is not an HDF5 file (it starts with {start!r}); expected one that millisight wrote")
+        raise FormatError(f"{path} {_instead(path, start)}")
     if sealed is False:
         raise DamagedFileError(f"{path} is damaged: it differs from its seal; make or copy it again")
     try:
@@ -263,6 +263,17 @@ def _opened(path: str | os.PathLike[str]) -> Iterator[Any]:
                 f"{path} has lost its seal: it is damaged, or another program changed it; make or copy it again"
             )
         yield file
+
+
+def _instead(path: Path, start: bytes) -> str:
+    """What a file is that begins with `start`, no HDF5."""
+    from millisight.scene.load import FORMATS
+
+    if not start:
+        return "is empty; expected an HDF5 file that millisight wrote: make or copy it again"
+    if path.suffix.lower().removeprefix(".") in FORMATS:
+        return "is a mesh; `millisight simulate` makes a capture of it"
+    return f"is not an HDF5 file (it starts with {start!r}); expected one that millisight wrote"
 
 
 def _write(group: Any, record: Any, sink: _Sink) -> None:
