@@ -16,6 +16,8 @@ Every message says what came, what was expected, and what to do.
 from collections.abc import Iterable
 from difflib import get_close_matches
 
+_FEW = 20  # Names: a longer list is printed only where none of it is close, since it would drown the one that is.
+
 
 class MillisightError(Exception):
     """Base of every error raised on purpose by millisight."""
@@ -36,11 +38,17 @@ class CoverageError(InputError):
 class UnknownNameError(MillisightError, LookupError):
     """No radar, object, material, model, window or format goes by this name."""
 
-    def __init__(self, kind: str, name: object, known: Iterable[str]):
+    def __init__(self, kind: str, name: object, known: Iterable[str], *, advice: str = ""):
         known = sorted(known)
-        close = get_close_matches(str(name).lower(), [k.lower() for k in known], n=1, cutoff=0.5)
-        hint = next((f" Did you mean {k!r}?" for k in known if close and k.lower() == close[0]), "")
-        super().__init__(f"unknown {kind} {name!r}.{hint} Known: {', '.join(known)}.")
+        few = len(known) <= _FEW
+        by_lower = {k.lower(): k for k in known}
+        close = get_close_matches(str(name).lower(), by_lower, n=1 if few else 3, cutoff=0.5)
+        sentences = [f"unknown {kind} {name!r}."]
+        if close:
+            sentences.append(f"Did you mean {' or '.join(repr(by_lower[k]) for k in close)}?")
+        if few or not close:
+            sentences.append(f"Known: {', '.join(known)}.")
+        super().__init__(" ".join([*sentences, advice]).rstrip())
 
 
 class FileError(MillisightError, OSError):

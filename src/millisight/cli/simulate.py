@@ -3,15 +3,17 @@
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 
 from millisight.capture.capture import Capture
 from millisight.capture.noise import add_noise, check_noise
 from millisight.capture.radar import Radar
+from millisight.capture.scattering import MODELS, ScatteringModel
 from millisight.capture.simulate import simulate as simulate_capture
 from millisight.capture.trajectory import Trajectory
 from millisight.cli.console import check_outputs, length, progress, say, size
-from millisight.errors import CoverageError, InputError
+from millisight.errors import CoverageError, InputError, UnknownNameError
 from millisight.imaging.image import combine
 from millisight.scene.scene import Scene
 
@@ -84,12 +86,15 @@ def simulate(
     if snr_db is not None:
         check_noise(snr_db, seed)
     chosen = Radar.preset(radar)
+    _check_model(model, tau_deg, edge_deg)
+    _trajectory(aperture, step, height, chosen, np.zeros(3))  # what is wrong is said now, not after the mesh's work
     with progress("mesh"):
         scene = Scene.from_mesh(mesh, unit=unit, vertices=vertices or None, rotate_deg=rotate, material=material)
     extent = scene.mesh.extent
     say(f"object: {scene.objects[0].name}, {' x '.join(f'{e * 100:.1f}' for e in extent)} cm, "
         f"{len(scene.mesh.vertices)} vertices, {scene.objects[0].material.name}")  # fmt: skip
     trajectory = _trajectory(aperture, step, height, chosen, extent)
+    check_coverage(trajectory, extent, trajectory.positions[0, 2])
     say(f"aperture: {len(trajectory)} positions over "
         f"{' x '.join(f'{e * 100:.1f}' for e in trajectory.extent[:2])} cm, {chosen.name}")  # fmt: skip
 
@@ -123,20 +128,24 @@ def simulate(
         say(f"wrote {plot}")
 
 
-def _trajectory(aperture: str | None, step: str | None, height: str, radar: Radar, extent) -> Trajectory:
-    """The raster asked for, checked to cover the object."""
+def _check_model(model: str, tau_deg: float, edge_deg: float) -> None:
+    """Refuse before the work a model that is none, and angles that are none of its own."""
+    if model not in (*MODELS, "combined"):
+        raise UnknownNameError("scattering model", model, (*MODELS, "combined"))
+    ScatteringModel(tau_deg=tau_deg, edge_deg=edge_deg)
+
+
+def _trajectory(aperture: str | None, step: str | None, height: str, radar: Radar, extent: np.ndarray) -> Trajectory:
+    """The raster asked for, around an object of this (3,) extent [m] where no aperture is."""
     center = (0.0, 0.0, length(height, option="--height"))
     if aperture == "published":
         if step is not None:
             raise InputError("--aperture published has its own step, a quarter wavelength; leave --step out")
         published = Trajectory.published(radar.waveform.start_frequency)
-        trajectory = Trajectory(times=published.times, positions=published.positions - [0, 0, 0.2] + center)
-    else:
-        spacing = length(step, option="--step") if step is not None else radar.waveform.wavelength / 2
-        area = size(aperture, option="--aperture") if aperture is not None else tuple(extent[:2] + 2 * _MARGIN)
-        trajectory = Trajectory.raster(size=area, step=spacing, center=center)
-    check_coverage(trajectory, extent, center[2])
-    return trajectory
+        return Trajectory(times=published.times, positions=published.positions - [0, 0, 0.2] + center)
+    spacing = length(step, option="--step") if step is not None else radar.waveform.wavelength / 2
+    area = size(aperture, option="--aperture") if aperture is not None else tuple(extent[:2] + 2 * _MARGIN)
+    return Trajectory.raster(size=area, step=spacing, center=center)
 
 
 def check_coverage(trajectory: Trajectory, extent, height: float) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from millisight.errors import InputError
+from millisight.errors import InputError, UnknownNameError
 from millisight.files import printable
 from millisight.geometry import rotation_from_euler_deg
 from millisight.records import checked_array, checked_numbers, checked_record, put, record
@@ -141,8 +141,10 @@ def _resolve(source: Any, unit: str | None) -> tuple[str, TriangleMesh, str | Ma
     if isinstance(source, str) and not os.path.exists(source) and not os.path.splitext(source)[1]:
         from millisight.scene.objects import CATALOGUE, build_object
 
-        mesh = build_object(source)  # raises for an unknown name
-        return source, mesh, CATALOGUE[source].material_of_whole
+        if source not in CATALOGUE:
+            advice = "A mesh file needs its suffix, such as .stl."
+            raise UnknownNameError("catalogue object", source, CATALOGUE, advice=advice)
+        return source, build_object(source), CATALOGUE[source].material_of_whole
     from millisight.scene.load import load_mesh
 
     name = Path(source).stem if isinstance(source, str | os.PathLike) else "mesh"
