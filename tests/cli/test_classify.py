@@ -119,6 +119,7 @@ def test_json_is_all_that_is_said(mug, run, tmp_path):
     assert json.loads(line) == json.loads((tmp_path / "mug.json").read_text())
     code, out, err, _ = run("mug.image.h5", "mug24.h5", "--method", "classical", "--json")
     assert [json.loads(line)["name"] for line in out.splitlines()] == ["mug", "mug24"]
+    assert err.count("gets one band") == 1
     assert "classified 2 of 2 images" in err
 
 
@@ -200,6 +201,10 @@ def test_the_network_is_run(mug, run, tmp_path, monkeypatch):
         assert sum(told["probabilities"].values()) == pytest.approx(1)
     own.write_bytes(own.read_bytes()[:-1])
     assert "own.onnx is not the file that own.json describes" in run(*asked)[3]
+    own.with_suffix(".json").unlink()
+    assert run(*asked)[3] == "own.json: no such file; it describes own.onnx, and must lie beside it"
+    own.unlink()
+    assert run(*asked)[3] == "own.onnx: no such file"
 
 
 def write_network(path, weights, onnx):
@@ -246,7 +251,7 @@ def test_without_onnx_runtime_it_says_what_to_install(mug, run, monkeypatch):
         (["a.h5", "--method", "sem"], "unknown segmenter 'sem'"),
         (["a.h5", "--mask", "a.h5"], "a.h5 holds a SarImage; expected a Mask"),
         (["a.mask.h5", "--mask", "a.mask.h5"], "a.mask.h5 holds a Mask; expected a SarImage"),
-        (["a.h5", "--mask", "empty"], f"{Path('empty/a.mask.h5')}: no such file"),
+        (["a.h5", "--mask", "empty"], "empty holds no mask of a; expected a.mask.h5 there: `millisight segment` may"),
         (["a.h5", "--mask", "other.mask.h5"], "with the mask of other.mask.h5: the mask is on another grid"),
         (["a.h5", "--method", "classical", "-o", "a.mask.h5"], "ends in .json"),
         (["a.h5", "a.mask.h5", "--mask", "a.mask.h5"], "belong to one image"),
@@ -261,7 +266,9 @@ def test_what_cannot_be_is_refused_and_writes_nothing(tmp_path, run, arguments, 
     ms.save(tmp_path / "a.mask.h5", mask())
     smaller = ms.PixelGrid(x=GRID.x[1:], y=GRID.y)
     ms.save(tmp_path / "other.mask.h5", ms.Mask(grid_xy=smaller, inside=mask().inside[1:]))
-    assert message in run(*arguments)[3]
+    _, _, err, error = run(*arguments)
+    assert message in error
+    assert "gets one band" not in err
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.h5", "a.mask.h5", "empty", "other.mask.h5"]
 
 

@@ -48,6 +48,13 @@ def test_one_image_gives_a_mask_and_a_picture(tmp_path, here):
     assert not (tmp_path / "again.png").exists()
 
 
+def test_of_prompts_is_spoken_only_where_some_are_asked_for(tmp_path, here):
+    pytest.importorskip("onnxruntime")
+    ms.save(tmp_path / "mug.image.h5", image())
+    out = here("mug.image.h5", "--no-picture")[1]
+    assert re.fullmatch(r"mug: mask of \d+ pixels, \d+\.\d %, by wave; wrote mug\.mask\.h5\n", out)
+
+
 @pytest.fixture
 def dataset(tmp_path):
     return publish(tmp_path / "data")

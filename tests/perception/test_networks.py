@@ -129,7 +129,7 @@ def test_what_describes_no_weights_is_refused(tmp_path, content, message):
 
 
 def test_a_description_that_is_missing_or_huge_is_refused(tmp_path, monkeypatch):
-    with pytest.raises(FileError, match=r"w\.json: no such file"):
+    with pytest.raises(FileError, match=r"w\.json: no such file; it describes w\.onnx, and must lie beside it"):
         read_description(tmp_path / "w.json")
     monkeypatch.setattr(networks, "_MOST_DESCRIPTION", 10)
     (tmp_path / "w.json").write_text('{"sha256": "ab"}')

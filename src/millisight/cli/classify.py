@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -20,8 +20,8 @@ from millisight.cli.image_sources import (
     read_as,
 )
 from millisight.cli.options import Images, Multispectral, RadarChoice
-from millisight.errors import InputError
-from millisight.files import make_folder, write_text
+from millisight.errors import FileError, InputError
+from millisight.files import make_folder, printable, write_text
 from millisight.imaging.image import SarImage
 from millisight.perception.segmentation import Mask, Segmenter, find_mask
 
@@ -44,6 +44,7 @@ class _Settings:
     seed: int
     picture: bool
     as_json: bool
+    notes: set[str] = field(default_factory=set)  # that were said
 
 
 def classify(
@@ -123,12 +124,6 @@ def classify(
         picture=not no_picture,
         as_json=as_json,
     )
-    bands = settings.classifier.bands
-    if len(bands) > 1 and any(source.other is None for source in found):
-        _note(
-            f"the classifier looks at {' and '.join(bands)}, and gets one band; --other-band, or --multispectral of a "
-            "dataset, gives it both"
-        )
     if len(found) == 1 and not any(path.is_dir() for path in images):
         if output is not None and output.suffix.lower() != ".json":
             raise InputError(f"--output is {output}; expected a name that ends in .json")
@@ -164,6 +159,13 @@ def _classify_one(source: ImageSource, to: Path | None, settings: _Settings) -> 
         prediction = settings.classifier.classify(image, mask, other_band=other)
     except InputError as error:
         raise error if how["file"] is None else InputError(f"with the mask of {how['file']}: {error}") from error
+    bands = settings.classifier.bands
+    if other is None and len(bands) > 1:
+        _note_once(
+            f"the classifier looks at {' and '.join(bands)}, and gets one band; --other-band, or --multispectral of a "
+            "dataset, gives it both",
+            settings,
+        )
     told = _told(source, prediction, how, settings)
     if to is not None:
         write_text(to, json.dumps(told, indent=2) + "\n")
@@ -209,11 +211,25 @@ def _mask(
 
 
 def _mask_file(source: ImageSource, settings: _Settings) -> Path | None:
-    """The file to read the mask from; None: it is to be found."""
-    if settings.masks is not None:
-        return source.output(MASK_SUFFIX, settings.masks) if settings.masks.is_dir() else settings.masks
-    beside = source.output(MASK_SUFFIX)
-    return beside if settings.method is None and beside.is_file() else None
+    """The file to read the mask from; None: it is to be found.
+
+    Raises
+    ------
+    FileError
+        The folder with the masks holds none of this image.
+    """
+    if settings.masks is None:
+        beside = source.output(MASK_SUFFIX)
+        return beside if settings.method is None and beside.is_file() else None
+    if not settings.masks.is_dir():
+        return settings.masks
+    path = source.output(MASK_SUFFIX, settings.masks)
+    if not path.exists():
+        raise FileError(
+            f"{printable(settings.masks)} holds no mask of {source.name}; expected {printable(path.name)} there: "
+            "`millisight segment` may have failed on this image"
+        )
+    return path
 
 
 def _made_by(path: Path) -> Mapping[str, Any]:
@@ -266,6 +282,12 @@ def _say_bars(prediction: "Prediction") -> None:
         say(f"  {prediction.class_names[i]:<{width}}  {share:.2f}  {'#' * round(_BAR * share)}".rstrip())
     if prediction.threshold > 0:
         say(f"  sure from {prediction.threshold:.2f}")
+
+
+def _note_once(line: str, settings: _Settings) -> None:
+    if line not in settings.notes:
+        settings.notes.add(line)
+        _note(line)
 
 
 def _note(line: str) -> None:

@@ -153,9 +153,9 @@ def _segment_one(source: ImageSource, to: Path, by: Segmenter, settings: _Settin
         largest=settings.largest,
     )
     save(to, found.mask, extras={"segmentation": _told(found, source, settings)})
-    asked = "no prompts" if found.prompts is None else f"{len(found.prompts.points)} prompts"
+    asked = "" if found.prompts is None else f" from {len(found.prompts.points)} prompts"
     share = f"{int(found.inside.sum())} pixels, {100 * found.inside.mean():.1f} %"
-    say(f"{source.name}: mask of {share}, by {by.name} from {asked}; wrote {to}")
+    say(f"{source.name}: mask of {share}, by {by.name}{asked}; wrote {to}")
     if drawn is not None:
         from millisight.viz.segmentation import plot_segmentation
         from millisight.viz.style import save_figure

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from millisight.errors import DamagedFileError, FormatError, InputError
-from millisight.files import printable
+from millisight.files import check_readable, printable
 from millisight.imaging.image import SarImage
 from millisight.perception import classifier_features, wave_features
 from millisight.perception.networks import open_network, read_description
@@ -98,7 +98,7 @@ class Classifier:
     """
 
     def __init__(self, weights: str | os.PathLike[str] | None = None):
-        path = Path(WEIGHTS if weights is None else weights)
+        path = check_readable(WEIGHTS if weights is None else weights)
         self.description: Mapping[str, Any] = _description(path.with_suffix(".json"))
         self.name: str = self.description["name"]
         self.class_names: tuple[str, ...] = tuple(self.description["class_names"])

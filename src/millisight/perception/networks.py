@@ -10,8 +10,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from millisight.errors import DamagedFileError, FormatError
-from millisight.files import atomic_path, check_readable, printable, write_text
+from millisight.errors import DamagedFileError, FileError, FormatError
+from millisight.files import atomic_path, check_readable, checked_path, printable, write_text
 
 if TYPE_CHECKING:
     from torch import Tensor, nn
@@ -34,12 +34,16 @@ def read_description(path: str | os.PathLike[str], *keys: str) -> dict[str, Any]
     Raises
     ------
     FileError
-        It cannot be read.
+        It is not there, or cannot be read.
     FormatError
         It is too large for a description.
     DamagedFileError
         It is no JSON object, an entry is missing, or `sha256` is no text.
     """
+    path = checked_path(path)
+    if not path.exists():
+        weights = printable(path.with_suffix(".onnx").name)
+        raise FileError(f"{printable(path)}: no such file; it describes {weights}, and must lie beside it")
     path = _of_size(check_readable(path), _MOST_DESCRIPTION, "a description of weights")
     try:
         told = json.loads(path.read_text(encoding="utf-8"))
