@@ -2,11 +2,23 @@
 
 import subprocess
 import sys
+from typing import Any
 
+import typer
 from typer.testing import CliRunner
 
 from millisight.cli.app import app
 from millisight.errors import MillisightError
+
+
+def _commands(name, command):
+    yield name, command
+    for part, inner in getattr(command, "commands", {}).items():
+        yield from _commands(f"{name} {part}", inner)
+
+
+COMMANDS: dict[str, Any] = dict(_commands("millisight", typer.main.get_command(app)))
+"""Each by its words."""
 
 
 def run(*arguments, cwd, timeout=240, **settings):

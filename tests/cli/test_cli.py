@@ -14,7 +14,8 @@ import pytest
 import trimesh
 
 import millisight as ms
-from commands import refused, run
+from commands import COMMANDS, refused, run
+from millisight.cli.main import GO_ON
 
 COARSE = ["--vertices", "800", "--radar", "mito-sim-24ghz"]
 
@@ -264,6 +265,11 @@ def test_interrupted_while_it_still_imports(tmp_path, number, delay):
     process.send_signal(number)
     _, err = process.communicate(timeout=120)
     assert (process.returncode, err.splitlines()) == (128 + number, [INTERRUPTED])
+
+
+def test_the_commands_that_are_said_to_go_on_are_those_whose_help_says_so():
+    told = {name.removeprefix("millisight "): " ".join(command.help.split()) for name, command in COMMANDS.items()}
+    assert sorted(name for name, text in told.items() if "Run it again to go on after an" in text) == list(GO_ON)
 
 
 LOST = """

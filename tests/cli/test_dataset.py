@@ -167,7 +167,8 @@ def test_ctrl_c_ends_in_one_line_leaves_no_process_and_can_be_resumed(miniature,
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to all of them
     out, err = process.communicate(timeout=60)
     assert process.returncode == 130
-    assert err == "millisight: interrupted; files that were being written are left as they were before\n"
+    line = "interrupted; files that were being written are left as they were before; the same command goes on from here"
+    assert err == f"millisight: {line}\n"
     assert out == ""
     wait_for(lambda: not alive(process.pid))
     assert not (tmp_path / "o" / ".partial").exists()

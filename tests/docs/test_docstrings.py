@@ -9,11 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-import typer
 
 import millisight as ms
+from commands import COMMANDS
 from millisight import errors
-from millisight.cli.app import app
 from millisight.records import record
 from millisight.viz import plots
 
@@ -31,16 +30,6 @@ SHOWN = {
     for name, thing in documented(room).items()
 }
 FIGURES = {name: getattr(plots, name) for name in plots.__all__}
-
-
-def commands(name="millisight", command=None):
-    command = command or typer.main.get_command(app)
-    yield name, command
-    for part, inner in getattr(command, "commands", {}).items():
-        yield from commands(f"{name} {part}", inner)
-
-
-COMMANDS = dict(commands())
 
 
 def test_there_is_something_to_look_at():

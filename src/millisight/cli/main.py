@@ -4,6 +4,12 @@ import sys
 
 from millisight.cli import interrupts
 
+GO_ON = (
+    "dataset convert", "dataset download", "evaluate classification", "evaluate segmentation", "generate",
+    "train classifier", "train segmenter",
+)  # fmt: skip
+"""Commands that keep what is done for their next run."""
+
 
 def run() -> None:
     """Run the command line; every error of ours is one line and exit code 1, Ctrl-C is 130, SIGTERM 143."""
@@ -25,7 +31,10 @@ def _ending(error: BaseException) -> tuple[str, int]:
     """The line that tells of an error and the exit code; no line where it is no error, or none that we know."""
     if interrupts.received() and not isinstance(error, SystemExit):
         # Whatever was raised: an interrupted import, for one, may end in an ImportError.
-        return "interrupted; files that were being written are left as they were before", 128 + interrupts.received()
+        line = "interrupted; files that were being written are left as they were before"
+        if " ".join(sys.argv[1:3]).startswith(GO_ON):
+            line += "; the same command goes on from here"
+        return line, 128 + interrupts.received()
     from millisight.cli.console import in_options
     from millisight.errors import MillisightError
 
