@@ -32,6 +32,7 @@ DESCRIPTIONS = {
     "seeded": {**TOLD, "seed": 76},
     "rig": {**TOLD, "physics": "By hand: the same"},
     "silent": {"sha256": "6"},
+    "blind": {**TOLD, "classes": {}},
 }
 
 
@@ -181,7 +182,10 @@ def test_leaks_are_refused_before_the_work(work, weights, said):
 def test_what_tests_nothing_is_refused(work):
     done = run(work, "--object", "073-a_lego_duplo", weights=("posed",))
     assert isinstance(done.exception, InputError)
-    assert "no image that is a test. Left out of mine: 2 in a pose of training" in str(done.exception)
+    said = "no image that is a test. Left out of mine, which knows can, handle, box, sphere: 2 {}"
+    assert str(done.exception).endswith(said.format("in a pose of training (a_lego_duplo)"))
+    done = run(work, "--object", "074-x_wide", weights=("blind",))
+    assert said.format("of no class that it knows (wide); name an object in `classes` and in") in str(done.exception)
 
 
 def test_it_goes_on_where_it_stopped_and_a_damaged_scene_stops_no_other(work):

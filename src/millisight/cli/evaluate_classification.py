@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
 
 _CLOCKED = 8  # scenes, at most
+_NAMED = 5  # objects in a message
 _SAID = ("classifiers", "object-closed", "object-disjoint", "times")
 
 
@@ -40,6 +41,7 @@ class _Candidate(NamedTuple):
 
     weights: str | None
     variant: "Variant"
+    class_names: tuple[str, ...]
     training: "Training"
     plan: "Plan"
 
@@ -91,8 +93,7 @@ def classification(
     candidates = _candidates(_paths(weights), list(known.values()), physics, found)
     wanted = {one.weights: [known[scene] for scene in one.plan.placed] for one in candidates}
     if not any(wanted.values()):
-        why = "; ".join(f"{one.training.name}: {_left_out(one)}" for one in candidates)
-        raise InputError(f"{root} holds no image that is a test. Left out of {why}")
+        raise InputError(f"{root} holds no image that is a test. {_why_none(candidates, known)}")
     with progress("classify", compiles=False) as report:
         heard = ask(wanted, output / "answers", settings, method=method, workers=workers, progress=report)
     if heard.kept:
@@ -138,7 +139,7 @@ def _candidates(
     for path, by, variant in zip(paths, loaded, _variants(paths, loaded), strict=True):
         training = training_of(variant.name, by.description)
         classes = classes_of(by.description, by.class_names)
-        candidates.append(_Candidate(path, variant, training, plan(training, images, classes)))
+        candidates.append(_Candidate(path, variant, by.class_names, training, plan(training, images, classes)))
     return candidates
 
 
@@ -214,9 +215,25 @@ def _segmenter(by: "Segmenter", tested: set[str]) -> str:
     return f"{by.name}{told or ', whose network saw none of the tested objects'}"
 
 
-def _left_out(one: _Candidate) -> str:
-    """How many images stand in no table, and why."""
-    return ", ".join(f"{len(some)} {reason}" for reason, some in sorted(one.plan.left_out.items()))
+def _why_none(candidates: Sequence[_Candidate], scenes: "Mapping[str, SceneFiles]") -> str:
+    """How many images, and of what, each classifier was not asked about; and what helps."""
+    from millisight.evaluation.leaks import NO_CLASS
+
+    told = []
+    for one in candidates:
+        left_out = (
+            f"{len(some)} {reason} ({_few({scenes[scene].object for scene in some})})"
+            for reason, some in sorted(one.plan.left_out.items())
+        )
+        told.append(f"{one.training.name}, which knows {', '.join(one.class_names)}: {', '.join(left_out)}")
+    if any(NO_CLASS in one.plan.left_out for one in candidates):
+        told[-1] += "; name an object in `classes` and in `tests` of the recipe of training to tell its class"
+    return f"Left out of {'; of '.join(told)}"
+
+
+def _few(names: set[str]) -> str:
+    some = sorted(names)
+    return ", ".join(some[:_NAMED]) + (f" and {len(some) - _NAMED} more" if len(some) > _NAMED else "")
 
 
 def _times(
