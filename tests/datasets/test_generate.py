@@ -61,6 +61,10 @@ def test_it_is_a_dataset_of_the_published_layout(made, tmp_path):
     out, _, _ = made
     found = find(out)
     assert [one.folder.name for one in found.objects] == ["058_golf_ball", "tripod_EMPTY", "tripod_background"]
+    assert {p.name for p in out.iterdir() if not p.name.startswith(".")} == {
+        "058_golf_ball", "tripod_EMPTY", "tripod_background", "README.md", "manifest.jsonl", "splits.json", "truth",
+    }  # fmt: skip
+    assert found.stray == ()
     kinds = {(part.sight if hasattr(part, "sight") else "", i.kind, i.radar, i.ext)
              for part in found.objects[0].parts for i in part.items}  # fmt: skip
     assert kinds == {

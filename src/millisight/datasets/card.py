@@ -8,9 +8,9 @@ from millisight.datasets.jobs import EMPTY_FOLDERS, Job
 from millisight.datasets.manifest import MANIFEST_NAME, Manifest
 from millisight.datasets.recipe import Recipe
 from millisight.datasets.rig_job import RigJob
-from millisight.datasets.splits import SPLITS_NAME
 from millisight.datasets.things import MESH_NAME, Thing
 from millisight.files import write_text
+from millisight.io.mito_names import SPLITS_NAME, TRUTH
 
 CARD_NAME = "README.md"
 
@@ -94,7 +94,7 @@ def _places(recipe: Recipe) -> str:
         f"- `{raw}`, `{image}`: the empty scene, raw and as an image; its first frame is subtracted from what became "
         "24 GHz images here.",
         f"- `<id>_<name>/{MESH_NAME}`: the mesh at the angles 0_0_0, in metres.",
-        "- `truth/`: what no real rig could tell: the true path, each object's pixels in the picture, the world as "
+        f"- `{TRUTH}/`: what no real rig could tell: the true path, each object's pixels in the picture, the world as "
         "WORLD.toml, and `job.json`, from which the files follow.",
         f"- `{SPLITS_NAME}`: by object and by pose, disjoint. `{MANIFEST_NAME}`: every file and its SHA-256.",
     ]

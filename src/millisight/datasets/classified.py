@@ -20,7 +20,7 @@ from millisight.evaluation.masks import score_mask
 from millisight.evaluation.segmentation import HIGH, LOW
 from millisight.files import make_folder, read_toml
 from millisight.imaging.image import SarImage
-from millisight.io.mito_names import angles_of
+from millisight.io.mito_names import TRUTH, angles_of
 from millisight.perception import classification
 from millisight.perception.classification import Classifier, Prediction
 from millisight.perception.segmentation import Mask, segment
@@ -59,7 +59,7 @@ def origins(dataset: Dataset, scenes: Sequence[SceneFiles]) -> dict[str, Origin]
     found = {}
     for files in scenes:
         folder, turned, rest = files.name.split("/", 2)
-        worlds = sorted((dataset.root / "truth" / folder / "robot_collected" / turned / rest).glob("*/world.toml"))
+        worlds = sorted((dataset.root / TRUTH / folder / "robot_collected" / turned / rest).glob("*/world.toml"))
         told = [read_toml(path, "world") for path in worlds]
         found[files.name] = Origin(
             angles=angles_of(turned) or (0, 0, 0),

@@ -26,13 +26,10 @@ from millisight.datasets.things import Thing, prepare
 from millisight.errors import FileError, InputError
 from millisight.files import make_folder, printable, write_text
 from millisight.io.hdf5 import SCHEMA_VERSION
-from millisight.io.mito_names import INFO, INFO_NAME, RAW, kind_of
+from millisight.io.mito_names import INFO, INFO_NAME, RAW, TRUTH, kind_of
 from millisight.records import record
 
 Progress = Callable[[int, int], None]
-
-TRUTH = "truth"
-"""The kind of files that hold what only a virtual rig can know, or how it was asked for."""
 
 _VERSION = 1  # of the generator: another one, and everything is made anew
 _PARTIAL_NAME = ".partial"

@@ -21,6 +21,8 @@ from millisight.io.mito_names import (
     RAW,
     RAW_CAPTURE,
     SIGHTS,
+    SPLITS_NAME,
+    TRUTH,
     angles_of,
     experiment_of,
     kind_of,
@@ -33,6 +35,7 @@ SIMULATED_EXTS = ("_specular", "_edges")
 _SCENES = {"EMPTY": "empty", "background": "background"}
 _MESHES = (".stl", ".obj", ".ply")
 _TEXTURES = (".mtl", ".png", ".jpg")
+_BESIDE = (SPLITS_NAME, TRUTH)
 
 
 def find(root: str | os.PathLike[str]) -> Dataset:
@@ -48,7 +51,7 @@ def find(root: str | os.PathLike[str]) -> Dataset:
     for entry in _listed(root):
         if entry.is_dir() and object_of(entry.name):
             objects.append(_Walk(Path(entry.path)).object())
-        elif not entry.name.startswith(".") and not entry.name.endswith((".md", ".jsonl")):
+        elif not (entry.name in _BESIDE or entry.name.startswith(".") or entry.name.endswith((".md", ".jsonl"))):
             stray.append(entry.name)
     # A folder of the layout has at least one of these; any other folder may be named with an underscore too.
     known = [one for one in objects if one.experiments or one.simulations]

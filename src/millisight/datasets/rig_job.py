@@ -18,7 +18,7 @@ from millisight.imaging.form import form_image
 from millisight.imaging.grid import VoxelGrid
 from millisight.io.hdf5 import open_capture, save
 from millisight.io.mito_layout import radar_folder, read_experiment, read_published, write_published
-from millisight.io.mito_names import INFO_NAME, RAW_CAPTURE, RAW_LOG
+from millisight.io.mito_names import INFO_NAME, RAW_CAPTURE, RAW_LOG, TRUTH
 from millisight.io.mito_setup import published_box
 from millisight.records import record
 from millisight.rig.recorder import CAPTURE_NAME, record_scan
@@ -71,7 +71,7 @@ class RigJob:
     @property
     def truth(self) -> str:
         """Where what only the rig knows goes, relative to the dataset."""
-        return f"truth/{self.key}"
+        return f"{TRUTH}/{self.key}"
 
     @property
     def owned(self) -> tuple[str, ...]:

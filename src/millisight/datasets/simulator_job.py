@@ -20,6 +20,7 @@ from millisight.files import make_folder
 from millisight.imaging.form import form_image
 from millisight.imaging.grid import VoxelGrid
 from millisight.io.mito_layout import radar_folder, write_published
+from millisight.io.mito_names import TRUTH
 from millisight.records import record
 from millisight.rig.virtual.camera import footprint
 from millisight.rig.virtual.stage import Stage, StagedObject
@@ -80,7 +81,7 @@ class SimulatorJob:
     @property
     def truth(self) -> str:
         """Where the job's description goes, relative to the dataset."""
-        return f"truth/{self.key}"
+        return f"{TRUTH}/{self.key}"
 
     @property
     def owned(self) -> tuple[str, ...]:

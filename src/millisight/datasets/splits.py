@@ -14,9 +14,8 @@ from millisight.datasets.jobs import Job
 from millisight.datasets.recipe import Recipe, Shares
 from millisight.datasets.rig_job import RigJob
 from millisight.files import write_text
-from millisight.io.mito_names import object_of
+from millisight.io.mito_names import SPLITS_NAME, object_of
 
-SPLITS_NAME = "splits.json"
 SIDES = ("train", "val", "test")
 
 

@@ -21,6 +21,9 @@ INFO_NAME = "experiment_info.json"
 RAW_CAPTURE, RAW_LOG = "capture.h5", "robot_log.h5"
 """What a converted folder of raw radar files holds."""
 
+TRUTH, SPLITS_NAME = "truth", "splits.json"
+"""What a generated dataset has beside its objects: what only a virtual rig can know, and who trains and who tests."""
+
 IMAGE, RADAR_MASK, CAMERA_FRAME, CAMERA_MASK, RAW, INFO = (
     "image", "radar mask", "camera frame", "camera mask", "raw", "info",
 )  # fmt: skip
