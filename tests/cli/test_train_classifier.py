@@ -1,18 +1,23 @@
 """`millisight train classifier` on a recipe made in seconds: what it writes, and what its options change."""
 
+import re
+import shlex
 import shutil
 import tomllib
 from pathlib import Path
 
 import pytest
 
-from commands import refused
+from commands import COMMANDS, refused
 from millisight.cli.train import classifier
 from millisight.datasets.recipefile import record_from_file
 from millisight.errors import FormatError
+from millisight.evaluation.classes import DISJOINT
+from millisight.evaluation.leaks import classes_of, side_of, training_of
 from millisight.perception.training_classifier import ClassifierRecipe
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
+PAGE = Path(__file__).parents[2] / "docs/how-to/train-classifier.md"
 
 TEXT = """
 name = "tiny"
@@ -21,7 +26,7 @@ examples = 4
 scenes = 2
 vertices = 200
 spacing = [0.008, 0.008, 0.02]
-tests = ["plum"]
+tests = ["{tests}"]
 {extra}
 [classes]
 {classes}
@@ -33,9 +38,9 @@ seed = 1
 TWO = 'box = ["dice"]\nsphere = ["golf_ball", "plum"]'
 
 
-def written(folder, *, extra="", classes=TWO):
+def written(folder, *, extra="", classes=TWO, tests="plum"):
     path = folder / "tiny.toml"
-    path.write_text(TEXT.format(extra=extra, classes=classes))
+    path.write_text(TEXT.format(extra=extra, classes=classes, tests=tests))
     return path
 
 
@@ -44,21 +49,34 @@ def test_one_command_makes_weights_that_the_options_change(tmp_path, capsys):
     pytest.importorskip("onnxruntime")
     from millisight.perception.classification import Classifier
 
-    recipe, scenes = written(tmp_path), tmp_path / "scenes"
+    recipe = written(tmp_path, classes='box = ["dice"]\nball = ["golf_ball", "plum"]')
+    scenes = tmp_path / "scenes"
     classifier(recipe, tmp_path / "a", scenes=scenes)
     out = capsys.readouterr().out
-    assert "1 epochs, the best of them 1; " in out
+    assert re.search(r"^1 epoch; \d+\.\d % of the validation scenes right, by chance 50\.0 %$", out, re.MULTILINE)
     assert out.splitlines()[-1] == f"weights: {tmp_path / 'a' / 'classifier.onnx'}"
     assert len(list(scenes.iterdir())) == 4
     told = Classifier(tmp_path / "a" / "classifier.onnx").description
     assert told["objects"]["training"] == ["dice", "golf_ball"]
     assert (told["parts"], told["network"]) == ("both", "small")
+    known = classes_of(told, told["class_names"])  # what was left to tests is new, and its class is told
+    assert (known["plum"], side_of(training_of("tiny", told), "plum", (0, 0, 30))) == ("ball", DISJOINT)
     shutil.copytree(scenes, tmp_path / "all")
     classifier(recipe, tmp_path / "b", scenes=tmp_path / "all", parts="edge", all_objects=True)
     other = Classifier(tmp_path / "b" / "classifier.onnx").description
     assert other["objects"]["training"] == ["dice", "golf_ball", "plum"]
     assert other["parts"] == "edge"
     assert other["sha256"] != told["sha256"]
+
+
+def test_the_class_of_an_object_of_ones_own_is_told_where_it_is_only_tested(tmp_path):
+    own = TWO.replace('"plum"', '"gear"')
+    recipe = record_from_file(ClassifierRecipe, written(tmp_path, classes=own, tests="gear"))
+    assert recipe.objects == {"box": ("dice",), "sphere": ("golf_ball",)}
+    assert classes_of({"classes": recipe.every_object}, tuple(recipe.objects))["gear"] == "sphere"
+    for tests, unknown in (("plum", "gear"), ("gaer", "gaer")):
+        with pytest.raises(FormatError, match=f"unknown catalogue object '{unknown}'"):
+            record_from_file(ClassifierRecipe, written(tmp_path, classes=own, tests=tests))
 
 
 def test_a_recipe_that_cannot_be_right_is_refused_by_its_place(tmp_path):
@@ -100,3 +118,26 @@ def test_the_shipped_recipe_leaves_all_objects_of_the_benchmark_to_tests():
     tested = tomllib.loads((EXAMPLES / "recipes/bench24.toml").read_text())["objects"]["names"]
     assert len(tested) == 24
     assert set(recipe.tests) == set(tested)
+
+
+def test_the_pages_recipe_leaves_the_objects_of_the_tiny_dataset_to_tests(tmp_path):
+    (text,) = re.findall(r"^```toml\n(.*?)^```", PAGE.read_text("utf-8"), flags=re.DOTALL | re.MULTILINE)
+    (tmp_path / "page.toml").write_text(text)
+    recipe = record_from_file(ClassifierRecipe, tmp_path / "page.toml")
+    tiny = tomllib.loads((EXAMPLES / "recipes/tiny.toml").read_text())
+    tested = tiny["objects"]["names"]
+    assert len(tested) == 2
+    assert set(recipe.tests) == set(tested)
+    assert {name for names in recipe.objects.values() for name in names}.isdisjoint(tested)
+    known = classes_of({"classes": recipe.every_object}, tuple(recipe.objects))
+    assert {known[name] for name in tested} == set(recipe.objects)
+    assert recipe.schedule.seed != tiny["seed"]
+
+
+def test_the_pages_commands_have_the_options_that_it_shows():
+    blocks = re.findall(r"^```sh\n(.*?)^```", PAGE.read_text("utf-8"), flags=re.DOTALL | re.MULTILINE)
+    lines = [line for block in blocks for line in block.splitlines() if line.startswith("millisight ")]
+    assert len(lines) >= 8
+    for line in lines:
+        name = max((name for name in COMMANDS if line.startswith(f"{name} ")), key=len)
+        COMMANDS[name].make_context(name, shlex.split(line.removeprefix(name), comments=True))

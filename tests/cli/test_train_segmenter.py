@@ -80,6 +80,9 @@ def test_a_recipe_that_cannot_be_right_is_refused_by_its_place(tmp_path):
         record_from_file(SegmenterRecipe, written(tmp_path, keep=("dice",)))
     with pytest.raises(FormatError, match="no object is left for training"):
         record_from_file(SegmenterRecipe, written(tmp_path, keep=("golf_ball",)))
+    (tmp_path / "small.toml").write_text("# no key\n")
+    with pytest.raises(FormatError, match=r"small\.toml holds no key; expected a recipe"):
+        record_from_file(SegmenterRecipe, tmp_path / "small.toml")
     (tmp_path / "small.toml").write_text("= 3")
     with pytest.raises(FormatError, match=r"small\.toml is no TOML"):
         record_from_file(SegmenterRecipe, tmp_path / "small.toml")

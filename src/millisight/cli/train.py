@@ -1,8 +1,9 @@
 """`millisight train`: the weights of networks from recipes."""
 
 import dataclasses
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -44,8 +45,7 @@ def segmenter(
     with progress("train", compiles=False) as report:
         done = train_segmenter(described, scenes, folder, device=device, tensorboard=tensorboard, progress=report)
     told = done.description
-    say(f"{told['epochs']} epochs, the best of them {told['best_epoch']}; "
-        f"F1 on the validation scenes {max(told['validation']['mean F1 by cut'].values()):.3f}")  # fmt: skip
+    say(f"{_epochs(told)}; F1 on the validation scenes {max(told['validation']['mean F1 by cut'].values()):.3f}")
     say(f"weights: {done.weights}")
 
 
@@ -90,6 +90,10 @@ def classifier(
     with progress("train", compiles=False) as report:
         done = train_classifier(described, examples, folder, device=device, tensorboard=tensorboard, progress=report)
     told = done.description
-    say(f"{told['epochs']} epochs, the best of them {told['best_epoch']}; "
-        f"{100 * told['validation']['accuracy']:.1f} % of the validation scenes right")  # fmt: skip
+    say(f"{_epochs(told)}; {100 * told['validation']['accuracy']:.1f} % of the validation scenes right, "
+        f"by chance {100 / len(told['class_names']):.1f} %")  # fmt: skip
     say(f"weights: {done.weights}")
+
+
+def _epochs(told: Mapping[str, Any]) -> str:
+    return "1 epoch" if told["epochs"] == 1 else f"{told['epochs']} epochs, the best of them {told['best_epoch']}"

@@ -57,11 +57,14 @@ def record_from_file(cls: type[T], path: str | os.PathLike[str]) -> T:
     Raises
     ------
     FormatError
-        The file is no TOML, or holds a key or a value that cannot be right; the message names the place.
+        The file is no TOML, holds no key, or a key or a value that cannot be right; the message names the place.
     FileError
         It cannot be read.
     """
-    return record_from_table(cls, read_toml(path, "a recipe"), printable(path))
+    table = read_toml(path, "a recipe")
+    if not table:  # rather a mistake than the wish for an hour's work by the defaults
+        raise FormatError(f'{printable(path)} holds no key; expected a recipe, if only a name: name = "mine"')
+    return record_from_table(cls, table, printable(path))
 
 
 def record_from_table(cls: type, table: Any, source: str, place: str = "") -> Any:

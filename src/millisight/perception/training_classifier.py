@@ -53,7 +53,8 @@ class ClassifierRecipe:
     about : for the weights' description
     classes : names of catalogue objects by class; empty: the catalogue's own classes but "other", the paper's four
     without : objects that no scene shows
-    tests : objects that no scene shows because they will test
+    tests : objects that no scene shows because they will test; one that `classes` names need not be in the catalogue:
+        the description of the weights then tells the class of an object of your own
     scenes : of each class; its objects share them evenly. Every sixth of an object's is for validation
     drawn : of each class besides, scenes of shapes drawn at random (`scene.random_shapes`), every sixth for validation
     vertices, spacing, widest : of the scenes, see Scenes
@@ -91,8 +92,9 @@ class ClassifierRecipe:
         for kind, value, known in (("parts", self.parts, PARTS), ("network", self.network, _NETWORKS)):
             if value not in known:
                 raise UnknownNameError(kind, value, known)
-        for name in (*self.without, *self.tests, *(name for objects in own.values() for name in objects)):
-            if name not in CATALOGUE:
+        named = {name for objects in own.values() for name in objects}
+        for name in (*self.without, *self.tests, *named):
+            if name not in CATALOGUE and not (name in named and name in self.tests):
                 raise UnknownNameError("catalogue object", name, CATALOGUE)
         put(
             self,
