@@ -92,7 +92,7 @@ class ClassifierRecipe:
         for kind, value, known in (("parts", self.parts, PARTS), ("network", self.network, _NETWORKS)):
             if value not in known:
                 raise UnknownNameError(kind, value, known)
-        named = {name for objects in own.values() for name in objects}
+        named = [name for objects in own.values() for name in objects]
         for name in (*self.without, *self.tests, *named):
             if name not in CATALOGUE and not (name in named and name in self.tests):
                 raise UnknownNameError("catalogue object", name, CATALOGUE)
