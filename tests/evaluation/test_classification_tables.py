@@ -1,6 +1,7 @@
 """Tables of classifiers: what they count, and that the paper's rows are the paper's."""
 
 import csv
+import dataclasses
 import io
 
 import pytest
@@ -51,6 +52,13 @@ class TestAccuracy:
         assert column(table, "overall [%]")[-1] == "85.2 (69.9 to 93.6)"
         assert DATA in table.title
         assert "met none of these objects" in table.notes[0]
+
+    def test_of_other_classes_the_paper_has_no_rows(self):
+        fruit = dataclasses.replace(chosen(ANSWERS, split=DISJOINT)[0], truth="fruit", prediction=None, failure="none")
+        table = accuracy_table([*ANSWERS, fruit], fruit.split, PREDICTED, data=DATA)
+        assert len(table.rows) >= 1
+        assert "paper: real data, theirs" not in column(table, "classifier")
+        assert not any("paper" in note for note in table.notes)
 
     def test_true_masks_are_ours_alone(self):
         table = accuracy_table(ANSWERS, CLOSED, TRUE, data=DATA)

@@ -33,6 +33,7 @@ from millisight.evaluation.classes import (
 )
 from millisight.evaluation.leaks import LEFT_OUT, Plan, Training, siblings
 from millisight.evaluation.tables import Cell, Table
+from millisight.scene.objects import SHAPE_CLASSES
 
 PARTS = {"edge": "edge only", "specular": "specular only", "both": "both"}
 PAPER_IMAGES = {"los": 18, "nlos": 16, "overall": 34}
@@ -117,7 +118,7 @@ def classifier_table(
 
 
 def accuracy_table(answers: Sequence[Answer], split: str, masks: str, *, data: str) -> Table:
-    """The paper's table: accuracy in sight, out of it, and overall, of each variant; the paper's rows below."""
+    """Accuracy in sight, out of it, and overall, of each variant; below, of the paper's classes, the paper's rows."""
     mine = chosen(answers, split=split, masks=masks)
     rows: list[tuple[Cell, ...]] = []
     for variant in variants_of(mine):
@@ -127,7 +128,8 @@ def accuracy_table(answers: Sequence[Answer], split: str, masks: str, *, data: s
             cells += [_percent(found), found.images if found else 0]
         objects = len({one.object for one in chosen(mine, variant=variant)})
         rows.append((variant.name, variant.network, PARTS.get(variant.parts, variant.parts), *cells, objects))
-    if masks == PREDICTED:
+    beside_paper = masks == PREDICTED and of_papers_classes(mine)
+    if beside_paper:
         rows += [_paper_row(parts) for parts in PAPER]
     headings = [text for sight in SIGHTS for text in (f"{_short(sight)} [%]", f"{_short(sight)} images")]
     return Table(
@@ -136,9 +138,14 @@ def accuracy_table(answers: Sequence[Answer], split: str, masks: str, *, data: s
         rows=tuple(rows),
         notes=(
             f"Here {_SAW[split]}. {_INTERVALS}",
-            *([_PAPER_NOTE] if masks == PREDICTED else []),
+            *([_PAPER_NOTE] if beside_paper else []),
         ),
     )
+
+
+def of_papers_classes(answers: Sequence[Answer]) -> bool:
+    """Whether the classes are the paper's four: with others there is nothing of the paper's to set beside."""
+    return {one.truth for one in answers} <= set(SHAPE_CLASSES[:-1])
 
 
 def _paper_row(parts: str) -> tuple[Cell, ...]:

@@ -23,7 +23,7 @@ from millisight.evaluation.classes import (
     reliability,
     wilson_interval,
 )
-from millisight.evaluation.classification_tables import PAPER, PARTS, variants_of
+from millisight.evaluation.classification_tables import PAPER, PARTS, of_papers_classes, variants_of
 from millisight.evaluation.tables import Table
 from millisight.files import make_folder
 from millisight.imaging.image import SarImage
@@ -86,7 +86,7 @@ def _draw_bar(axes: Axes, at: float, answers: list[Answer], sight: str, variant:
     true = accuracy(chosen(answers, sight=sight, masks=TRUE))
     if true is not None:
         axes.plot([100 * true.share], [at], "D", mfc="white", mec="black", markersize=4.5, label=named("true masks"))
-    if variant.parts in PAPER:
+    if variant.parts in PAPER and of_papers_classes(answers):
         style = {"color": "#D55E00", "markersize": 9, "markeredgewidth": 2.4}
         axes.plot([PAPER[variant.parts][sight][0]], [at], "|", label=named("paper, real data"), **style)
 
@@ -239,8 +239,10 @@ def write_report(
             continue
         caption = (
             "Bars: in predicted masks. Thick lines: 95 % Wilson intervals; thin ones: bootstrap over objects. "
-            "Diamonds: in true masks. Red ticks: the paper's, of its own real data."
+            "Diamonds: in true masks."
         )
+        if of_papers_classes(mine):
+            caption += " Red ticks: the paper's, of its own real data."
         add(f"accuracy-{split}", plot_accuracy(mine, split, data=data), f"Accuracy, {split}", caption)
         if any(one.prediction is not None for one in chosen(mine, masks=PREDICTED)):
             caption = "In predicted masks. Bins are a tenth wide; lines are 95 % Wilson intervals."
