@@ -16,7 +16,13 @@ def image(seed=0):
 
 
 def publish(root):
-    """Two sights of one object by both radars; out of sight the 24 GHz image is blank. The name of the experiment."""
+    """Two sights of one object by both radars; out of sight the 24 GHz image is blank. The name of the experiment.
+
+    Beside it an empty scene, which is no image of an object.
+    """
+    empty = radar_folder(experiment_folder(root, "tripod_EMPTY", (0, 0, 0), 1, "los"), "77_ghz", processed=True)
+    empty.mkdir(parents=True)
+    write_published(empty / "processed_image.pkl", image())
     for sight in ("los", "nlos"):
         folder = experiment_folder(root, "004_sugar_box", (0, 0, 0), 1, sight)
         for radar in ("77_ghz", "24_ghz"):

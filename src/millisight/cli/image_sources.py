@@ -11,7 +11,7 @@ from millisight.cli.console import end_with_failures, in_options, progress, say
 from millisight.errors import FileError, FormatError, InputError, MillisightError, UnknownNameError
 from millisight.files import check_readable, printable
 from millisight.imaging.image import SarImage
-from millisight.io.mito_names import RADARS, SIGHTS
+from millisight.io.mito_names import EMPTY_SCENES, RADARS, SIGHTS, object_of
 from millisight.perception.segmentation import Segmenter, segmenter
 
 MASK_SUFFIX = ".mask.h5"
@@ -56,7 +56,7 @@ def image_sources(
     multispectral: bool = False,
     other_band: Path | None = None,
 ) -> list[ImageSource]:
-    """Every image that `paths` lead to, in order; a folder leads to all under it.
+    """Every image that `paths` lead to, in order; a folder leads to all under it but those of empty scenes.
 
     Parameters
     ----------
@@ -178,8 +178,7 @@ def _under(path: Path, radar: str | None, condition: str | None, *, multispectra
         path = check_readable(path)
         return [_source(path, condition, multispectral=multispectral)]
     files = [*path.rglob("processed_image*.pkl"), *path.rglob("processed_image*.h5"), *path.rglob("*.image.h5")]
-    # Hidden folders hold what is being made.
-    files = sorted(file for file in files if not any(p.startswith(".") for p in file.relative_to(path).parts))
+    files = sorted(file for file in files if not any(map(_passed_over, file.relative_to(path).parts)))
     if multispectral:
         files = [file for file in files if file.parent.name == "77_ghz"]
     elif radar is not None:
@@ -191,6 +190,12 @@ def _under(path: Path, radar: str | None, condition: str | None, *, multispectra
             "layout; make some with `millisight image`"
         )
     return [_source(file, condition, multispectral=multispectral) for file in files]
+
+
+def _passed_over(folder: str) -> bool:
+    """Whether it is hidden, and holds what is being made, or holds an empty scene, in which there is no object."""
+    named = object_of(folder)
+    return folder.startswith(".") or (named is not None and named[1] in EMPTY_SCENES)
 
 
 def _source(path: Path, condition: str | None, *, multispectral: bool) -> ImageSource:

@@ -14,6 +14,7 @@ from millisight.files import checked_path, printable
 from millisight.io.mito_names import (
     CAMERA_FRAME,
     CAMERA_MASK,
+    EMPTY_SCENES,
     IMAGE,
     INFO,
     INFO_NAME,
@@ -32,7 +33,7 @@ from millisight.io.mito_names import (
 
 SIMULATED_EXTS = ("_specular", "_edges")
 """The simulated images that are published of every object."""
-_SCENES = {"EMPTY": "empty", "background": "background"}
+_SCENES = dict(zip(EMPTY_SCENES, ("empty", "background"), strict=True))
 _MESHES = (".stl", ".obj", ".ply")
 _TEXTURES = (".mtl", ".png", ".jpg")
 _BESIDE = (SPLITS_NAME, TRUTH)
