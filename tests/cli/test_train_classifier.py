@@ -14,7 +14,7 @@ from millisight.datasets.recipefile import record_from_file
 from millisight.errors import FormatError
 from millisight.evaluation.classes import DISJOINT
 from millisight.evaluation.leaks import classes_of, side_of, training_of
-from millisight.perception.training_classifier import ClassifierRecipe
+from millisight.perception.classifier_recipe import ClassifierRecipe
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PAGE = Path(__file__).parents[2] / "docs/how-to/train-classifier.md"

@@ -12,18 +12,9 @@ import pytest
 
 from millisight.errors import DamagedFileError, FormatError, InputError, UnknownNameError
 from millisight.perception.classification import WEIGHTS, Classifier
+from millisight.perception.classifier_recipe import ClassifierRecipe, Drawn, example_of, make_examples
 from millisight.perception.training import Schedule
-from millisight.perception.training_classifier import (
-    ClassifierRecipe,
-    Drawn,
-    _balanced,
-    _surprise,
-    _temperature,
-    _threshold,
-    example_of,
-    make_examples,
-    train_classifier,
-)
+from millisight.perception.training_classifier import _balanced, _surprise, _temperature, _threshold, train_classifier
 from millisight.scene.objects import CATALOGUE
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -221,11 +212,11 @@ def test_the_shipped_weights_are_those_of_the_recipe_and_saw_no_test():
 def test_neither_the_rig_nor_torch_is_loaded_where_it_is_not_used():
     code = (
         "import sys, numpy as np\n"
-        "from millisight.perception import classification, training_classifier, training_scenes\n"
+        "from millisight.perception import classification, classifier_recipe, training_classifier, training_scenes\n"
         "settings = training_scenes.Scenes(vertices=200, spacing=(0.01, 0.01, 0.02))\n"
         "scene = training_scenes.make_scene('dice', settings, rng=np.random.default_rng(0))\n"
-        "recipe = training_classifier.ClassifierRecipe(spacing=(0.01, 0.01, 0.02))\n"
-        "training_classifier.example_of(scene, recipe, np.random.default_rng(0))\n"
+        "recipe = classifier_recipe.ClassifierRecipe(spacing=(0.01, 0.01, 0.02))\n"
+        "classifier_recipe.example_of(scene, recipe, np.random.default_rng(0))\n"
         "print(sorted(m for m in sys.modules if m.startswith(('millisight.rig', 'millisight.datasets', 'torch'))))\n"
         "print('millisight.capture.simulate' in sys.modules)"
     )

@@ -77,8 +77,9 @@ def classifier(
     Example: millisight train classifier examples/training/classifier.toml -o classifier
     """
     from millisight.datasets.recipefile import record_from_file
+    from millisight.perception.classifier_recipe import ClassifierRecipe, make_examples
     from millisight.perception.training import check_installed
-    from millisight.perception.training_classifier import ClassifierRecipe, make_examples, train_classifier
+    from millisight.perception.training_classifier import train_classifier
 
     described = record_from_file(ClassifierRecipe, recipe)
     changes = {"parts": parts, "network": network, "tests": () if all_objects else None}
