@@ -33,7 +33,6 @@ from millisight.io.mito_names import (
 
 SIMULATED_EXTS = ("_specular", "_edges")
 """The simulated images that are published of every object."""
-_SCENES = dict(zip(EMPTY_SCENES, ("empty", "background"), strict=True))
 _MESHES = (".stl", ".obj", ".ply")
 _TEXTURES = (".mtl", ".png", ".jpg")
 _BESIDE = (SPLITS_NAME, TRUTH)
@@ -150,7 +149,7 @@ class _Walk:
     def object(self) -> ObjectFolder:
         identity = object_of(self.folder.name)
         number, name = identity or ("", self.folder.name)
-        role = _SCENES.get(name, "object")
+        role = EMPTY_SCENES.get(name, "object")
         experiments: list[Experiment] = []
         simulations: list[Simulation] = []
         meshes = []

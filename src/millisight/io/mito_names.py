@@ -24,8 +24,8 @@ RAW_CAPTURE, RAW_LOG = "capture.h5", "robot_log.h5"
 TRUTH, SPLITS_NAME = "truth", "splits.json"
 """What a generated dataset has beside its objects: what only a virtual rig can know, and who trains and who tests."""
 
-EMPTY_SCENES = ("EMPTY", "background")
-"""Names of what is no object: images and raw files of a set-up with nothing in it."""
+EMPTY_SCENES = {"EMPTY": "empty", "background": "background"}
+"""Names of what is no object, and what it is for: images, and raw files, of a set-up with nothing in it."""
 
 IMAGE, RADAR_MASK, CAMERA_FRAME, CAMERA_MASK, RAW, INFO = (
     "image", "radar mask", "camera frame", "camera mask", "raw", "info",
