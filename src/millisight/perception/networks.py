@@ -94,6 +94,8 @@ def open_network(path: str | os.PathLike[str], sha256: str, *, needed_by: str, c
         )
     options = onnxruntime.SessionOptions()
     options.log_severity_level = 3
+    # Threads that wait by spinning take the cores from the next network's.
+    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     try:
         session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
     except Exception as error:  # of ONNX Runtime's own kinds, which have no common public base
