@@ -134,7 +134,7 @@ def plot_reliability(answers: Sequence[Answer], split: str, *, data: str) -> Fig
     """How often each variant was right when it was how sure, with Wilson intervals; below, how many answers."""
     mine = chosen(answers, split=split, masks=PREDICTED)
     figure = Figure(figsize=(6.6, 6.2))
-    axes = figure.add_axes((0.11, 0.36, 0.85, 0.55), facecolor="white")
+    axes = figure.add_axes((0.11, 0.36, 0.85, 0.44), facecolor="white")
     below = figure.add_axes((0.11, 0.09, 0.85, 0.2), facecolor="white")
     axes.plot([0, 1], [0, 1], color="0.6", linewidth=0.8, linestyle="--", label="as sure as right")
     variants = variants_of(mine)
@@ -155,7 +155,7 @@ def plot_reliability(answers: Sequence[Answer], split: str, *, data: str) -> Fig
         below.bar(middles, [one.images for one in bins], width=width, color=colour)
     axes.set(xlim=(0, 1), ylim=(0, 1.02), ylabel="share that is right")
     below.set(xlim=(0, 1), xlabel="confidence", ylabel="images")
-    axes.legend(loc="upper left")
+    axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2)
     for one in (axes, below):
         one.grid(color="0.92", linewidth=0.6)
         one.set_axisbelow(True)
