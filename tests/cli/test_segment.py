@@ -8,6 +8,7 @@ import pytest
 
 import millisight as ms
 from commands import run, run_here
+from millisight.cli.image_sources import image_sources
 from millisight.io.hdf5 import load_extras
 from small_images import GRID, image, publish
 
@@ -74,6 +75,17 @@ def test_a_dataset_is_gone_through_and_what_failed_is_said_at_the_end(dataset, t
         assert told["condition"] == name.split(".")[3]
         assert told["image"].startswith("004_sugar_box/robot_collected/")
     assert len(list((tmp_path / "masks").glob("*.png"))) == 3
+
+
+def test_only_the_published_layouts_empty_scenes_are_passed_over(dataset, tmp_path):
+    (tmp_path / "data" / "my_background").mkdir()
+    own, empty = tmp_path / "data" / "my_background" / "a.image.h5", tmp_path / "data" / "tripod_EMPTY"
+    ms.save(own, image())
+    found = [source.path for source in image_sources([tmp_path / "data"])]
+    assert len(found) == 5
+    assert own in found
+    assert not [path for path in found if empty in path.parents]
+    assert len(image_sources([empty])) == 1  # who names it, means it
 
 
 def test_both_bands_of_experiments(dataset, here, tmp_path):

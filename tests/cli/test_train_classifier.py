@@ -113,6 +113,16 @@ def test_the_recipes_train_on_no_object_of_the_test_images_and_know_the_class_of
     assert set(tested) <= named
 
 
+def test_the_papers_network_is_trained_on_what_the_shipped_one_is_trained_on():
+    shipped, paper = (
+        tomllib.loads((EXAMPLES / f"training/{name}.toml").read_text()) for name in ("classifier", "paper")
+    )
+    own = {"name", "about", "network", "examples", "schedule"}
+    assert paper["network"] == "paper"
+    assert {key: paper[key] for key in paper.keys() - own} == {key: shipped[key] for key in shipped.keys() - own}
+    assert paper["schedule"]["seed"] == shipped["schedule"]["seed"]
+
+
 def test_the_shipped_recipe_leaves_all_objects_of_the_benchmark_to_tests():
     recipe = record_from_file(ClassifierRecipe, EXAMPLES / "training/classifier.toml")
     tested = tomllib.loads((EXAMPLES / "recipes/bench24.toml").read_text())["objects"]["names"]

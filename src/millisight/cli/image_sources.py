@@ -17,6 +17,8 @@ from millisight.perception.segmentation import Segmenter, segmenter
 MASK_SUFFIX = ".mask.h5"
 """Of the masks that `millisight segment` writes."""
 
+_PUBLISHED = "processed_image"  # begins the names of images in the published layout
+
 T = TypeVar("T")
 
 
@@ -177,8 +179,8 @@ def _under(path: Path, radar: str | None, condition: str | None, *, multispectra
     if not path.is_dir():
         path = check_readable(path)
         return [_source(path, condition, multispectral=multispectral)]
-    files = [*path.rglob("processed_image*.pkl"), *path.rglob("processed_image*.h5"), *path.rglob("*.image.h5")]
-    files = sorted(file for file in files if not any(map(_passed_over, file.relative_to(path).parts)))
+    files = [*path.rglob(f"{_PUBLISHED}*.pkl"), *path.rglob(f"{_PUBLISHED}*.h5"), *path.rglob("*.image.h5")]
+    files = sorted(file for file in files if not _passed_over(file.relative_to(path)))
     if multispectral:
         files = [file for file in files if file.parent.name == "77_ghz"]
     elif radar is not None:
@@ -192,15 +194,17 @@ def _under(path: Path, radar: str | None, condition: str | None, *, multispectra
     return [_source(file, condition, multispectral=multispectral) for file in files]
 
 
-def _passed_over(folder: str) -> bool:
-    """Whether it is hidden, and holds what is being made, or holds an empty scene, in which there is no object."""
-    named = object_of(folder)
-    return folder.startswith(".") or (named is not None and named[1] in EMPTY_SCENES)
+def _passed_over(file: Path) -> bool:
+    """Whether it is still being made, in a hidden folder, or is of the published layout's empty scenes: no object."""
+    if any(part.startswith(".") for part in file.parts):
+        return True
+    folders = map(object_of, file.parent.parts if file.name.startswith(_PUBLISHED) else ())
+    return any(named is not None and named[1] in EMPTY_SCENES for named in folders)
 
 
 def _source(path: Path, condition: str | None, *, multispectral: bool) -> ImageSource:
     parts = path.resolve().parts
-    published = path.name.startswith("processed_image") and path.parent.resolve().name in RADARS
+    published = path.name.startswith(_PUBLISHED) and path.parent.resolve().name in RADARS
     if not published:
         if multispectral:
             raise InputError(f"--multispectral needs images of the published layout, which {printable(path)} is not; "
@@ -211,5 +215,5 @@ def _source(path: Path, condition: str | None, *, multispectral: bool) -> ImageS
     named = [part for part in parts[-7 if "simulation" in parts[-7:] else -9 : -1] if part not in passed_over]
     sight = parts[-5] if parts[-5:-4] and parts[-5] in SIGHTS else "los"
     other = path.resolve().parent.parent / "24_ghz" / path.name if multispectral else None
-    name = ".".join(named) + path.stem.removeprefix("processed_image")
+    name = ".".join(named) + path.stem.removeprefix(_PUBLISHED)
     return ImageSource(path, name, condition or sight, other, Path())

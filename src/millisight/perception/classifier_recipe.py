@@ -16,12 +16,11 @@ from millisight.perception.training_scenes import RANDOM, SceneParts, Scenes, sc
 from millisight.records import checked_integer, checked_number, checked_numbers, checked_record, put, record
 from millisight.scene.objects import CATALOGUE, SHAPE_CLASSES
 
-NAME = "classifier"
-"""Of weights whose recipe gives them none."""
 PARTS = ("both", "edge", "specular")
 """Which of the simulator's answers a network is taught with; `both` is the paper's way."""
-NETWORKS = ("small", "paper")
 
+_NETWORKS = ("small", "paper")
+_RANDOM = {shape: name for name, shape in RANDOM.items()}  # what scenes of a class's random shapes are called
 _STRETCH = 0.25
 _IN_A_BOX = 0.6  # of the scenes with a sheet have it as bright as a carton's lid
 _LID_DB = (-18.0, 0.0)  # that is, relative to the object's maximum
@@ -52,7 +51,7 @@ class ClassifierRecipe:
     schedule : its seed is that of everything
     """
 
-    name: str = NAME
+    name: str = "classifier"
     about: str = ""
     classes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     without: tuple[str, ...] = ()
@@ -75,7 +74,7 @@ class ClassifierRecipe:
             if isinstance(objects, str) or not isinstance(objects, Sequence):
                 raise InputError(f"classes: {shape} is {objects!r}; expected a list of names of the catalogue")
         own = {str(shape): tuple(str(name) for name in objects) for shape, objects in self.classes.items()}
-        for kind, value, known in (("parts", self.parts, PARTS), ("network", self.network, NETWORKS)):
+        for kind, value, known in (("parts", self.parts, PARTS), ("network", self.network, _NETWORKS)):
             if value not in known:
                 raise UnknownNameError(kind, value, known)
         named = [name for objects in own.values() for name in objects]
@@ -97,10 +96,10 @@ class ClassifierRecipe:
         )
         _check_classes(self.objects)
         for shape in self.objects if self.drawn else ():
-            if _random(shape) not in RANDOM:
+            if shape not in _RANDOM:
                 raise InputError(
                     f"drawn is {self.drawn}, and {shape!r} is none of the classes whose shapes can be drawn at random, "
-                    f"{', '.join(RANDOM.values())}; name these only, or set drawn to 0"
+                    f"{', '.join(_RANDOM)}; name these only, or set drawn to 0"
                 )
         for shape in self.stretch:
             if shape not in self.objects:
@@ -131,13 +130,8 @@ class ClassifierRecipe:
         )  # fmt: skip
         made = dict.fromkeys(objects, every)
         if self.drawn:
-            made[_random(shape)] = dataclasses.replace(every, poses=self.drawn, stretch=0.0)
+            made[_RANDOM[shape]] = dataclasses.replace(every, poses=self.drawn, stretch=0.0)
         return made
-
-
-def _random(shape: str) -> str:
-    """What scenes of a class's random shapes are called."""
-    return f"any_{shape}"
 
 
 def _check_classes(objects: Mapping[str, Sequence[str]]) -> None:
