@@ -8,13 +8,15 @@ TESTS ?=
 COUNT ?= 100000
 WORKERS ?= 2
 
-.PHONY: help setup setup-train demo test fuzz lint docs bench clean
+.PHONY: help setup setup-train hooks demo test coverage fuzz lint format-check style types layers docs bench clean
 
 help:
 	@echo "make setup        everything but torch, into $(VENV)"
 	@echo "make setup-train  setup, and torch"
+	@echo "make hooks        setup, and lint before every commit (pre-commit)"
 	@echo "make demo         the main job: simulate and image three objects, into demo/index.html"
 	@echo "make test         all tests and doctests (TESTS=path or -k name for some, WORKERS=2 processes)"
+	@echo "make coverage     make test, and how much of the code it ran: build/coverage/index.html"
 	@echo "make fuzz         100 000 damaged files against every reader (COUNT=)"
 	@echo "make lint         formatting, style, types, layers"
 	@echo "make docs         the documentation, into build/docs/html; runs the tutorials' notebooks and checks every link"
@@ -36,19 +38,34 @@ $(VENV)/train.stamp: $(VENV)/setup.stamp
 	$(PIP) install --quiet --constraint constraints.txt --editable ".[$(EXTRAS),train]"
 	touch $@
 
+hooks: setup
+	$(BIN)/pre-commit install
+
 demo: setup
 	$(BIN)/millisight demo --output demo
 
 test: setup
 	$(BIN)/python -m pytest -n $(WORKERS) $(TESTS)
 
+# Reported, and no bar: kernels that Numba compiles are not seen to run.
+coverage: setup
+	$(BIN)/python -m pytest -n $(WORKERS) --cov --cov-report=term:skip-covered --cov-report=html $(TESTS)
+
 fuzz: setup
 	$(BIN)/python tests/fuzz/parsers.py --count $(COUNT)
 
-lint: setup
+lint: format-check style types layers
+
+format-check: setup
 	$(BIN)/ruff format --check .
+
+style: setup
 	$(BIN)/ruff check .
-	$(BIN)/pyright
+
+types: setup
+	$(BIN)/pyright --pythonpath $(BIN)/python
+
+layers: setup
 	$(BIN)/lint-imports
 
 docs: setup

@@ -15,11 +15,10 @@ import time
 import numpy as np
 
 import millisight as ms
-from millisight.capture.simulate import _add_signals, _kernels_on
-from millisight.constants import SPEED_OF_LIGHT
-from millisight.device import check_device
-from millisight.errors import DeviceError
-from millisight.imaging.backprojection import path_bounds, range_steering
+from millisight.core import SPEED_OF_LIGHT, check_device
+from millisight.core.errors import DeviceError
+from millisight.imaging import path_bounds, range_steering
+from millisight.simulation._simulate import _add_signals, _kernels_on
 
 TINY = "--tiny" in sys.argv[1:]
 
@@ -114,8 +113,8 @@ def median_time(work, finish, rounds=1 if TINY else 5):
 
 
 def speed(rng):
-    from millisight.gpu import cuda
-    from millisight.imaging import _cuda
+    from millisight.core.gpu import cuda
+    from millisight.imaging import _cuda as _cuda
 
     device = cuda.get_current_device()
     try:
@@ -136,10 +135,9 @@ def speed(rng):
     tx, rx = capture.tx_positions - origin, capture.rx_positions - origin
     nearest, furthest = path_bounds(tx, rx, grid.bounds - origin)
     steering, per_metre = range_steering(capture, nearest, furthest, 8, None)
-    carrier = np.float32(capture.radar.waveform.center_frequency / SPEED_OF_LIGHT)
+    carrier = capture.radar.waveform.center_frequency / SPEED_OF_LIGHT
     frames, steering = _cuda.to_device(capture.frames), _cuda.to_device(steering)
     profiles = _cuda.product(frames, steering)
-    tx, rx = (_cuda.to_device(a.astype(np.float32)) for a in (tx, rx))
     sums = _cuda.zeros((2, grid.size))
     print(
         f"Problem R: {grid.size} voxels x {capture.channels} channels = {pairs:.2e} pairs, {profiles.shape[3]} entries"
@@ -152,7 +150,7 @@ def speed(rng):
         x, y, z = (_cuda.to_device(a) for a in np.ascontiguousarray(points.T.astype(np.float32)))
         first, seconds = median_time(
             lambda x=x, y=y, z=z: _cuda.backproject(
-                profiles, np.float32(nearest), np.float32(per_metre), carrier, tx, rx, x, y, z, sums[0], sums[1]
+                profiles, nearest, per_metre, carrier, tx, rx, x, y, z, sums[0], sums[1]
             ),
             cuda.synchronize,
         )

@@ -3,8 +3,8 @@
 import numpy as np
 
 import millisight as ms
-from millisight.capture import _kernels
-from millisight.capture.simulate import _add_signals
+from millisight.simulation import _kernels as _kernels
+from millisight.simulation._simulate import _add_signals
 
 
 def real_size(scale: float = 1.0, seed: int = 0) -> tuple[ms.Capture, ms.VoxelGrid]:

@@ -16,13 +16,12 @@ from pathlib import Path
 import numpy as np
 from scipy import ndimage
 
-from millisight.datasets.mito import find
-from millisight.errors import InputError
-from millisight.io.mito_layout import read_published
-from millisight.perception.classical import ClassicalSegmenter
-from millisight.perception.projection import Picture, project
-from millisight.perception.prompts import Prompts
-from millisight.perception.segmentation import Candidates, Segmenter, find_mask
+from millisight import datasets
+from millisight.core.errors import InputError
+from millisight.data import Picture, Prompts
+from millisight.io.mito import read_published
+from millisight.perception import project
+from millisight.perception.segmentation import Candidates, ClassicalSegmenter, Segmenter, find_mask
 
 SEEDS = range(3)
 LEVELS = (0.1, 0.2, 0.4)
@@ -100,7 +99,7 @@ def methods() -> Iterator[Segmenter]:
 
 def scenes(root: Path) -> Iterator[tuple[str, Picture, np.ndarray]]:
     """In or out of sight, the 77 GHz picture, and its true mask."""
-    for experiment in find(root).experiments:
+    for experiment in datasets.open(root).experiments:
         items = {item.kind: item.path for item in experiment.items if item.radar == "77_ghz" and not item.ext}
         if {"image", "radar mask"} <= items.keys():
             picture = project(read_published(items["image"]).record)

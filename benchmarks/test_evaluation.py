@@ -5,8 +5,8 @@ from time import perf_counter
 import numpy as np
 import pytest
 
-from millisight.evaluation.f_score import f_score
-from millisight.imaging.grid import VoxelGrid
+from millisight.data import VoxelGrid
+from millisight.evaluation import f_score
 
 LEAST = 20  # times as fast as all pairs
 

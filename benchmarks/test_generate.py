@@ -10,11 +10,8 @@ from itertools import count
 
 import pytest
 
-from millisight.datasets.cost import slowness
-from millisight.datasets.engine import Engine, engine_of
-from millisight.datasets.generate import carried_out, planned
-from millisight.datasets.recipefile import recipe_from_table
-from small_cluster import Cluster
+from helpers.small_cluster import Cluster
+from millisight.datasets.generation import Engine, engine_of, plan_dataset, recipe_from_table, run_plan, slowness
 
 ONE = Engine("threads", 1, 1)
 ROUNDS = 2
@@ -53,7 +50,7 @@ def recipe(names, conditions=("los",), radars=FAST, spacing=0.0039, keep="images
 @pytest.mark.benchmark(group="a capture")
 def test_seconds_a_capture(benchmark, tmp_path, title, settings):
     """The last of the recipe's jobs, by one thread, and what was told of it."""
-    plan = planned(recipe(**settings), tmp_path / "out")
+    plan = plan_dataset(recipe(**settings), tmp_path / "out")
     told = plan.costs[-1].seconds
     started = []
 
@@ -87,9 +84,9 @@ def test_two_workers_do_almost_twice_as_much_as_one(benchmark, tmp_path):
     def spent(workers, chosen=names):
         """Seconds by the clock, and of the processor."""
         cluster, out = clusters[workers], tmp_path / f"out{next(numbers)}"
-        engine, plan = engine_of(cluster.address), planned(recipe(chosen, ["los", "carton"]), out)
+        engine, plan = engine_of(cluster.address), plan_dataset(recipe(chosen, ["los", "carton"]), out)
         began, busy = time.perf_counter(), cluster.processor_seconds()
-        done = carried_out(plan, engine)
+        done = run_plan(plan, engine)
         assert (done.failures, done.made) == ((), 2 * len(chosen))
         return time.perf_counter() - began, cluster.processor_seconds() - busy
 

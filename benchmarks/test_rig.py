@@ -15,12 +15,9 @@ import numpy as np
 import pytest
 
 import millisight as ms
-from millisight.capture.trajectory import Trajectory
-from millisight.rig.virtual import patches
-from millisight.rig.virtual.antenna import Antenna
-from millisight.rig.virtual.occluders import box_sheets
-from millisight.rig.virtual.optics import Part, echoes
-from millisight.scene.material import LAYERED
+from millisight.data import LAYERED, Trajectory
+from millisight.rig.virtual import Antenna, Part, box_sheets, echoes
+from millisight.rig.virtual import _patches as patches
 
 INSTRUCTIONS, LANES, A_CLOCK, CLOCK = 165, 16, 2, 2.6e9
 FLOOR = INSTRUCTIONS / LANES / A_CLOCK / CLOCK  # seconds a pair and core

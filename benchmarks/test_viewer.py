@@ -14,21 +14,14 @@ import numpy as np
 import pytest
 
 import millisight as ms
-from millisight.io.mito_layout import published_grid
-from millisight.viz.viewer.contents import gather
-from millisight.viz.viewer.server import start
-from millisight.viz.viewer.session import Stage, first_settings
+from millisight.io.mito import published_grid
+from millisight.viz.viewer import PaneGrid, first_settings, gather, start
 
 GRIDS = {
     "published": published_grid("77_ghz", "tripod"),
     "twenty million": ms.VoxelGrid.regular((-0.1, -0.05, -0.37), (0.45, 0.55, -0.15), (0.001, 0.001, 0.0037)),
 }
-_OPEN = (
-    "import sys\n"
-    "from millisight.viz.viewer.contents import gather\n"
-    "from millisight.viz.viewer.session import Viewer\n"
-    "with Viewer(gather(sys.argv[1:])): pass"
-)
+_OPEN = "import sys\nfrom millisight.viz.viewer import Viewer, gather\nwith Viewer(gather(sys.argv[1:])): pass"
 
 
 def saved(path, grid, model, seed):
@@ -71,7 +64,7 @@ def test_change(benchmark, files, name):
     server = start()
     try:
         settings = first_settings(found)
-        stage = Stage(server, found, settings)
+        stage = PaneGrid(server, found, settings)
         there, back = (dataclasses.replace(settings, **change) for change in CHANGES[name])
 
         def there_and_back():

@@ -16,8 +16,7 @@ from pathlib import Path
 import numpy as np
 
 import millisight as ms
-from millisight.rig.virtual.stage import build
-from millisight.rig.virtual.world import World
+from millisight.rig.virtual import World, build_layout
 
 SIMULATED = np.array([0.2, 0.2, -0.2])  # middle of each object: of an aperture of 40 cm, 20 cm below it [m]
 GOOD = 80.0  # F from which on a shift is of the object [%]
@@ -51,7 +50,7 @@ def by_other_physics(dataset: Path, table: Path) -> None:
 def middle_in_the_rig(dataset: Path, row: dict[str, str]) -> np.ndarray:
     """(3,) of the object's bounding box [m]."""
     place = Path(row["object"], "robot_collected", row["pose"], f"exp{row['exp']}", row["sight"], "77_ghz")
-    lower, upper = build(World.from_toml(dataset / "truth" / place / "world.toml")).objects[0].bounds
+    lower, upper = build_layout(World.from_toml(dataset / "truth" / place / "world.toml")).objects[0].bounds
     return (lower + upper) / 2
 
 

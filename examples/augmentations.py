@@ -1,4 +1,4 @@
-"""Every augmentation of a classifier's training, each alone, on one object's simulated images: a picture.
+"""Plot each augmentation of a classifier's training alone, on one object's simulated images.
 
 python examples/augmentations.py mug augmentations.png
 """
@@ -7,16 +7,15 @@ import sys
 
 import numpy as np
 
-from millisight.perception.training_scenes import PARTS, Scenes, make_scene
-from millisight.viz.figures_training import plot_augmentations
-from millisight.viz.plots import save_figure
+from millisight.perception.training import SCENE_PARTS, SceneSettings, make_scene
+from millisight.viz import plot_augmentations, save_figure
 
 
 def main(name: str, picture: str) -> None:
     # The first of some scenes that has something below and above the object.
     for seed in range(20):
-        scene = make_scene(name, Scenes(widest=0.32), rng=np.random.default_rng(seed))
-        if all(scene.scales["77_ghz"][PARTS.index(part)] > 0 for part in ("plate", "sheet")):
+        scene = make_scene(name, SceneSettings(widest=0.32), rng=np.random.default_rng(seed))
+        if all(scene.scales["77_ghz"][SCENE_PARTS.index(part)] > 0 for part in ("plate", "sheet")):
             break
     save_figure(plot_augmentations(scene), picture)
 

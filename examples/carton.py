@@ -12,12 +12,19 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import millisight as ms
-from millisight.rig.virtual.occluders import Sheet
-from millisight.rig.virtual.optics import EchoModel, Part
-from millisight.rig.virtual.radar import RadarSettings
-from millisight.rig.virtual.stage import Stage, build
-from millisight.rig.virtual.world import Carton, Scan, World, WorldObject
-from millisight.scene.material import LAYERED, Layer
+from millisight.data import LAYERED, Layer
+from millisight.rig.virtual import (
+    Carton,
+    EchoModel,
+    Part,
+    RadarSettings,
+    ScanSettings,
+    Sheet,
+    World,
+    WorldLayout,
+    WorldObject,
+    build_layout,
+)
 
 RADARS = {
     "24 GHz": (RadarSettings(preset="position2go", mount=(0.0, 0.0, 0.0)), (0.006, 0.006)),
@@ -26,10 +33,10 @@ RADARS = {
 MARGIN = 0.04  # of the aperture around the object [m]
 
 
-def stage_of(name: str, settings: RadarSettings) -> Stage:
+def layout_of(name: str, settings: RadarSettings) -> WorldLayout:
     """The object on its tripod, with the carton's walls at hand."""
-    scan = Scan(size=(0.4, 0.4))
-    return build(World(objects=(WorldObject(object=name),), carton=Carton(), radars=(settings,), scan=scan))
+    scan = ScanSettings(size=(0.4, 0.4))
+    return build_layout(World(objects=(WorldObject(object=name),), carton=Carton(), radars=(settings,), scan=scan))
 
 
 def board(thickness: float) -> tuple[Layer, ...]:
@@ -38,9 +45,11 @@ def board(thickness: float) -> tuple[Layer, ...]:
     return front, Layer(flute.material, thickness - front.thickness - back.thickness), back
 
 
-def image(stage: Stage, settings: RadarSettings, steps: tuple[float, float], thickness: float | None) -> ms.SarImage:
-    """Of the stage in a carton of such a board; None: in the open."""
-    lower, upper = stage.objects[0].bounds
+def image(
+    layout: WorldLayout, settings: RadarSettings, steps: tuple[float, float], thickness: float | None
+) -> ms.SarImage:
+    """Of the layout in a carton of such a board; None: in the open."""
+    lower, upper = layout.objects[0].bounds
     reach = (upper - lower)[:2] / 2 + MARGIN
     x, y = (middle + step * np.arange(-(half // step), half // step + 1)
             for middle, half, step in zip((lower + upper) / 2, reach, steps, strict=False))  # fmt: skip
@@ -48,9 +57,9 @@ def image(stage: Stage, settings: RadarSettings, steps: tuple[float, float], thi
     places = np.stack([*np.meshgrid(x + middle_of_array, y, [0.0], indexing="ij")], axis=-1).reshape(-1, 3)
     path = ms.Trajectory(times=np.arange(float(len(places))), positions=places)
     sheets = () if thickness is None else tuple(
-        Sheet(corner=panel.corner, u=panel.u, v=panel.v, layers=board(thickness)) for panel in stage.panels
+        Sheet(corner=panel.corner, u=panel.u, v=panel.v, layers=board(thickness)) for panel in layout.panels
     )  # fmt: skip
-    parts = [Part(mesh=part.mesh, material=part.material) for part in stage.parts]
+    parts = [Part(mesh=part.mesh, material=part.material) for part in layout.parts]
     model = EchoModel(parts, settings.radar, path, occluders=sheets, antenna=settings.antenna, rng=0)
     capture = ms.Capture(radar=settings.radar, trajectory=path, frames=model.frames(path))
     return ms.form_image(capture, ms.VoxelGrid.regular(lower - 0.03, upper + 0.03, (0.0025, 0.0025, 0.005)))
@@ -63,12 +72,12 @@ def main() -> None:
     name, out = sys.argv[1:]
     figure, axes = plt.subplots(2, 4, figsize=(5.8, 6.5), layout="constrained", sharex=True, sharey=True)
     for row, (band, (settings, steps)) in zip(axes, RADARS.items(), strict=True):
-        stage = stage_of(name, settings)
-        scene = image(stage, settings, steps, None)
+        layout = layout_of(name, settings)
+        scene = image(layout, settings, steps, None)
         for axis, thickness in zip(row, (None, 2.5e-3, 3e-3, 3.5e-3), strict=True):
             shown, title = scene, "open"
             if thickness is not None:
-                shown = image(stage, settings, steps, thickness)
+                shown = image(layout, settings, steps, thickness)
                 norms = np.linalg.norm(scene.values) * np.linalg.norm(shown.values)
                 match = abs(np.vdot(scene.values, shown.values)) / norms
                 title = f"{thickness * 1e3:.1f} mm: {match:.3f}"

@@ -12,9 +12,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import millisight as ms
-from millisight.datasets.mito import Dataset, Item, find
-from millisight.io.mito_layout import read_published
-from millisight.io.mito_names import IMAGE
+from millisight.datasets import Dataset, Item
+from millisight.io.mito import IMAGE, read_published
 
 COLUMNS, ROWS = 8, 12
 
@@ -56,7 +55,7 @@ def main() -> None:
     if len(sys.argv) != 3:
         print(f"usage: {__doc__.splitlines()[2].strip()}", file=sys.stderr)
         sys.exit(2)
-    images, picture = images_of(find(sys.argv[1])), Path(sys.argv[2])
+    images, picture = images_of(ms.datasets.open(sys.argv[1])), Path(sys.argv[2])
     step = COLUMNS * ROWS
     for number, start in enumerate(range(0, len(images), step), 1):
         some = images[start : start + step]

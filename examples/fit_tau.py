@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 
 import millisight as ms
-from millisight.evaluation.simulator import compare
-from millisight.io.mito_layout import read_published
-from millisight.scene.objects import CATALOGUE
+from millisight.evaluation import compare
+from millisight.io.mito import read_published
+from millisight.meshes import CATALOGUE
 
 TAUS_DEG = (2.5, 5.0, 7.5, 10.0, 15.0, 20.0)
 

@@ -5,8 +5,7 @@ python examples/random_shapes.py shapes.png
 
 import sys
 
-from millisight.viz.figures_training import plot_random_shapes
-from millisight.viz.plots import save_figure
+from millisight.viz import plot_random_shapes, save_figure
 
 if __name__ == "__main__":
     if len(sys.argv) != 2:

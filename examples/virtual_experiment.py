@@ -14,12 +14,11 @@ from pathlib import Path
 import numpy as np
 
 import millisight as ms
-from millisight.capture.clock import retime
-from millisight.imaging.synchronise import estimate_clock
-from millisight.io.mito_layout import read_experiment
-from millisight.rig.recorder import record_scan
-from millisight.rig.virtual.rig import VirtualRig, experiment_folder_of, experiment_info
-from millisight.rig.virtual.world import World
+from millisight.calibration import retime
+from millisight.imaging import estimate_clock
+from millisight.io.mito import read_experiment
+from millisight.rig import PublishedWriter, record_scan
+from millisight.rig.virtual import VirtualRig, World, experiment_folder_of, experiment_info
 
 RADAR = "77_ghz"
 
@@ -42,13 +41,13 @@ def main() -> None:
     if len(sys.argv) != 3:
         print(f"usage: {__doc__.splitlines()[2].strip()}", file=sys.stderr)
         sys.exit(2)
-    from millisight.viz.plots import plot_sheet, save_figure
+    from millisight.viz import plot_sheet, save_figure
 
     world, out = World.from_toml(sys.argv[1]), Path(sys.argv[2])
     rig = VirtualRig(world)
     folder = experiment_folder_of(world, out, 1)
     started = time.perf_counter()
-    record_scan(rig.arm, rig.radars, rig.camera, rig.plan, folder, info=experiment_info(world))
+    record_scan(rig.arm, rig.radars, rig.camera, rig.plan, PublishedWriter(folder, info=experiment_info(world)))
     print(f"scanned {len(rig.plan.rows)} rows in {time.perf_counter() - started:.0f} s", flush=True)
     scan = read_experiment(folder, RADAR)
     capture = scan.to_capture()
@@ -60,7 +59,7 @@ def main() -> None:
         sys.exit(1)
 
     corrected = retime(capture, scan.log, estimate.clock)
-    lower, upper = (f([thing.bounds[i] for thing in rig.stage.objects], axis=0) for i, f in ((0, np.min), (1, np.max)))
+    lower, upper = (f([thing.bounds[i] for thing in rig.layout.objects], axis=0) for i, f in ((0, np.min), (1, np.max)))
     grid = ms.VoxelGrid.regular(lower - 0.015, upper + 0.015, (0.0025, 0.0025, 0.005))
     captures = {
         "true path": at(corrected, rig.truth(RADAR)),

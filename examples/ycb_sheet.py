@@ -28,7 +28,7 @@ def main() -> None:
     if len(sys.argv) != 3:
         print(f"usage: {__doc__.splitlines()[2].strip()}", file=sys.stderr)
         sys.exit(2)
-    from millisight.viz.plots import plot_sheet, save_figure
+    from millisight.viz import plot_sheet, save_figure
 
     folder, picture = Path(sys.argv[1]), Path(sys.argv[2])
     images, meshes = {}, {}

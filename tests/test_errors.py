@@ -2,7 +2,7 @@
 
 import pytest
 
-from millisight.errors import UnknownNameError
+from millisight.core.errors import UnknownNameError
 
 FEW = ["cpu", "cuda"]
 MANY = [f"{letter}_cups" for letter in "abcdefghijklmnopqrstuvwxyz"]

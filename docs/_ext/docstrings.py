@@ -14,6 +14,7 @@ import inspect
 import re
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
+from fnmatch import fnmatch
 from typing import Any
 
 from docutils import nodes
@@ -25,7 +26,7 @@ from sphinx.util.nodes import nested_parse_with_titles
 from sphinx.util.typing import stringify_annotation
 
 import millisight
-from millisight import errors
+from millisight.core import errors
 
 _SECTIONS = ("Parameters", "Attributes", "Returns", "Yields", "Raises", "Examples", "Notes")
 _PRIMER = re.compile(r"\bprimer (\(\d+\)|\d+)")
@@ -34,7 +35,8 @@ _LOG = logging.getLogger(__name__)
 
 def public_names() -> dict[str, Any]:
     """Every public name of `millisight` that has a home, in the order of the alphabet."""
-    return {name: getattr(millisight, name) for name in sorted(millisight.__all__) if name != "__version__"}
+    things = {name: getattr(millisight, name) for name in sorted(millisight.__all__)}
+    return {name: thing for name, thing in things.items() if not inspect.ismodule(thing)}
 
 
 def room_of(thing: Any) -> str:
@@ -43,11 +45,17 @@ def room_of(thing: Any) -> str:
 
 
 def documented(room: str) -> dict[str, Any]:
-    """What `.. public-names:: room` shows, by name: of a room of `millisight`, or of a module by its whole name."""
+    """What `.. public-names:: room` shows, by name: of a room of `millisight`, or of a module by its whole name.
+
+    After a module's name may come patterns; then names that match one of them are shown, such as `plot_*`.
+    """
+    room, *patterns = room.split()
     if "." not in room:
         return {name: thing for name, thing in public_names().items() if room_of(thing) == room}
     module = __import__(room, fromlist=["_"])
-    return {name: getattr(module, name) for name in getattr(module, "__all__", _own(module))}
+    names = getattr(module, "__all__", _own(module))
+    shown = [name for name in names if not patterns or any(fnmatch(name, pattern) for pattern in patterns)]
+    return {name: getattr(module, name) for name in shown}
 
 
 def undocumented(name: str, thing: Any) -> list[str]:
@@ -85,9 +93,10 @@ def attributes(text: str) -> dict[str, str]:
 
 
 class PublicNames(SphinxDirective):
-    """`.. public-names:: room`, or a module's whole name: every name in its `__all__`, or that it defines."""
+    """`.. public-names:: room`, or a module: what `documented` finds."""
 
     required_arguments = 1
+    final_argument_whitespace = True
 
     def run(self) -> list[nodes.Node]:
         lines = StringList(list(self._directives(self.arguments[0])), source=self.get_source_info()[0])
@@ -99,7 +108,7 @@ class PublicNames(SphinxDirective):
         return found.children
 
     def _directives(self, room: str) -> Iterator[str]:
-        home = room if "." in room else "millisight"
+        home = room.split()[0] if "." in room else "millisight"
         for name, thing in documented(room).items():
             for missing in undocumented(name, thing):
                 _LOG.warning("%s of %s has no docstring", missing, room, location=self.get_location())
@@ -160,7 +169,7 @@ def _entries(title: str, body: list[str]) -> Iterator[str]:
             yield "      " + _escaped(line.strip())
         elif title == "Raises":
             names = (
-                f":py:exc:`~millisight.errors.{part}`" if hasattr(errors, part) else f"``{part}``"
+                f":py:exc:`~millisight.core.errors.{part}`" if hasattr(errors, part) else f"``{part}``"
                 for part in name.split(", ")
             )
             yield from ("", f"    * {', '.join(names)}", "")

@@ -17,7 +17,7 @@ from sphinx.util import logging
 from sphinx.util.docutils import SphinxDirective
 from sphinx.util.nodes import nested_parse_with_titles
 
-from millisight.viz.plots import save_figure
+from millisight.viz import save_figure
 
 _LOG = logging.getLogger(__name__)
 

@@ -4,6 +4,6 @@ One position of a radar measures distances, no directions: its image is rings. M
 by equation (4) of the primer for three point reflectors.
 """
 
-from millisight.viz import plots
+from millisight.viz import plot_aperture_principle
 
-figure = plots.plot_aperture_principle()[0].figure
+figure = plot_aperture_principle()[0].figure

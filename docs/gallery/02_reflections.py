@@ -3,6 +3,6 @@
 What is rough to light is a mirror to waves of 4 mm, so a radar sees a surface only where it faces the radar, and edges.
 """
 
-from millisight.viz import plots
+from millisight.viz import plot_reflection_principle
 
-figure = plots.plot_reflection_principle()[0].figure
+figure = plot_reflection_principle()[0].figure

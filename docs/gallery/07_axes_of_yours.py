@@ -6,7 +6,7 @@ Each of the paper's figures takes Matplotlib axes, and returns them: here a simu
 from matplotlib.figure import Figure
 
 import millisight as ms
-from millisight.viz import plots
+from millisight.viz import draw_outline, plot_multispectral
 
 scene = ms.Scene.from_mesh("padlock", vertices=4000)
 radar, trajectory = ms.Radar.preset("mito-sim-24ghz"), ms.Trajectory.raster(size=(0.3, 0.3), step=0.006)
@@ -15,10 +15,10 @@ image = ms.form_image(ms.simulate(scene, radar, trajectory, model="edge"), grid)
 
 figure = Figure(figsize=(8, 3.2), layout="constrained")
 left, middle, right = figure.subplots(1, 3)
-plots.plot_multispectral({"24 GHz": image}, {}, axes=[left])
-plots.plot_multispectral({"24 GHz": image}, {}, colormap="jet", axes=[middle])
+plot_multispectral({"24 GHz": image}, {}, axes=[left])
+plot_multispectral({"24 GHz": image}, {}, colormap="jet", axes=[middle])
 left.set_title("24 GHz, edges")
 middle.set_title("the same in jet")
 right.plot(*trajectory.positions[:, :2].T, ".", markersize=1, color="0.6")
-plots.draw_outline(right, scene.mesh, "z", color="black")
+draw_outline(right, scene.mesh, "z", color="black")
 right.set(aspect="equal", title="positions above the padlock", xlabel="x [m]", ylabel="y [m]")

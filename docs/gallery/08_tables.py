@@ -4,8 +4,8 @@ The segmentation table of the paper, of real measurements: the only figures on t
 evaluate` prints is a `Table` too, and can be drawn likewise, or written as Markdown, CSV or HTML.
 """
 
-from millisight.evaluation.tables import Table
-from millisight.viz import plots
+from millisight.evaluation import Table
+from millisight.viz import plot_table
 
 table = Table(
     title="Segmentation, median over the MITO dataset [%]",
@@ -20,4 +20,4 @@ table = Table(
         "Dodds, Boroushaki, Ham, Adib, ICCV 2025, Table 2. The camera's recall through cardboard is the cardboard's.",
     ),
 )
-figure = plots.plot_table(table).figure
+figure = plot_table(table).figure

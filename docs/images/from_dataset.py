@@ -9,12 +9,19 @@ from pathlib import Path
 
 import numpy as np
 
-from millisight.imaging.image import SarImage
-from millisight.io.mito_layout import read_published
-from millisight.perception.projection import project
-from millisight.perception.prompts import NLOS, power_prompts
+from millisight.data import SarImage
+from millisight.io.mito import read_published
+from millisight.perception import NLOS, power_prompts, project
 from millisight.perception.segmentation import segment
-from millisight.viz import plots
+from millisight.viz import (
+    cut_out,
+    plot_depth_holes,
+    plot_hidden,
+    plot_multispectral,
+    plot_samples,
+    plot_segmentation_steps,
+    save_figure,
+)
 
 HERE = Path(__file__).parent
 SHOWN = ("037_scissors", "042_adjustable_wrench", "035_power_drill", "025_mug")
@@ -43,7 +50,7 @@ def hidden(of: Experiment):
     low, high = where.min(axis=0), where.max(axis=0)
     margin = ((0.45, 0.28) * (high - low)).astype(int) + 12
     cut = tuple(slice(max(0, a), b) for a, b in zip(low - margin, high + margin, strict=True))
-    return plots.plot_hidden(of.frame("los").rgb[cut], of.frame("nlos").rgb[cut], of.image("nlos", 77))
+    return plot_hidden(of.frame("los").rgb[cut], of.frame("nlos").rgb[cut], of.image("nlos", 77))
 
 
 def samples(root: Path):
@@ -51,27 +58,27 @@ def samples(root: Path):
     for name in SHOWN:
         of = Experiment(root, name)
         rows[name.partition("_")[2]] = {
-            "camera": plots.cut_out(of.frame("los").rgb, of.mask.pixels),
+            "camera": cut_out(of.frame("los").rgb, of.mask.pixels),
             **{f"{band} GHz {where.upper()}": of.image(where, band) for band in (77, 24) for where in ("los", "nlos")},
         }
-    return plots.plot_samples(rows)
+    return plot_samples(rows)
 
 
 def multispectral(of: Experiment, colormap: str):
     los, nlos = ({f"{band} GHz": of.image(where, band) for band in (77, 24)} for where in ("los", "nlos"))
-    return plots.plot_multispectral(los, nlos, colormap=colormap)
+    return plot_multispectral(los, nlos, colormap=colormap)
 
 
 def segmentation(of: Experiment):
     picture = project(of.image("nlos", 77))
     prompts = power_prompts(picture, thresholds=NLOS, rng=0)
-    return plots.plot_segmentation_steps(picture, prompts, segment(picture.image, method="classical", prompts=prompts))
+    return plot_segmentation_steps(picture, prompts, segment(picture.image, method="classical", prompts=prompts))
 
 
 def depth_holes(of: Experiment):
     image = of.image("los", 77)
     mask = segment(image, method="classical", rng=0)
-    return plots.plot_depth_holes(of.frame("los"), image, mask, pixels=of.mask.pixels)
+    return plot_depth_holes(of.frame("los"), image, mask, pixels=of.mask.pixels)
 
 
 def main(root: Path) -> None:
@@ -85,7 +92,7 @@ def main(root: Path) -> None:
         "depth_holes": depth_holes(scissors),
     }
     for name, axes in made.items():
-        plots.save_figure(np.ravel(axes)[0].figure, HERE / f"{name}.png", dpi=110)
+        save_figure(np.ravel(axes)[0].figure, HERE / f"{name}.png", dpi=110)
 
 
 if __name__ == "__main__":

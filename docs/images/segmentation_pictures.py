@@ -12,22 +12,21 @@ import numpy as np
 from matplotlib.figure import Figure
 from PIL import Image
 
-from millisight.datasets.mito import find
-from millisight.datasets.scenes import find_scenes, read_scene
-from millisight.evaluation.segmentation import BOTH, HIGH, LOW, Judge
-from millisight.perception.projection import power_on
-from millisight.perception.prompts import NLOS
+from millisight import datasets
+from millisight.datasets import find_scenes
+from millisight.evaluation import BOTH, HIGH, LOW, SegmenterEvaluator
+from millisight.perception import NLOS, power_on
 from millisight.perception.segmentation import segmenter
-from millisight.viz.style import save_figure
+from millisight.viz import save_figure
 
 SHOWN = ("050_medium_clamp", "077_rubiks_cube", "065-g_cups", "029_plate")
 
 
-def bright_in(judge: Judge) -> tuple[np.ndarray, np.ndarray]:
+def bright_in(on: SegmenterEvaluator) -> tuple[np.ndarray, np.ndarray]:
     """Pixels that are bright enough for a positive prompt: at 77 GHz, and in both bands."""
-    picture = judge.pictures[HIGH]
+    picture = on.pictures[HIGH]
     bright = picture.power > NLOS.positive
-    return bright, bright & (power_on(judge.pictures[LOW], picture) > NLOS.positive)
+    return bright, bright & (power_on(on.pictures[LOW], picture) > NLOS.positive)
 
 
 def shares(root: Path) -> None:
@@ -35,8 +34,9 @@ def shares(root: Path) -> None:
     by = segmenter("classical")
     for sight in ("los", "nlos"):
         for crop in ((0, 0), (4, 0)):
-            judges = [Judge(by, read_scene(files, crop=crop)) for files in find_scenes(find(root), sight=sight)]
-            found = [[100 * judge.truth(HIGH).inside[one].mean() for one in bright_in(judge)] for judge in judges]
+            scenes = find_scenes(datasets.open(root), sight=sight)
+            all_on = [SegmenterEvaluator(by, files.read(crop=crop)) for files in scenes]
+            found = [[100 * on.truth(HIGH).inside[one].mean() for one in bright_in(on)] for on in all_on]
             print(sight, "crop", crop, "on the object [%]: 77 GHz, both:", np.nanmedian(found, axis=0).round(1))  # noqa: T201
 
 
@@ -46,10 +46,10 @@ def bands(root: Path) -> Figure:
     axes = figure.subplots(3, len(SHOWN))
     by = segmenter("wave")
     for column, name in enumerate(SHOWN):
-        (files,) = find_scenes(find(root).only([name]), sight="nlos")
-        judge = Judge(by, read_scene(files))
-        picture, truth = judge.pictures[HIGH], judge.truth(HIGH)
-        bright, both = bright_in(judge)
+        (files,) = find_scenes(datasets.open(root).only([name]), sight="nlos")
+        on = SegmenterEvaluator(by, files.read())
+        picture, truth = on.pictures[HIGH], on.truth(HIGH)
+        bright, both = bright_in(on)
         x, y = truth.grid_xy.x, truth.grid_xy.y
         extent = (x[0], x[-1], y[0], y[-1])
         for row, shown in enumerate((None, bright, both)):
@@ -57,7 +57,7 @@ def bands(root: Path) -> Figure:
             if shown is None:
                 one.imshow(picture.rgb.transpose(1, 0, 2), origin="lower", extent=extent)
                 one.set_title(name, fontsize=9)
-                masks = ((judge.attempt(BOTH, 0).mask, "white", "-"),)
+                masks = ((on.attempt(BOTH, 0).mask, "white", "-"),)
             else:
                 one.imshow(np.where(shown.T, 0.25, 0.95), cmap="gray", vmin=0, vmax=1, origin="lower", extent=extent)
                 share = truth.inside[shown].mean() if shown.any() else 0

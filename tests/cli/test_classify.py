@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 import millisight as ms
-from commands import run_here
-from millisight.errors import InputError
-from millisight.io.mito_layout import experiment_folder, radar_folder, write_published
-from millisight.perception import classification
-from millisight.perception.classification import Classifier, Prediction
-from millisight.perception.classifier_features import CHANNELS
-from small_images import BRIGHT, GRID, image, publish
+from helpers.commands import run_here
+from helpers.small_images import BRIGHT, GRID, image, publish
+from millisight.core.errors import InputError
+from millisight.data import Prediction
+from millisight.io.mito import experiment_folder, radar_folder, write_published
+from millisight.perception.classification import CLASSIFIER_CHANNELS, CLASSIFIERS, NetworkClassifier
+from millisight.perception.classification import _classification as classification
 
 PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "classify.md"
 SHA256 = "ab" * 32
@@ -45,10 +45,15 @@ class Sizes:
         return Prediction(probabilities=shares, class_names=self.class_names, threshold=0.6)
 
 
+def network(monkeypatch, made):
+    """What goes by the name "network" now."""
+    monkeypatch.setitem(CLASSIFIERS._entries, "network", CLASSIFIERS["network"] and made)
+
+
 @pytest.fixture
 def run(tmp_path, monkeypatch):
     """The command in `tmp_path` and within this process, as `run_here`."""
-    monkeypatch.setattr(classification, "Classifier", Sizes)
+    network(monkeypatch, Sizes)
     monkeypatch.chdir(tmp_path)
     return lambda *arguments, command="classify": run_here(command, *arguments)
 
@@ -186,9 +191,9 @@ def test_a_published_radar_mask_is_a_mask_too(dataset, run, tmp_path):
 def test_the_network_is_run(mug, run, tmp_path, monkeypatch):
     """A network that answers by the mask's size alone, by ONNX Runtime."""
     onnx = pytest.importorskip("onnx")
-    monkeypatch.setattr(classification, "Classifier", Classifier)
-    weights = np.zeros((len(CHANNELS), 3), np.float32)
-    weights[CHANNELS.index("mask"), 1] = 500
+    network(monkeypatch, NetworkClassifier)
+    weights = np.zeros((len(CLASSIFIER_CHANNELS), 3), np.float32)
+    weights[CLASSIFIER_CHANNELS.index("mask"), 1] = 500
     own = write_network(tmp_path / "own.onnx", weights, onnx)
     ms.save(tmp_path / "tiny.mask.h5", mask((slice(8, 9), slice(10, 11))))
     asked = ("mug.image.h5", "--weights", own.name, "--json")
@@ -222,7 +227,8 @@ def write_network(path, weights, onnx):
     path.write_bytes(model.SerializeToString())
     told = {
         "name": "sizes", "sha256": hashlib.sha256(path.read_bytes()).hexdigest(), "bands": ["77_ghz"],
-        "class_names": ["can", "box", "sphere"], "channels": list(CHANNELS), "temperature": 1.0, "threshold": 0.6,
+        "class_names": ["can", "box", "sphere"], "channels": list(CLASSIFIER_CHANNELS), "temperature": 1.0,
+        "threshold": 0.6,
     }  # fmt: skip
     path.with_suffix(".json").write_text(json.dumps(told))
     return path
@@ -230,7 +236,7 @@ def write_network(path, weights, onnx):
 
 def test_weights_of_ones_own_are_asked(mug, run, monkeypatch):
     asked = []
-    monkeypatch.setattr(classification, "Classifier", lambda weights: asked.append(weights) or Sizes(weights))
+    network(monkeypatch, lambda weights: asked.append(weights) or Sizes(weights))
     assert run("mug.image.h5", "--method", "classical", "--weights", "own.onnx")[0] == 0
     assert asked == [Path("own.onnx")]
 
@@ -239,7 +245,7 @@ def test_without_onnx_runtime_it_says_what_to_install(mug, run, monkeypatch):
     def missing(weights):
         raise ImportError('the classifier runs by ONNX Runtime: pip install "millisight[perception]"')
 
-    monkeypatch.setattr(classification, "Classifier", missing)
+    network(monkeypatch, missing)
     error = run("mug.image.h5", "--method", "classical")[3]
     assert error.startswith("classify cannot be used here: the classifier runs by ONNX Runtime: pip install")
 
@@ -254,8 +260,8 @@ def test_without_onnx_runtime_it_says_what_to_install(mug, run, monkeypatch):
         (["a.h5", "--mask", "empty"], "empty holds no mask of a; expected a.mask.h5 there: `millisight segment` may"),
         (["a.h5", "--mask", "other.mask.h5"], "with the mask of other.mask.h5: the mask is on another grid"),
         (["a.h5", "--method", "classical", "-o", "a.mask.h5"], "ends in .json"),
-        (["a.h5", "a.mask.h5", "--mask", "a.mask.h5"], "belong to one image"),
-        (["a.h5", "a.h5"], "would both be called a"),
+        (["a.h5", "a.mask.h5", "--mask", "a.mask.h5"], "work with a single image"),
+        (["a.h5", "a.h5"], "have the same name a"),
         (["empty"], "empty holds no image"),
         (["none.h5"], "none.h5: no such file"),
     ],
@@ -282,7 +288,7 @@ def test_what_the_page_about_it_shows_is_run(mug, dataset, run, tmp_path):
     """On files of these names; the training apart, which is tested where it is."""
     ms.save(tmp_path / "mug_77.h5", image())
     ms.save(tmp_path / "mug_24.h5", image(1))
-    classification._classifier.cache_clear()
+    classification._by_name.cache_clear()
     variables, ran = {}, []
     for language, block in re.findall(r"^```(\w+)\n(.*?)^```", PAGE.read_text("utf-8"), flags=re.DOTALL | re.MULTILINE):
         if language == "python":
@@ -293,7 +299,7 @@ def test_what_the_page_about_it_shows_is_run(mug, dataset, run, tmp_path):
                 code, _, err, error = run(*arguments, command=command)
                 assert code == 0 or "failed: 1" in err, (line, err, error)
                 ran.append(command)
-    classification._classifier.cache_clear()
+    classification._by_name.cache_clear()
     assert (ran.count("classify"), ran.count("segment")) == (8, 2)
     assert variables["prediction"].answer == "box"
     told = json.loads((tmp_path / "mug.prediction.json").read_text())

@@ -14,7 +14,7 @@ import pytest
 import trimesh
 
 import millisight as ms
-from commands import COMMANDS, refused, run
+from helpers.commands import COMMANDS, refused, run
 from millisight.cli.main import GO_ON
 
 COARSE = ["--vertices", "800", "--radar", "mito-sim-24ghz"]
@@ -150,8 +150,8 @@ def test_bad_meshes_get_one_clear_line(name, tmp_path):
         (("simulate", "mug", "--aperture", "wide"), "expected a size along x and y such as 30x22cm"),
         (("simulate", "mug", "--step", "2 parsec"), "expected a length such as 2mm"),
         (("simulate", "mug", "--step", "0"), "step is 0 m; expected more than 0 m"),
-        (("simulate", "mug", "--step", "5"), "--step has 5 without a unit, which would be metres: write 5mm"),
-        (("simulate", "mug", "--aperture", "0.3x22"), "--aperture has 22 without a unit"),
+        (("simulate", "mug", "--step", "5"), "--step is 5 without a unit; write 5mm"),
+        (("simulate", "mug", "--aperture", "0.3x22"), "--aperture is 22 without a unit"),
         (("simulate", "mug", "--height", "3cm"), "the aperture hangs at 3.0 cm"),
         (("simulate", "mug", "--model", "edge", "--alpha", "1", "1"), "no meaning for --model edge"),
         (("simulate", "mug", "--alpha", "0", "0"), "alpha is (0, 0)"),
@@ -223,7 +223,7 @@ def started(*arguments, cwd):
     )
 
 
-INTERRUPTED = "millisight: interrupted; files that were being written are left as they were before"
+INTERRUPTED = "millisight: interrupted; unfinished files were discarded, earlier files are unchanged"
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
@@ -269,7 +269,7 @@ def test_interrupted_while_it_still_imports(tmp_path, number, delay):
 
 def test_the_commands_that_are_said_to_go_on_are_those_whose_help_says_so():
     told = {name.removeprefix("millisight "): " ".join(command.help.split()) for name, command in COMMANDS.items()}
-    assert sorted(name for name, text in told.items() if "Run it again to go on after an" in text) == list(GO_ON)
+    assert sorted(name for name, text in told.items() if "again to continue after an" in text) == list(GO_ON)
 
 
 LOST = """
@@ -321,10 +321,10 @@ def test_an_input_is_never_overwritten(capture):
     (folder / "link.h5").symlink_to(capture.name)
     for output in (capture.name, f"../{folder.name}/{capture.name}", "link.h5"):
         line = refused("image", capture.name, "--grid", "2cm", "-o", output, cwd=folder)
-        assert "is the input, and would be overwritten" in line
+        assert "is the input and would be overwritten" in line
     os.link(capture, folder / "scan.png")
     assert "is the input" in refused("image", capture.name, "--slices", "scan.png", cwd=folder)
-    assert "would be written twice" in refused(
+    assert "is given for two outputs" in refused(
         "image", capture.name, "--plot", "a.png", "--slices", "a.png", cwd=folder
     )
     assert capture.read_bytes() == before

@@ -8,10 +8,10 @@ import typer
 from typer.testing import CliRunner
 
 from millisight.cli.collect import collect
-from millisight.errors import CoverageError, FileError, FormatError, UnknownNameError
-from millisight.io.hdf5 import load
-from millisight.io.mito_layout import read_experiment, read_published
-from millisight.rig.virtual.world import World
+from millisight.core.errors import CoverageError, FileError, FormatError, UnknownNameError
+from millisight.io import load
+from millisight.io.mito import read_experiment, read_published
+from millisight.rig.virtual import World
 
 TINY = """
 [[objects]]

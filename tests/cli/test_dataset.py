@@ -10,11 +10,11 @@ import pytest
 from typer.testing import CliRunner
 
 import millisight as ms
+from helpers.miniature import BOX, EMPTY, MUG, fault_folder
+from helpers.processes import alive, wait_for
+from helpers.small_hub import Hub
 from millisight.cli.app import app
-from millisight.errors import InputError, UnknownNameError
-from miniature import BOX, EMPTY, MUG, fault_folder
-from processes import alive, wait_for
-from small_hub import Hub
+from millisight.core.errors import InputError, UnknownNameError
 
 
 def run(*arguments):
@@ -64,11 +64,11 @@ def test_the_list_can_be_narrowed(miniature):
 def test_what_is_out_of_place_is_listed(miniature):
     code, lines, _ = run("list", miniature.faults)
     assert code == 0
-    assert [line for line in lines if line.startswith("not of the layout: ")] == [
-        "not of the layout: figures",
-        "not of the layout: 919_stray_files/robot_collected/0_0_90/exp1/exp1_backup",
-        "not of the layout: 919_stray_files/robot_collected/0_0_90/exp1/los/notes.txt",
-        "not of the layout: 919_stray_files/robot_collected/0_0_90/exp1/los/processed/radars/77_ghz/"
+    assert [line for line in lines if line.startswith("not part of the layout: ")] == [
+        "not part of the layout: figures",
+        "not part of the layout: 919_stray_files/robot_collected/0_0_90/exp1/exp1_backup",
+        "not part of the layout: 919_stray_files/robot_collected/0_0_90/exp1/los/notes.txt",
+        "not part of the layout: 919_stray_files/robot_collected/0_0_90/exp1/los/processed/radars/77_ghz/"
         "processed_image.pkl.tmp",
     ]
 
@@ -130,7 +130,7 @@ def test_a_dataset_is_converted_once(miniature, tmp_path):
     for made, kept in ((19, 0), (0, 19)):
         code, lines, err = run("convert", miniature.healthy, "-o", tmp_path, "--object", "004", "--workers", "1")
         assert code == 0
-        assert lines == [f"converted {made} items into {tmp_path}, {kept} were there already"]
+        assert lines == [f"converted {made} items into {tmp_path}; {kept} were there already"]
         assert "convert: " in err
     code, lines, _ = run("list", tmp_path)
     assert (code, lines[-1]) == (0, "1 objects, 3 experiments")
@@ -147,7 +147,7 @@ def test_what_cannot_be_converted_is_listed_at_the_end(miniature, tmp_path):
         "hostile_pickle", "--workers", "1", "--min-distance", "0mm",
     )  # fmt: skip
     assert code == 1
-    assert lines[-1] == f"converted 4 items into {tmp_path}, 0 were there already"
+    assert lines[-1] == f"converted 4 items into {tmp_path}; 0 were there already"
     assert any("1 of 14 frames lost" in line for line in lines)
     ending = err.splitlines()
     start = ending.index("failed: 4")
@@ -167,7 +167,8 @@ def test_ctrl_c_ends_in_one_line_leaves_no_process_and_can_be_resumed(miniature,
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to all of them
     out, err = process.communicate(timeout=60)
     assert process.returncode == 130
-    line = "interrupted; files that were being written are left as they were before; the same command goes on from here"
+    line = "interrupted; unfinished files were discarded, earlier files are unchanged"
+    line += "; run the same command again to continue"
     assert err == f"millisight: {line}\n"
     assert out == ""
     wait_for(lambda: not alive(process.pid))

@@ -10,12 +10,12 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from millisight.cli.evaluate_classification import classification
-from millisight.datasets import classified
-from millisight.datasets.manifest import Manifest, write_manifest
-from millisight.errors import InputError, MillisightError
-from small_scenes import INFO, make
-from some_answers import NAMES, prediction
+from helpers.small_scenes import INFO, make
+from helpers.some_answers import NAMES, prediction
+from millisight.cli.evaluate import classification
+from millisight.core.errors import InputError, MillisightError
+from millisight.datasets import Manifest, write_manifest
+from millisight.evaluation.tasks import _candidates as candidates
 
 LEARNED = {"fork": [[0, 0, 90]], "a_cups": [[0, 0, 0]]}
 TOLD = {
@@ -61,11 +61,11 @@ def whole(tmp_path_factory):
 
 @pytest.fixture
 def work(whole, tmp_path, monkeypatch):
-    monkeypatch.setattr(classified.classification, "Classifier", Fake)
-    classified.classifier.cache_clear()
+    monkeypatch.setattr(candidates, "NetworkClassifier", Fake)
+    candidates.load_classifier.cache_clear()
     shutil.copytree(whole, tmp_path / "data")
     yield tmp_path
-    classified.classifier.cache_clear()
+    candidates.load_classifier.cache_clear()
 
 
 def run(work, *options, weights=("oracle",)):
@@ -224,7 +224,7 @@ def test_simulated_and_other_scenes_are_not_thrown_together(work):
     path.write_text(json.dumps({key: value for key, value in INFO.items() if key != "simulated"}))
     done = run(work)
     assert isinstance(done.exception, InputError)
-    assert "judge them apart" in str(done.exception)
+    assert "evaluate them apart" in str(done.exception)
 
 
 @pytest.mark.parametrize(

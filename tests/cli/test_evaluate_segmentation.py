@@ -8,11 +8,11 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from millisight.cli.evaluate_segmentation import segmentation
-from millisight.datasets import judging
-from millisight.errors import InputError, MillisightError
+from helpers.small_scenes import INFO, make
+from millisight.cli.evaluate import segmentation
+from millisight.core.errors import InputError, MillisightError
+from millisight.evaluation import _scenes as scenes
 from millisight.perception.segmentation import Candidates
-from small_scenes import INFO, make
 
 
 class Bright:
@@ -33,11 +33,11 @@ class Bright:
 
 @pytest.fixture
 def work(tmp_path, monkeypatch):
-    monkeypatch.setattr(judging, "segmenter", lambda name, **_: Bright(name))
-    judging._made.cache_clear()
+    monkeypatch.setattr(scenes, "segmenter", lambda name, **_: Bright(name))
+    scenes._segmenter.cache_clear()
     make(tmp_path / "data")
     yield tmp_path
-    judging._made.cache_clear()
+    scenes._segmenter.cache_clear()
 
 
 def run(work, *options):
@@ -127,4 +127,4 @@ def test_simulated_and_other_scenes_are_not_thrown_together(work):
     path.write_text(json.dumps({key: value for key, value in INFO.items() if key != "simulated"}))
     done = run(work, "--method", "classical")
     assert isinstance(done.exception, InputError)
-    assert "judge them apart" in str(done.exception)
+    assert "evaluate them apart" in str(done.exception)

@@ -8,12 +8,12 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from millisight.cli.evaluate_simulator import simulator
-from millisight.errors import InputError, UnknownNameError
-from millisight.imaging.grid import VoxelGrid
-from millisight.imaging.image import SarImage, combine
-from millisight.io.mito_layout import write_published
-from millisight.io.mito_names import angles_folder, experiment_folder, radar_folder
+from millisight.cli.evaluate import simulator
+from millisight.core.errors import InputError, UnknownNameError
+from millisight.data import SarImage, VoxelGrid
+from millisight.imaging import combine
+from millisight.io.mito import angles_folder, write_published
+from millisight.io.mito._names import experiment_folder, radar_folder
 
 SIMULATED = {"simulated": True, "physics": "by hand"}
 ALPHA = (0.5, 0.5)
@@ -65,8 +65,8 @@ def test_the_table_finds_what_was_combined(tmp_path):
     out, fit = tmp_path / "out", tmp_path / "fit.toml"
     done = run(make(tmp_path / "data"), out, "--pictures", "1", "--fit", str(fit), "--clouds", "ply")
     assert done.exit_code == 0, done.output
-    names = ["best-01.png", "classes-los.csv", "classes-nlos.csv", "clouds", "held-out.csv", "index.html", "pairs.csv",
-             "quartiles-los.csv", "quartiles-nlos.csv", "scores.png", "sensitivity.png", "simulator.md",
+    names = ["best-01.png", "classes-los.csv", "classes-nlos.csv", "clouds", "held-out.csv", "index.html", "pairs",
+             "pairs.csv", "quartiles-los.csv", "quartiles-nlos.csv", "scores.png", "sensitivity.png", "simulator.md",
              "worst-02.png"]  # fmt: skip
     assert sorted(path.name for path in out.iterdir()) == names
     assert len(list((out / "clouds").iterdir())) == 8

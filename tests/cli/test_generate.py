@@ -6,11 +6,11 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-import small_recipe
+from helpers import small_recipe
 from millisight.cli.generate import generate
-from millisight.datasets.manifest import read_manifest
-from millisight.datasets.simulator_job import SimulatorJob
-from millisight.errors import FileError, FormatError, InputError, UnknownNameError
+from millisight.core.errors import FileError, FormatError, InputError, UnknownNameError
+from millisight.datasets import read_manifest
+from millisight.datasets.generation._simulator_job import SimulatorJob
 
 app = typer.Typer()
 app.command()(generate)
@@ -46,13 +46,13 @@ def test_it_tells_the_cost_makes_the_dataset_and_goes_on(recipe, tmp_path):
     first = run(recipe, "-o", out)
     assert first.exit_code == 0, first.output
     lines = first.stdout.splitlines()
-    assert lines[:2] == ["quick: 2 objects (2 drawn in code)", "jobs: 2, of which 0 are done"]
-    assert re.fullmatch(r"estimate: \d+ s of one core, \d+ s on \d+; \d+ MB, and \d+ MB besides .*", lines[2])
+    assert lines[:2] == ["quick: 2 objects (2 from the catalogue)", "jobs: 2, of which 0 are done"]
+    assert re.fullmatch(r"estimate: \d+ s of one core, \d+ s on \d+; \d+ MB, and \d+ MB of temporary files", lines[2])
     size = sum(entry.size for entry in read_manifest(out).entries.values())
-    assert lines[3] == f"made 2 of 2 jobs, 0 were done before; 12 files, {size / 1e6:.1f} MB in {out}"
+    assert lines[3] == f"made 2 of 2 jobs; 0 were done before; 12 files, {size / 1e6:.1f} MB in {out}"
     again = run(recipe, "-o", out)
     assert "jobs: 2, of which 2 are done" in again.stdout
-    assert "made 0 of 2 jobs, 2 were done before" in again.stdout
+    assert "made 0 of 2 jobs; 2 were done before" in again.stdout
 
 
 def test_a_dry_run_writes_nothing(recipe, tmp_path):

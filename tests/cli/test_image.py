@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import millisight as ms
-from commands import refused, run
-from millisight.io.mito_layout import read_experiment
-from miniature import MUG, fault_folder
-from oracles import shared
+from helpers.commands import refused, run
+from helpers.miniature import MUG, fault_folder
+from helpers.oracles import shared
+from millisight.io.mito import read_experiment
 
 
 @pytest.fixture(scope="module")

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import millisight as ms
-from commands import run, run_here
+from helpers.commands import run, run_here
+from helpers.small_images import GRID, image, publish
 from millisight.cli.image_sources import image_sources
-from millisight.io.hdf5 import load_extras
-from small_images import GRID, image, publish
+from millisight.io import load_extras
 
 
 @pytest.fixture
@@ -127,7 +127,7 @@ def test_prompts_of_a_file(tmp_path, here):
         (["a.h5", "--multispectral", "--method", "classical"], "--other-band"),
         (["a.h5", "--method", "classical", "-o", "a.h5"], "would be overwritten"),
         (["empty", "--method", "classical"], "empty holds no image"),
-        (["a.h5", "mask.h5", "--other-band", "a.h5"], "belong to one image"),
+        (["a.h5", "mask.h5", "--other-band", "a.h5"], "work with a single image"),
     ],
 )
 def test_what_cannot_be_is_refused_and_writes_nothing(tmp_path, here, arguments, message):

@@ -2,7 +2,7 @@
 
 import pytest
 
-from commands import run_here
+from helpers.commands import run_here
 
 
 def refusal(*arguments):
@@ -15,7 +15,7 @@ def refusal(*arguments):
 @pytest.mark.parametrize(
     ("option", "value", "expected"),
     [
-        ("--model", "specullar", "Did you mean 'specular'? Known: combined, diffuse, edge, specular."),
+        ("--model", "specullar", "Did you mean 'specular'? Known: combined, diffuse, edge, rough, specular."),
         ("--tau-deg", "200", "tau_deg is 200 degrees; expected at most 180"),
         ("--aperture", "wide", "expected a size along x and y such as 30x22cm"),
         ("--step", "0", "step is 0 m; expected more than 0 m"),

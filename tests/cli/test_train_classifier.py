@@ -8,13 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from commands import COMMANDS, refused
+from helpers.commands import COMMANDS, refused
 from millisight.cli.train import classifier
-from millisight.datasets.recipefile import record_from_file
-from millisight.errors import FormatError
-from millisight.evaluation.classes import DISJOINT
-from millisight.evaluation.leaks import classes_of, side_of, training_of
-from millisight.perception.classifier_recipe import ClassifierRecipe
+from millisight.core.errors import FormatError
+from millisight.datasets.generation import record_from_file
+from millisight.evaluation import classes_of, training_of
+from millisight.evaluation._answers import DISJOINT
+from millisight.evaluation._leaks import side_of
+from millisight.perception.training import ClassifierRecipe
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PAGE = Path(__file__).parents[2] / "docs/how-to/train-classifier.md"
@@ -47,7 +48,7 @@ def written(folder, *, extra="", classes=TWO, tests="plum"):
 def test_one_command_makes_weights_that_the_options_change(tmp_path, capsys):
     pytest.importorskip("torch")
     pytest.importorskip("onnxruntime")
-    from millisight.perception.classification import Classifier
+    from millisight.perception.classification import NetworkClassifier
 
     recipe = written(tmp_path, classes='box = ["dice"]\nball = ["golf_ball", "plum"]')
     scenes = tmp_path / "scenes"
@@ -56,14 +57,14 @@ def test_one_command_makes_weights_that_the_options_change(tmp_path, capsys):
     assert re.search(r"^1 epoch; \d+\.\d % of the validation scenes right, by chance 50\.0 %$", out, re.MULTILINE)
     assert out.splitlines()[-1] == f"weights: {tmp_path / 'a' / 'classifier.onnx'}"
     assert len(list(scenes.iterdir())) == 4
-    told = Classifier(tmp_path / "a" / "classifier.onnx").description
+    told = NetworkClassifier(tmp_path / "a" / "classifier.onnx").description
     assert told["objects"]["training"] == ["dice", "golf_ball"]
     assert (told["parts"], told["network"]) == ("both", "small")
     known = classes_of(told, told["class_names"])  # what was left to tests is new, and its class is told
     assert (known["plum"], side_of(training_of("tiny", told), "plum", (0, 0, 30))) == ("ball", DISJOINT)
     shutil.copytree(scenes, tmp_path / "all")
     classifier(recipe, tmp_path / "b", scenes=tmp_path / "all", parts="edge", all_objects=True)
-    other = Classifier(tmp_path / "b" / "classifier.onnx").description
+    other = NetworkClassifier(tmp_path / "b" / "classifier.onnx").description
     assert other["objects"]["training"] == ["dice", "golf_ball", "plum"]
     assert other["parts"] == "edge"
     assert other["sha256"] != told["sha256"]

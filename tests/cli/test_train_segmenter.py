@@ -5,13 +5,12 @@ import shutil
 
 import pytest
 
-from commands import refused
+from helpers.commands import refused
 from millisight.cli.train import segmenter
-from millisight.datasets.recipefile import record_from_file
-from millisight.errors import FormatError
-from millisight.perception.training import check_installed
-from millisight.perception.training_wave import SegmenterRecipe
-from millisight.scene.objects import CATALOGUE
+from millisight.core.errors import FormatError
+from millisight.datasets.generation import record_from_file
+from millisight.meshes import CATALOGUE
+from millisight.perception.training import SegmenterRecipe, check_installed
 
 TEXT = """
 name = "small"
@@ -41,8 +40,8 @@ def written(folder, *, extra="", keep=("dice", "golf_ball")):
 def test_one_command_makes_the_weights_and_again_the_same_ones_even_when_resumed(tmp_path, capsys):
     pytest.importorskip("torch")
     pytest.importorskip("onnxruntime")
-    from millisight.perception.training_wave import make_scenes, train_segmenter
-    from millisight.perception.wave import WaveSegmenter
+    from millisight.perception.segmentation import WaveSegmenter
+    from millisight.perception.training import make_scenes, train
 
     recipe = written(tmp_path)
     segmenter(recipe, tmp_path / "a")
@@ -59,9 +58,9 @@ def test_one_command_makes_the_weights_and_again_the_same_ones_even_when_resumed
 
     described = record_from_file(SegmenterRecipe, recipe)
     shutil.copytree(tmp_path / "a" / "scenes", tmp_path / "b" / "scenes")
-    scenes = make_scenes(described, tmp_path / "b")
+    scenes = make_scenes(described, tmp_path / "b" / "scenes")
     with pytest.raises(KeyboardInterrupt):
-        train_segmenter(described, scenes, tmp_path / "b", progress=cut_off)
+        train(described, scenes, tmp_path / "b", progress=cut_off)
     assert not (tmp_path / "b" / "wave.onnx").exists()
     segmenter(recipe, tmp_path / "b")
     for name in ("wave.onnx", "wave.json", "wave.safetensors"):
@@ -91,7 +90,7 @@ def test_a_recipe_that_cannot_be_right_is_refused_by_its_place(tmp_path):
 
 
 def test_what_training_needs_is_asked_for_before_any_work(monkeypatch):
-    monkeypatch.setattr("millisight.perception.training.find_spec", lambda name: None)
+    monkeypatch.setattr("millisight.perception.training._loop.find_spec", lambda name: None)
     with pytest.raises(ImportError, match=r"needs torch and .*millisight\[train\]"):
         check_installed()
 

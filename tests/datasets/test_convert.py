@@ -12,14 +12,12 @@ from pathlib import Path
 import pytest
 
 import millisight as ms
-from millisight.datasets.convert import convert
-from millisight.datasets.manifest import read_manifest
-from millisight.datasets.mito import find
-from millisight.errors import DamagedFileError, FileError, InputError
-from millisight.io.hdf5 import load_extras, provenance
-from millisight.io.mito_layout import experiment_folder, radar_folder, read_experiment, write_published
-from miniature import ANGLES, BOX, EMPTY, MUG, fault_folder, hostile_deed, image_file, same, values_of
-from processes import alive, wait_for
+from helpers.miniature import ANGLES, BOX, EMPTY, MUG, fault_folder, hostile_deed, image_file, same, values_of
+from helpers.processes import alive, wait_for
+from millisight.core.errors import DamagedFileError, FileError, InputError
+from millisight.datasets import convert, read_manifest
+from millisight.io import load_extras, provenance
+from millisight.io.mito import experiment_folder, radar_folder, read_experiment, write_published
 
 
 @pytest.fixture(scope="module")
@@ -41,10 +39,12 @@ def test_everything_is_converted_once(converted, miniature):
     out, done = converted
     assert (done.made, done.kept, done.failures, done.notes) == (53, 0, (), ())
     kinds = {}
-    for item in find(out).items:
+    for item in ms.datasets.open(out).items:
         kinds[item.kind] = kinds.get(item.kind, 0) + 1
     assert kinds == {"image": 23, "radar mask": 7, "camera mask": 2, "camera frame": 2, "raw": 13, "info": 6}
-    assert [one.missing for one in find(out).objects] == [one.missing for one in find(miniature.healthy).objects]
+    assert [one.missing for one in ms.datasets.open(out).objects] == [
+        one.missing for one in ms.datasets.open(miniature.healthy).objects
+    ]
     assert not list(out.rglob("*.pkl"))
     assert not (out / ".partial").exists()
 
@@ -160,7 +160,7 @@ def test_what_is_there_and_right_is_kept_and_the_rest_made_anew(converted, minia
 
 def test_some_objects_now_and_others_later(miniature, converted, tmp_path):
     for name in (MUG, EMPTY):
-        convert(find(miniature.healthy).only([name]), tmp_path, workers=1)
+        convert(ms.datasets.open(miniature.healthy).only([name]), tmp_path, workers=1)
     expected = {path: content for path, content in contents(converted[0]).items() if path.startswith((MUG, EMPTY))}
     found = contents(tmp_path)
     assert {path: found[path] for path in expected} == expected
@@ -224,7 +224,7 @@ def test_a_damaged_checksum_cache_is_worked_out_again(miniature, converted, tmp_
     shutil.copytree(converted[0], tmp_path / "out")
     for content in (b"", b"[]", b'{"a": {"b": 1}}', b"\xff"):
         (tmp_path / "out" / ".checksums.json").write_bytes(content)
-        done = convert(find(miniature.healthy).only([EMPTY]), tmp_path / "out", workers=1)
+        done = convert(ms.datasets.open(miniature.healthy).only([EMPTY]), tmp_path / "out", workers=1)
         assert (done.made, done.kept) == (0, 2)
 
 

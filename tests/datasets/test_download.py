@@ -6,12 +6,12 @@ import sys
 import numpy as np
 import pytest
 
-from millisight.datasets import download as module
-from millisight.datasets.download import download
-from millisight.datasets.mito import find
-from millisight.errors import FileError, InputError, UnknownNameError
-from miniature import BOX, MUG
-from small_hub import COMMIT, REPOSITORY, Hub
+from helpers.miniature import BOX, MUG
+from helpers.small_hub import COMMIT, REPOSITORY, Hub
+from millisight import datasets
+from millisight.core.errors import FileError, InputError, UnknownNameError
+from millisight.datasets import _download as module
+from millisight.datasets import download
 
 LARGE = f"{MUG}/robot_collected/0_0_0/exp1/los/processed/radars/77_ghz/processed_image.pkl"
 
@@ -48,7 +48,7 @@ def test_everything_is_downloaded_and_is_a_dataset(hub, tmp_path):
     total = sum(map(len, hub.files.values()))
     assert done.size == total == seen[-1][0] == seen[-1][1]
     assert [count for count, _ in seen] == sorted(count for count, _ in seen)
-    assert [one.folder.name for one in find(tmp_path / "new" / "MITO").objects] == [BOX, MUG]
+    assert [one.folder.name for one in datasets.open(tmp_path / "new" / "MITO").objects] == [BOX, MUG]
 
 
 @pytest.mark.parametrize("name", ["025", "mug", MUG])

@@ -13,25 +13,20 @@ import numpy as np
 import pytest
 
 import millisight as ms
-import small_recipe
-from millisight.datasets import generate
-from millisight.datasets.convert import convert
-from millisight.datasets.engine import Engine, engine_of
-from millisight.datasets.generate import carried_out, planned
-from millisight.datasets.ledger import JOURNAL_NAME, Ledger
-from millisight.datasets.manifest import read_manifest
-from millisight.datasets.mito import find
-from millisight.datasets.rig_job import RigJob
-from millisight.datasets.simulator_job import SimulatorJob
-from millisight.datasets.verify import verify
-from millisight.errors import DeviceError, FileError, InputError, UnknownNameError
-from millisight.imaging.form import form_image
-from millisight.io.hdf5 import load_extras, open_capture
-from millisight.io.mito_layout import read_published
-from millisight.rig.virtual.world import World
-from processes import wait_for
-from small_cluster import Cluster
-from small_jobs import failing, napping
+from helpers import small_recipe
+from helpers.processes import wait_for
+from helpers.small_cluster import Cluster
+from helpers.small_jobs import failing, napping
+from millisight.core.errors import DeviceError, FileError, InputError, UnknownNameError
+from millisight.datasets import convert, read_manifest, verify
+from millisight.datasets.generation import Engine, RigJob, engine_of, plan_dataset, run_plan
+from millisight.datasets.generation import _generate as generate
+from millisight.datasets.generation._ledger import JOURNAL_NAME, Ledger
+from millisight.datasets.generation._simulator_job import SimulatorJob
+from millisight.imaging import form_image
+from millisight.io import load_extras, open_capture
+from millisight.io.mito import read_published
+from millisight.rig.virtual import World
 
 HERE = Engine("threads", 1, 1)
 JOBS = 4
@@ -39,7 +34,7 @@ BALL = "058_golf_ball/robot_collected/0_0_0/exp1"
 
 
 def make(out, engine=HERE, progress=None, **changes):
-    return carried_out(planned(small_recipe.recipe(**changes), out), engine, progress=progress)
+    return run_plan(plan_dataset(small_recipe.recipe(**changes), out), engine, progress=progress)
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +54,7 @@ def contents(folder):
 
 def test_it_is_a_dataset_of_the_published_layout(made, tmp_path):
     out, _, _ = made
-    found = find(out)
+    found = ms.datasets.open(out)
     assert [one.folder.name for one in found.objects] == ["058_golf_ball", "tripod_EMPTY", "tripod_background"]
     assert {p.name for p in out.iterdir() if not p.name.startswith(".")} == {
         "058_golf_ball", "tripod_EMPTY", "tripod_background", "README.md", "manifest.jsonl", "splits.json", "truth",
@@ -210,7 +205,7 @@ def test_a_cluster_makes_the_same_bytes_though_a_worker_is_killed(made, tmp_path
         if len(cluster.workers) == 2:
             cluster.kill_one()
 
-    done = carried_out(planned(small_recipe.recipe(), again), engine, progress=kill_one)
+    done = run_plan(plan_dataset(small_recipe.recipe(), again), engine, progress=kill_one)
     assert len(cluster.workers) == 1
     assert (done.made, done.failures) == (JOBS, ())
     assert contents(again) == contents(out)
@@ -246,7 +241,7 @@ def test_engines_are_checked():
 
 
 def test_where_no_scheduler_answers_it_says_so(monkeypatch):
-    monkeypatch.setattr("millisight.datasets.engine_dask._CONNECT", 0.5)
+    monkeypatch.setattr("millisight.datasets.generation._engine_dask._CONNECT", 0.5)
     with pytest.raises(DeviceError, match="no Dask scheduler answers at tcp://127.0.0.1:1"):
         engine_of("tcp://127.0.0.1:1")
 
@@ -304,10 +299,10 @@ def test_what_is_changed_is_made_anew_and_the_rest_is_kept(tmp_path):
 def test_a_folder_of_something_else_is_refused(tmp_path):
     (tmp_path / "thesis.tex").touch()
     with pytest.raises(InputError, match="is not empty, and no dataset of this recipe"):
-        planned(small_recipe.recipe(), tmp_path)
+        plan_dataset(small_recipe.recipe(), tmp_path)
     make(tmp_path / "out", **simulated(["golf_ball"]))
     with pytest.raises(InputError, match="holds another dataset"):
-        planned(small_recipe.recipe(seed=4), tmp_path / "out")
+        plan_dataset(small_recipe.recipe(seed=4), tmp_path / "out")
 
 
 def test_two_runs_in_one_folder_are_refused(tmp_path):
@@ -323,15 +318,15 @@ def make_room(folder):
 def test_a_short_disk_is_told_before_the_work(tmp_path, monkeypatch):
     usage = type("Usage", (), {"free": 1000})
     monkeypatch.setattr(generate.shutil, "disk_usage", lambda _: usage)
-    plan = planned(small_recipe.recipe(), tmp_path / "out")
+    plan = plan_dataset(small_recipe.recipe(), tmp_path / "out")
     with pytest.raises(FileError, match=r"has 0.0 GB left; the dataset needs"):
-        carried_out(plan, HERE)
+        run_plan(plan, HERE)
     assert not (tmp_path / "out").exists()
 
 
 def test_the_cost_is_told_before_and_grows_with_the_work():
     def costs(**changes):
-        plan = planned(small_recipe.recipe(**changes), "nowhere")
+        plan = plan_dataset(small_recipe.recipe(**changes), "nowhere")
         return {job.key: cost for job, cost in zip(plan.todo, plan.costs, strict=True)}, plan
 
     few, plan = costs()
@@ -351,7 +346,7 @@ def test_the_cost_is_told_before_and_grows_with_the_work():
 
 def test_the_estimated_bytes_are_about_right(made):
     out, done, _ = made
-    plan = planned(small_recipe.recipe(), out.with_name("nowhere"))
+    plan = plan_dataset(small_recipe.recipe(), out.with_name("nowhere"))
     expected = sum(cost.kept for cost in plan.costs)
     assert expected / 2 < sum(entry.size for entry in done.manifest.entries.values()) < 2 * expected
 
@@ -381,7 +376,7 @@ def test_raw_files_alone_can_be_kept_and_scans_may_hold_both_radars(tmp_path):
 
 
 def test_jobs_can_travel(tmp_path):
-    plan = planned(small_recipe.recipe(), tmp_path / "out")
+    plan = plan_dataset(small_recipe.recipe(), tmp_path / "out")
     again = pickle.loads(pickle.dumps(plan.jobs))  # noqa: S301
     assert [job.description() for job in again] == [job.description() for job in plan.jobs]
     assert {type(job) for job in again} == {RigJob, SimulatorJob}

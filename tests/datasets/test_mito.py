@@ -5,13 +5,14 @@ import time
 
 import pytest
 
-from millisight.datasets.mito import experiments_under, find, find_object
-from millisight.errors import FileError, UnknownNameError
-from miniature import ANGLES, BACKGROUND, BOX, EMPTY, FAULTS, MUG, fault_folder
+from helpers.miniature import ANGLES, BACKGROUND, BOX, EMPTY, FAULTS, MUG, fault_folder
+from millisight import datasets
+from millisight.core.errors import FileError, UnknownNameError
+from millisight.datasets import experiments_under, find_object
 
 
 def test_everything_of_the_miniature_is_found(miniature):
-    dataset = find(miniature.healthy)
+    dataset = datasets.open(miniature.healthy)
     assert [(one.id, one.name, one.role) for one in dataset.objects] == [
         ("000", "background", "background"), ("004", "sugar_box", "object"), ("0210", "EMPTY", "empty"),
         ("025", "mug", "object"),
@@ -37,15 +38,17 @@ def test_everything_of_the_miniature_is_found(miniature):
 
 
 def test_what_is_missing_is_said_item_by_item(miniature):
-    found = {(e.object, e.number, e.sight): e.missing for e in find(miniature.healthy).experiments if e.missing}
+    found = {
+        (e.object, e.number, e.sight): e.missing for e in datasets.open(miniature.healthy).experiments if e.missing
+    }
     assert found == {
         (BOX, 1, "los"): ("camera frame", "camera mask"),
         (BOX, 2, "los"): ("77_ghz raw", "24_ghz raw", "camera frame", "camera mask"),
     }
-    assert {one.name: one.missing for one in find(miniature.healthy).objects if one.missing} == {
+    assert {one.name: one.missing for one in datasets.open(miniature.healthy).objects if one.missing} == {
         "sugar_box": ("nlos of exp2 at 0_0_90",)
     }
-    faults = {one.name: one for one in find(miniature.faults).objects}
+    faults = {one.name: one for one in datasets.open(miniature.faults).objects}
     assert len(faults) == len(FAULTS)
     assert "experiment_info.json" in faults["no_info"].experiments[0].missing
     assert "77_ghz image" in faults["mask_without_image"].experiments[0].missing
@@ -53,7 +56,7 @@ def test_what_is_missing_is_said_item_by_item(miniature):
 
 
 def test_what_is_out_of_place_is_named(miniature):
-    dataset = find(miniature.faults)
+    dataset = datasets.open(miniature.faults)
     assert dataset.stray == ("figures",)
     (stray,) = (one for one in dataset.objects if one.name == "stray_files")
     base = "robot_collected/0_0_90/exp1"
@@ -64,7 +67,7 @@ def test_what_is_out_of_place_is_named(miniature):
 
 
 def test_objects_are_chosen_by_id_name_or_folder(miniature):
-    dataset = find(miniature.healthy)
+    dataset = datasets.open(miniature.healthy)
     for name in ("025", "mug", MUG):
         assert [one.name for one in dataset.only([name]).objects] == ["mug"]
     assert len(dataset.only([]).objects) == 4
@@ -77,11 +80,11 @@ def test_folders_that_are_no_dataset_are_refused(tmp_path, miniature):
     (tmp_path / "some_folder").mkdir()
     (tmp_path / "file").touch()
     with pytest.raises(FileError, match="holds no object of the published layout"):
-        find(tmp_path)
+        datasets.open(tmp_path)
     with pytest.raises(FileError, match="cannot list .*nowhere"):
-        find(tmp_path / "nowhere")
+        datasets.open(tmp_path / "nowhere")
     with pytest.raises(FileError, match=r"cannot list .*file.*: Not a directory"):
-        find(tmp_path / "file")
+        datasets.open(tmp_path / "file")
     with pytest.raises(FileError, match="belongs to no|no object or experiment"):
         find_object(tmp_path)
     assert find_object(fault_folder(miniature.faults, "two_lane") / "unprocessed").name == "two_lane"
@@ -122,7 +125,7 @@ def test_500_experiments_are_listed_in_under_two_seconds_and_no_file_is_opened(t
                 files(base / sight / "processed" / "camera", "camera_masks.pkl")
             os.symlink("/nowhere", base / "experiment_info.json")
     started = time.process_time()  # its own: other processes may keep the cores busy
-    dataset = find(tmp_path)
+    dataset = datasets.open(tmp_path)
     taken = time.process_time() - started
     assert len(dataset.experiments) == 500
     assert len(dataset.items) == 500 * 7 + 250

@@ -9,25 +9,22 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-import oracles
-import small_recipe
-from millisight.datasets.generate import planned
-from millisight.datasets.jobs import jobs_of, poses_of
-from millisight.datasets.recipe import Objects, Poses
-from millisight.datasets.recipefile import read_recipe, recipe_from_table
-from millisight.datasets.rig_job import RigJob
-from millisight.datasets.things import lying_like, prepare
-from millisight.errors import FileError, FormatError, InputError
-from millisight.geometry import rotation_from_euler_deg
-from millisight.scene.load import load_mesh
-from millisight.scene.objects import CATALOGUE, build_object, find_scans
+from helpers import oracles, small_recipe
+from millisight.core import rotation_from_euler_deg
+from millisight.core.errors import FileError, FormatError, InputError
+from millisight.datasets import prepare_objects
+from millisight.datasets._dataset_objects import lying_like
+from millisight.datasets.generation import RigJob, plan_dataset, read_recipe, recipe_from_table
+from millisight.datasets.generation._jobs import jobs_of, poses_of
+from millisight.datasets.generation._recipe import Objects, Poses
+from millisight.meshes import CATALOGUE, build_object, find_scans, load_mesh
 
 RIG = small_recipe.table()["rig"]
 
 
 def jobs(**changes):
     recipe = small_recipe.recipe(**changes)
-    return jobs_of(recipe, prepare(recipe))
+    return jobs_of(recipe, prepare_objects(recipe))
 
 
 def test_the_recipes_that_are_shipped_can_be_read():
@@ -149,7 +146,7 @@ def test_tables_of_a_world_are_checked_in_their_place(rig, place, said):
 )  # fmt: skip
 def test_what_is_impossible_is_refused_before_the_work_and_writes_nothing(changes, said, tmp_path):
     with pytest.raises(InputError) as refused:
-        planned(small_recipe.recipe(**changes), tmp_path / "out")
+        plan_dataset(small_recipe.recipe(**changes), tmp_path / "out")
     assert str(refused.value).startswith("recipe: impossible: ")
     for text in said[-2:]:
         assert text in str(refused.value)
@@ -269,7 +266,7 @@ def test_files_are_taken_from_beside_the_recipe(tmp_path):
         small_recipe.table(files=[{"path": "lock.ply", "unit": "mm", "material": "brass", "class": "other"}]),
         folder=str(tmp_path),
     )
-    things = prepare(recipe)
+    things = prepare_objects(recipe)
     assert list(things) == ["golf_ball", "lock"]
     lock = things["lock"]
     assert (lock.folder, lock.source, lock.material) == ("000_lock", "file", "brass")
@@ -277,7 +274,7 @@ def test_files_are_taken_from_beside_the_recipe(tmp_path):
     lock.write(tmp_path)
     assert load_mesh(tmp_path / lock.path, unit="m").bounds == pytest.approx(build_mesh.bounds, abs=1e-6)
     with pytest.raises(FileError, match="files: .*gone.ply"):
-        prepare(recipe_from_table(small_recipe.table(files=[{"path": "gone.ply"}])))
+        prepare_objects(recipe_from_table(small_recipe.table(files=[{"path": "gone.ply"}])))
 
 
 def spread(mesh):

@@ -6,12 +6,11 @@ import shutil
 import numpy as np
 import pytest
 
-from millisight.datasets.mito import find
-from millisight.datasets.scenes import find_scenes, physics_of, read_scene
-from millisight.errors import FileError, InputError, UnknownNameError
-from millisight.evaluation.masks import score_mask
-from millisight.evaluation.segmentation import INPUTS
-from small_scenes import BLOCKS, INFO, LID, POSE, TOP, inside, make
+from helpers.small_scenes import BLOCKS, INFO, LID, POSE, TOP, inside, make
+from millisight import datasets
+from millisight.core.errors import FileError, InputError, UnknownNameError
+from millisight.datasets import find_scenes
+from millisight.evaluation import INPUTS, score_mask
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +25,7 @@ def own(dataset, tmp_path):
 
 
 def scenes(root, **settings):
-    return find_scenes(find(root), **settings)
+    return find_scenes(datasets.open(root), **settings)
 
 
 def test_every_sight_of_every_object_is_a_scene(dataset):
@@ -37,12 +36,12 @@ def test_every_sight_of_every_object_is_a_scene(dataset):
     assert [files.name for files in scenes(dataset, sight="nlos")] == [found[1].name, found[3].name]
     # The catalogue's name, with its sibling's letter, where it is of it.
     assert {files.object for files in found} == {"a_lego_duplo", "wide"}
-    assert {physics_of(files) for files in found} == {"by hand"}
+    assert {files.physics() for files in found} == {"by hand"}
 
 
 def test_the_cameras_truth_is_the_exact_one(dataset):
     for files in scenes(dataset):
-        scene, exact = read_scene(files), read_scene(files, truth="exact")
+        scene, exact = files.read(), files.read(truth="exact")
         assert scene.inputs == INPUTS
         block = BLOCKS[files.name.split("/")[0]]
         for given, mask in exact.truth.items():
@@ -51,11 +50,11 @@ def test_the_cameras_truth_is_the_exact_one(dataset):
 
 
 def test_prompts_lie_on_what_rises_above_the_support(dataset):
-    scene = read_scene(scenes(dataset)[0])
+    scene = scenes(dataset)[0].read()
     assert scene.view.T_radar_camera == pytest.approx(POSE)
     # From 0.15 m: under the block's top, not down to the support.
     assert 0.15 - TOP < scene.view.farthest < 0.15 + 0.30
-    raised = read_scene(scenes(dataset)[1], support=LID)
+    raised = scenes(dataset)[1].read(support=LID)
     assert raised.view.farthest < 0.15 - LID
 
 
@@ -63,11 +62,11 @@ def test_what_is_not_simulated_has_no_exact_truth_and_the_published_transform(ow
     for path in own.rglob("experiment_info.json"):
         path.write_text(json.dumps({key: value for key, value in INFO.items() if key not in ("simulated", "physics")}))
     files = scenes(own)[0]
-    assert physics_of(files) == ""
+    assert files.physics() == ""
     with pytest.raises(InputError, match="not marked as simulated"):
-        read_scene(files, truth="exact")
+        files.read(truth="exact")
     with pytest.raises(InputError, match="rotation at the radar's first place"):
-        read_scene(files, transform="published")
+        files.read(transform="published")
 
 
 def test_the_mask_of_another_experiment_serves_only_where_the_object_was_not_moved(own):
@@ -78,30 +77,30 @@ def test_the_mask_of_another_experiment_serves_only_where_the_object_was_not_mov
     info = own / "073-a_lego_duplo/robot_collected/0_0_0/exp2/experiment_info.json"
     info.write_text(json.dumps(INFO))
     files = next(one for one in scenes(own) if one.name.endswith("exp2/nlos"))
-    assert read_scene(files).truth
+    assert files.read().truth
     info.write_text(json.dumps({key: value for key, value in INFO.items() if key != "simulated"}))
     with pytest.raises(FileError, match="no camera mask"):
-        read_scene(files)
+        files.read()
 
 
 def test_a_band_or_the_camera_may_be_missing(own):
     folder = own / "073-a_lego_duplo/robot_collected/0_0_0/exp1/los"
     shutil.rmtree(folder / "processed/radars/24_ghz")
     shutil.rmtree(folder / "unprocessed")
-    assert read_scene(scenes(own)[0]).inputs == ("77 GHz",)
+    assert scenes(own)[0].read().inputs == ("77 GHz",)
     shutil.rmtree(folder / "processed/camera")
     with pytest.raises(FileError, match="073-a_lego_duplo/0_0_0/exp1/los has no camera mask"):
-        read_scene(scenes(own)[0])
+        scenes(own)[0].read()
 
 
 def test_crops_and_names_are_checked(dataset):
     files = scenes(dataset)[0]
-    cropped = read_scene(files, crop=(1, 1)).images
+    cropped = files.read(crop=(1, 1)).images
     assert cropped["77 GHz"].grid.z.tolist() == [-0.26]
     assert cropped["24 GHz"].grid.shape[2] == 3
     with pytest.raises(InputError, match="expected at least one to stay"):
-        read_scene(files, crop=(2, 1))
+        files.read(crop=(2, 1))
     with pytest.raises(UnknownNameError, match="truth"):
-        read_scene(files, truth="guess")
+        files.read(truth="guess")
     with pytest.raises(UnknownNameError, match="transform"):
-        read_scene(files, transform="guess")
+        files.read(transform="guess")

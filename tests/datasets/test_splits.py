@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from millisight.datasets.recipe import Shares
-from millisight.datasets.splits import SIDES, family, split, splits_of
-from millisight.scene.objects import CATALOGUE
+from millisight.datasets.generation import Shares
+from millisight.datasets.generation._splits import SIDES, family, split, splits_of
+from millisight.meshes import CATALOGUE
 
 SHARES = Shares()
 FOLDERS = [entry.ycb_id for entry in CATALOGUE.values()]

@@ -5,10 +5,8 @@ import shutil
 import pytest
 
 import millisight as ms
-from millisight.datasets.convert import convert
-from millisight.datasets.mito import find
-from millisight.datasets.verify import verify
-from miniature import EMPTY, FAULTS, fault_folder, hostile_deed
+from helpers.miniature import EMPTY, FAULTS, fault_folder, hostile_deed
+from millisight.datasets import convert, verify
 
 PROBLEMS = {
     "truncated_pickle": "processed_image.pkl", "hostile_pickle": "mkdir", "nan_in_image": "NaN",
@@ -46,7 +44,7 @@ def test_each_fault_is_found_and_named(miniature):
 @pytest.fixture
 def converted(miniature, tmp_path):
     """A converted object and scene, to be damaged."""
-    dataset = find(miniature.healthy).only(["0210", "000"])
+    dataset = ms.datasets.open(miniature.healthy).only(["0210", "000"])
     convert(dataset, tmp_path, workers=1)
     return tmp_path
 
@@ -76,6 +74,6 @@ def test_damage_to_a_converted_dataset_is_found(converted):
 
 
 def test_only_the_objects_asked_for_are_verified(converted):
-    results = verify(find(converted).only([EMPTY]), workers=1)
+    results = verify(ms.datasets.open(converted).only([EMPTY]), workers=1)
     assert {one.path.split("/")[0] for one in results} == {EMPTY}
     assert len(results) == 2

@@ -6,10 +6,10 @@ from contextlib import closing
 
 import pytest
 
-from millisight.datasets.workers import each
-from millisight.errors import InputError
+from millisight.core.errors import InputError
+from millisight.datasets import each
 
-WRONG = "__import__('millisight.errors').errors.FileError"
+WRONG = "__import__('millisight.core.errors').errors.FileError"
 
 
 @pytest.mark.parametrize("workers", [1, 2])

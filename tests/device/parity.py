@@ -10,10 +10,15 @@ import sys
 import numpy as np
 
 import millisight as ms
-from millisight import gpu, matrix
-from millisight.capture import _cuda as capture_cuda
-from millisight.capture import _kernels as capture_cpu
-from millisight.imaging import _cuda, _kernels, fast
+from millisight.core import _matrix as matrix
+from millisight.core import gpu
+from millisight.imaging import _cuda as _cuda
+from millisight.imaging import _fast as fast
+from millisight.imaging import _kernels as _kernels
+from millisight.imaging import _plan
+from millisight.imaging._lengths import antenna_rows, rows_of_pairs
+from millisight.simulation import _cuda as capture_cuda
+from millisight.simulation import _kernels as capture_cpu
 
 # Few waves a metre, so that what float32 rounds off the phases stays far below the tolerance.
 CARRIER = np.float32(10e9 / 299792458)
@@ -40,7 +45,16 @@ def imaging(rng):
     x, y, z = (np.float32(start) + np.float32(0.01) * np.arange(n, dtype=np.float32) for start, n in
                ((-0.05, 9), (-0.04, 11), (-0.13, 2)))  # fmt: skip
     points = [np.ascontiguousarray(a.ravel()) for a in np.meshgrid(x[:5], y[:4], z, indexing="ij")]
+    far = np.array([3e3, -4e3, 1e3])  # antennas so far off that float32 lengths would lose the phase
+    for where, offset in (("", 0.0), (", far off", far)):
+        towards = np.float64(tx) + offset, np.float64(rx) + offset
+        starts = tuple(np.linalg.norm(a, axis=-1) - 0.2 for a in towards)
+        sums = np.zeros((2, 2, 40), np.float32)
+        for kernels, result in ((_kernels, sums[1]), (_cuda, sums[0])):
+            kernels.backproject(profiles, starts, PER_METRE, CARRIER, *towards, *points, *result)
+        yield f"backproject with starts of channels{where}", *sums
     radar = (profiles, NEAREST, PER_METRE, CARRIER, tx, rx)
+    rows = (profiles, PER_METRE, CARRIER, *rows_of_pairs(tx, rx, NEAREST, PER_METRE, CARRIER))
 
     expected, got = rng.normal(size=(2, 2, 40)).astype(np.float32)
     got[:] = expected  # what was there is added to
@@ -52,20 +66,20 @@ def imaging(rng):
     sums = _cuda.zeros((2, 40))
     vx, vy, vz = (_cuda.to_device(a) for a in points)
     for block in (slice(0, 2), slice(2, 5)):
-        there = [_cuda.to_device(a) for a in (profiles[block], tx[block], rx[block])]
+        there = _cuda.to_device(profiles[block])
         _cuda.backproject(
-            there[0], NEAREST, PER_METRE, CARRIER, there[1], there[2], vx, vy, vz, sums[0], sums[1]
+            there, NEAREST, PER_METRE, CARRIER, tx[block], rx[block], vx, vy, vz, sums[0], sums[1]
         )  # fmt: skip
     expected = np.zeros((2, 40), np.float32)
     _kernels.backproject(*radar, *points, *expected)
     yield "backproject in blocks on the device", _cuda.to_host(sums), expected
 
     members, starts = np.array([3, 0, 4, 2, 1]), np.array([0, 2, 5])
-    centers = rng.uniform(-0.03, 0.03, (2, 3)).astype(np.float32)
+    centers, far_centers = (antenna_rows(rng.uniform(-0.03, 0.03, (2, 3)) + o, 0.0, 0.0, 0.0) for o in (0.0, far))
     points = [np.ascontiguousarray(a.ravel()) for a in np.meshgrid(x, y, z, indexing="ij")]
     fields = np.empty((2, 2, 2, 9 * 11 * 2), np.float32)  # got or expected, part, sub-aperture, point
-    _kernels.leaf_fields(*radar, members, starts, centers, *points, *fields[1])
-    _cuda.leaf_fields(*radar, members, starts, centers, *points, *fields[0])
+    _kernels.leaf_fields(*rows, members, starts, centers, *points, *fields[1])
+    _cuda.leaf_fields(*rows, members, starts, centers, *points, *fields[0])
     yield "leaf_fields", *fields
     fields = fields.reshape(2, 2, 2, 9, 11, 2)
 
@@ -77,16 +91,21 @@ def imaging(rng):
 
     fine = np.linspace(-0.04, 0.04, 5, dtype=np.float32)
     base, weights = rng.integers(0, 2, 5), rng.normal(size=(5, 8)).astype(np.float32)
-    parents = rng.uniform(-0.03, 0.03, (2, 3)).astype(np.float32)
-    for has_parents, starts, rows in ((True, np.array([0, 1, 2]), 2), (False, np.array([0, 2]), 1)):
+    parents, far_parents = (antenna_rows(rng.uniform(-0.03, 0.03, (2, 3)) + o, 0.0, 0.0, 0.0) for o in (0.0, far))
+    for has_parents, starts, rows, ends in (
+        (True, np.array([0, 1, 2]), 2, (centers, parents)),
+        (True, np.array([0, 1, 2]), 2, (far_centers, far_parents)),
+        (False, np.array([0, 2]), 1, (centers, parents)),
+    ):
         out = np.empty((2, 2, rows, 5, 11, 2), np.float32)
         out[:] = rng.normal(size=out.shape[1:])  # what was there is added to
         for kernels, result in ((_cuda, out[0]), (_kernels, out[1])):
             kernels.merge(
-                *fields[1], np.array([1, 0]), starts, centers, parents, has_parents, CARRIER, base, weights,
+                *fields[1], np.array([1, 0]), starts, *ends, has_parents, CARRIER, base, weights,
                 fine, y, z, *result,
             )  # fmt: skip
-        yield f"merge {'to parents' if has_parents else 'to the image'}", *out
+        where = ", far off" if ends[0] is far_centers else ""
+        yield f"merge {'to parents' if has_parents else 'to the image'}{where}", *out
 
 
 def arrays(rng):
@@ -106,12 +125,13 @@ def capture(rng):
     reflections, nodes = random_complex(rng, 50).astype(complex), np.cos(np.pi * (np.arange(6) + 0.5) / 6)
     center = np.array([0.001, 0.002, 0.003])
     signals = np.empty((2, 4, 6), np.complex64)
-    for spread in (False, True):
+    weights = np.where(lit, rng.uniform(size=lit.shape), 0).astype(np.float32)
+    for weight, spread in ((weights, True), (weights, False), (lit, False), (lit, True)):
         for kernels, result in ((capture_cuda, signals[0]), (capture_cpu, signals[1])):
             kernels.node_signals(
-                lit, tx, rx, vertices, reflections, spread, center, 0.15, 80.0, 0.7, nodes, result
+                weight, tx, rx, vertices, reflections, spread, center, 0.15, 80.0, 0.7, nodes, result
             )  # fmt: skip
-        yield f"node_signals, {'1/d' if spread else 'no'} spreading", *signals
+        yield f"node_signals, {weight.dtype} weights, {'1/d' if spread else 'no'} spreading", *signals
     frames = np.zeros((2, 6, 6), np.complex64)
     for kernels, result in ((capture_cuda, frames[0]), (capture_cpu, frames[1])):
         kernels.restore_delay(signals[1], tx, rx, center, 0.15, -0.7, 0.3, np.array([5, 0, 3, 2]), result)
@@ -123,14 +143,15 @@ def doors(rng):
     radar = ms.Radar.preset("mito-sim-24ghz")
     trajectory = ms.Trajectory.raster(size=(0.006, 0.006), step=0.003)
     scene = ms.Scene.from_mesh("rubiks_cube", vertices=100)
-    frames = [ms.simulate(scene, radar, trajectory, model="diffuse", device=d).frames for d in ("cuda", "cpu")]
-    yield "simulate", *frames
+    for model in ("rough", "diffuse"):
+        frames = [ms.simulate(scene, radar, trajectory, model=model, device=d).frames for d in ("cuda", "cpu")]
+        yield f"simulate {model}", *frames
 
     capture = ms.Capture(radar=radar, trajectory=trajectory, frames=frames[1])
     grid = ms.VoxelGrid.regular((-0.02, -0.02, 0), (0.02, 0.02, 0), 0.01)
     coarse = np.linspace(-0.03, 0.03, 8)
-    levels = tuple(fast.Level(size, (coarse, coarse)) for size in (0.002, 0.004))
-    fast.make_plan = lambda *_: fast.Plan(levels, (0, 1, 2), 1.0)
+    levels = tuple(_plan.Level(size, (coarse, coarse)) for size in (0.002, 0.004))
+    fast.make_plan = lambda *_: _plan.Plan(levels, (0, 1, 2), 1.0)
     for method in ("backprojection", "fast"):
         images = [ms.form_image(capture, grid, method=method, window="hann", device=d) for d in ("cuda", "cpu")]
         yield method, *(image.values for image in images)

@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 
 import millisight as ms
-from commands import COMMANDS
-from millisight import errors
-from millisight.records import record
-from millisight.viz import plots
+from helpers.commands import COMMANDS
+from millisight import viz
+from millisight.core import errors, record
 
 DOCS = Path(__file__).parents[2] / "docs"
 sys.path.insert(0, str(DOCS / "_ext"))
@@ -25,11 +24,11 @@ from docstrings import attributes, documented, undocumented  # noqa: E402
 
 PAGES = "\n".join(page.read_text(encoding="utf-8") for page in (DOCS / "reference").glob("*.rst"))
 SHOWN = {
-    f"{room}.{name}": thing
-    for room in re.findall(r"public-names:: ([\w.]+)$", PAGES, re.MULTILINE)
+    f"{room.split()[0]}.{name}": thing
+    for room in re.findall(r"public-names:: ([\w.* ]+)$", PAGES, re.MULTILINE)
     for name, thing in documented(room).items()
 }
-FIGURES = {name: getattr(plots, name) for name in plots.__all__}
+FIGURES = {name: getattr(viz, name) for name in viz.__all__ if name.startswith(("plot_", "draw_", "cut_", "save_"))}
 
 
 def test_there_is_something_to_look_at():
@@ -37,7 +36,7 @@ def test_there_is_something_to_look_at():
     assert len(FIGURES) > 15
     assert len(COMMANDS) > 8
     things = set(map(id, SHOWN.values()))
-    public = [getattr(ms, name) for name in ms.__all__ if name != "__version__"]
+    public = [thing for name in ms.__all__ if not inspect.ismodule(thing := getattr(ms, name))]
     raised = [thing for thing in vars(errors).values() if inspect.isclass(thing) and issubclass(thing, Exception)]
     assert things >= {id(thing) for thing in (*public, *raised, *FIGURES.values())}
 

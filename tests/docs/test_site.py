@@ -29,7 +29,7 @@ class TestDocstrings:
         rst = "\n".join(docstrings.to_rst(text.split("\n")))
         assert ":Parameters:" in rst
         assert "    * **x**, **y** – where [m];\n      to the right" in rst
-        assert "    * :py:exc:`~millisight.errors.InputError`\n\n      Never." in rst
+        assert "    * :py:exc:`~millisight.core.errors.InputError`\n\n      Never." in rst
         assert rst.index(":Parameters:") < rst.index("**z**") < rst.index(":Raises:")
 
     def test_the_primer_is_linked(self):

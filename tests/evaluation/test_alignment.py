@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from millisight.errors import InputError, UnknownNameError
-from millisight.evaluation.alignment import align
-from millisight.scene.objects import CATALOGUE, build_object, object_names
-from sampled_clouds import rms_off_the_surface, sampled
+from helpers.sampled_clouds import rms_off_the_surface, sampled
+from millisight.core.errors import InputError, UnknownNameError
+from millisight.evaluation import align
+from millisight.meshes import CATALOGUE, build_object
+from millisight.meshes._catalogue import object_names
 
 POINTS = 8000
 NAMES = object_names()[::2][:30]

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from millisight.errors import InputError
-from millisight.evaluation.f_score import f_score
+from millisight.core.errors import InputError
+from millisight.evaluation import f_score
 
 CLOUD = np.random.default_rng(0).random((500, 3))
 

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from millisight.errors import InputError, UnknownNameError
-from millisight.evaluation.point_cloud import PointCloud, point_cloud, write_point_cloud
-from millisight.imaging.grid import VoxelGrid
-from millisight.imaging.image import SarImage
+from millisight.core.errors import InputError, UnknownNameError
+from millisight.data import PointCloud, SarImage, VoxelGrid
+from millisight.evaluation import point_cloud, write_point_cloud
 
 GRID = VoxelGrid(x=np.array([0.1, 0.2, 0.4]), y=np.array([0.0, 0.5]), z=np.array([-0.3, -0.1]))
 

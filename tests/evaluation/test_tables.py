@@ -6,8 +6,8 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from millisight.errors import InputError
-from millisight.evaluation.tables import Table, bootstrap_interval
+from millisight.core.errors import InputError
+from millisight.evaluation import Table, bootstrap_interval
 
 TABLE = Table(title="A < B", columns=("name|x", "F [%]"), rows=(("a|b", 93.25), ("<c>", None)), notes=("Mind & read.",))
 

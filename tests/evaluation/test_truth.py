@@ -4,16 +4,24 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from millisight.capture.camera import Intrinsics
-from millisight.errors import InputError
-from millisight.evaluation.masks import score_mask
-from millisight.evaluation.truth import camera_truth, pixels_on_grid, published_radar_from_camera, radar_from_camera
-from millisight.imaging.grid import PixelGrid
-from millisight.io.mito_setup import BASE_ORIGIN
-from millisight.rig.virtual.camera import CameraSettings, camera_mask, footprint, render, visible_pixels
-from millisight.rig.virtual.camera import _look as look
-from millisight.rig.virtual.stage import build
-from millisight.rig.virtual.world import Scan, World, WorldObject
+from millisight.core.errors import InputError
+from millisight.data import Intrinsics, PixelGrid
+from millisight.evaluation import camera_truth, published_radar_from_camera, radar_from_camera, score_mask
+from millisight.evaluation._truth import pixels_on_grid
+from millisight.io.mito import BASE_ORIGIN
+from millisight.rig.virtual import (
+    CameraSettings,
+    ScanSettings,
+    World,
+    WorldObject,
+    build_layout,
+    camera_mask,
+    footprint,
+    image_grid,
+    render,
+    visible_pixels,
+)
+from millisight.rig.virtual._camera import _view as view
 
 K = Intrinsics.published()
 HALF_VOXEL = np.array([0.00125, 0.00125, 0.005])  # of the published images
@@ -21,23 +29,23 @@ TILTED = CameraSettings(at=(0.15, 0.15, 0.05), offset=(0.02, 0.05, 0.02), tilt_d
 STRAIGHT_DOWN = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
-def stage_of(name, at=(0.14, 0.17), material=None):
+def layout_of(name, at=(0.14, 0.17), material=None):
     placed = WorldObject(object=name, at=at, rotate_deg=(0, 0, 20), **({"material": material} if material else {}))
-    return build(World(objects=(placed,), scan=Scan(size=(0.3, 0.3), row_spacing=0.01)))
+    return build_layout(World(objects=(placed,), scan=ScanSettings(size=(0.3, 0.3), row_spacing=0.01)))
 
 
-def seen(stage, settings=TILTED, seed=0):
+def seen(layout, settings=TILTED, seed=0):
     """(mask in the picture, T_radar_camera from its pose, true T_radar_camera)"""
     true = settings.pose(np.array(settings.at))
-    frame = render(stage, true, settings, np.random.default_rng(seed))
-    return camera_mask(frame, visible_pixels(stage, true)), radar_from_camera(frame.pose, BASE_ORIGIN), true
+    frame = render(layout, true, settings, np.random.default_rng(seed))
+    return camera_mask(frame, visible_pixels(layout, true)), radar_from_camera(frame.pose, BASE_ORIGIN), true
 
 
 def test_the_transform_is_right_to_half_a_voxel():
     # The tilted camera's pixels, by way of depth in millimetres and pose, against where its rays met the object.
-    stage = stage_of("mug")
-    mask, transform, true = seen(stage)
-    there = look(stage, true, K).points.reshape(480, 640, 3)
+    layout = layout_of("mug")
+    mask, transform, true = seen(layout)
+    there = view(layout, true, K).points.reshape(480, 640, 3)
     known = mask.pixels & (mask.depth > 0)
     assert known.sum() > 4000
     error = mask.points[known] @ transform[:3, :3].T + transform[:3, 3] - there[known]
@@ -51,9 +59,9 @@ def test_the_transform_is_right_to_half_a_voxel():
     ("name", "material", "least"), [("rubiks_cube", None, 0.97), ("mug", None, 0.94), ("spoon", "metal", 0.90)]
 )
 def test_the_mask_is_that_of_the_object_on_the_grid(name, material, least):
-    stage = stage_of(name, material=material)
-    mask, transform, _ = seen(stage, CameraSettings(at=(0.14, 0.10, 0.10)))
-    truth = footprint(stage, stage.world.image_grid("77_ghz").xy)
+    layout = layout_of(name, material=material)
+    mask, transform, _ = seen(layout, CameraSettings(at=(0.14, 0.10, 0.10)))
+    truth = footprint(layout, image_grid(layout.world, "77_ghz").xy)
     found = camera_truth(mask, truth.grid_xy, transform)
     assert truth.inside.sum() > 400
     assert score_mask(found, truth).iou > least

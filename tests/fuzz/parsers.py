@@ -26,7 +26,7 @@ import numpy as np
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
 
-from millisight.errors import MillisightError
+from millisight.core.errors import MillisightError
 
 SECONDS = 10  # for one file
 MEMORY = 256 << 20  # that the process may grow by in all
@@ -41,22 +41,25 @@ class Format:
     parse: Callable[[Path], object]
     header: int
     text: bool = False
+    rarely: int = 1  # so many times fewer files than of others: each starts a process
 
 
 def formats(folder: Path) -> list[Format]:
     """Every format with a reader of its own."""
-    from millisight.datasets.manifest import read_manifest
-    from millisight.io.arrays import array_shapes, read_arrays
-    from millisight.io.dca1000 import read_dca1000
-    from millisight.io.dca1000_report import describe_raw
-    from millisight.io.description import read_capture
-    from millisight.io.hdf5 import load
-    from millisight.io.mito_setup import read_info
-    from millisight.io.packets import assemble_packets, read_packets
-    from millisight.io.pickles import read_pickle
-    from millisight.io.position2go import read_position2go
-    from millisight.io.robot_log import read_robot_log
-    from millisight.io.ti_config import read_ti_config
+    from millisight.calibration import read_capture
+    from millisight.datasets import read_manifest
+    from millisight.io import load
+    from millisight.io.arrays import array_shapes, read_arrays, read_pickle, read_table, read_touchstone
+    from millisight.io.mito._setup import read_info
+    from millisight.io.raw import (
+        assemble_packets,
+        describe_raw,
+        read_dca1000,
+        read_packets,
+        read_position2go,
+        read_robot_log,
+        read_ti_config,
+    )
 
     def bin_file(path: Path) -> None:
         describe_raw(path, samples=16, receivers=4, chirps=2)
@@ -79,11 +82,13 @@ def formats(folder: Path) -> list[Format]:
         Format("position2go", make.text(), lambda p: read_position2go(p, samples=8, chirps=2), 0, text=True),
         Format("npy", make.npy(), arrays, 10),
         Format("npz", make.npz(), arrays, 30),
-        Format("mat", make.mat(), arrays, 128),
+        Format("mat", make.mat(), arrays, 128, rarely=20),
         Format("image pickle", make.pickled(2), read_pickle, 2),
         Format("camera pickle", make.pickled(4), read_pickle, 2),
         Format("old pickle", make.pickled(0), read_pickle, 1),
         Format("description", DESCRIPTION.encode(), lambda p: read_capture(p, data=folder), 0, text=True),
+        Format("text table", TABLE.encode(), read_table, 0, text=True),
+        Format("touchstone", TOUCHSTONE.encode(), read_touchstone, 0, text=True),
         Format("robot log", LOG.encode(), read_robot_log, 16, text=True),
         Format("experiment info", INFO.encode(), read_info, 1, text=True),
         Format("manifest", make.manifest(), manifest, 0, text=True),
@@ -106,6 +111,8 @@ lvdsStreamCfg -1 0 1 0
 sensorStart
 """
 LOG = "time,x,y,z,qx,qy,qz,qw\n" + "".join(f"{0.01 * i:.3f},{0.001 * i:.4f},{0.1:.3f},0.2,0,0,0,1\n" for i in range(40))
+TABLE = "f;re;im\n" + "".join(f"{20 + 0.1 * i:.3f};{0.01 * i:.4f};1.5-2i\n" for i in range(40))
+TOUCHSTONE = "! VNA\n# GHz S MA R 50\n" + "".join(f"{20 + 0.1 * i:.3f} 0.1 0 0.5 {i} 0.5 0 0.1 0\n" for i in range(40))
 INFO = json.dumps({"aperture size": "normal", "rx offset": "x", "background": "tripod"})
 DESCRIPTION = """\
 title = "a plate"
@@ -146,14 +153,14 @@ class _Maker:
         return (self.rng.normal(size=shape) + 1j * self.rng.normal(size=shape)).astype(np.complex64)
 
     def chirps(self) -> bytes:
-        from millisight.io.dca1000 import write_dca1000
+        from millisight.io.raw import write_dca1000
 
         beat = np.exp(2j * np.pi * 0.2 * np.arange(16)) * np.array([900, 700, 500, 800])[:, None]
         frames = np.round(np.tile(beat, (12, 2, 1, 1)) + 20 * self.complex(12, 2, 4, 16))
         return self.written(lambda p: write_dca1000(p, frames), ".bin")
 
     def text(self) -> bytes:
-        from millisight.io.position2go import write_position2go
+        from millisight.io.raw import write_position2go
 
         return self.written(lambda p: write_position2go(p, np.round(500 * self.complex(3, 2, 2, 8))), ".txt")
 
@@ -192,7 +199,7 @@ class _Maker:
         return pickle.dumps({**image, "names": ["1707", "1708"], "created": [0.5, -1]}, protocol=protocol)
 
     def manifest(self) -> bytes:
-        from millisight.datasets.manifest import Entry, Manifest, Source, write_manifest
+        from millisight.datasets import Entry, Manifest, Source, write_manifest
 
         source = Source(path="004_sugar_box/a.pkl", size=10, sha256="0" * 64)
         entries = {
@@ -296,6 +303,7 @@ def try_one(form: Format, data: bytes, folder: Path, tally: Tally) -> None:
 def _suffix(form: Format) -> str:
     suffixes = {"dca1000": ".bin", "packets": ".pcap", "ti config": ".cfg", "position2go": ".txt", "npy": ".npy"}
     suffixes |= {"npz": ".npz", "mat": ".mat", "description": ".toml", "robot log": ".csv", "experiment info": ".json"}
+    suffixes |= {"text table": ".csv", "touchstone": ".s2p"}
     return suffixes.get(form.name, {"hdf5": ".h5", "manifest": ".jsonl"}.get(form.name, ".pkl"))
 
 
@@ -324,8 +332,9 @@ def run(count: int, number: int) -> Tally:
         soft, hard = resource.getrlimit(resource.RLIMIT_AS)
         resource.setrlimit(resource.RLIMIT_AS, (_address_space() + MEMORY, hard))
         try:
+            share = count / sum(1 / form.rarely for form in every)
             for form in every:
-                _check(form, -(-count // len(every)), number, folder, tally)
+                _check(form, int(share / form.rarely) + 1, number, folder, tally)
         finally:
             resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
     return tally

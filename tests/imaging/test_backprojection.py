@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 import millisight as ms
-from forging import forge
-from millisight.errors import InputError, UnknownNameError
-from oracles import C, point_frames, relative
+from helpers.forging import forge
+from helpers.oracles import C, point_frames, relative
+from millisight.core.errors import InputError, UnknownNameError
 
 
 def form_image(capture, grid, method="backprojection", **settings):
@@ -86,7 +86,7 @@ def test_bytes_do_not_depend_on_the_number_of_threads(pair):
 
 
 def test_a_capture_on_disk_is_imaged_in_blocks_with_the_same_result(pair, tmp_path, monkeypatch):
-    from millisight.imaging import backprojection
+    from millisight.imaging import _backprojection as backprojection
 
     capture, _ = pair
     ms.save(tmp_path / "c.h5", capture)
@@ -206,9 +206,9 @@ def test_unknown_arguments_are_named():
 
 
 def test_polynomials_of_the_phase_law():
-    from millisight import wave
+    from millisight.core import phase
 
     turns = np.linspace(-0.5, 0.5, 100_001, dtype=np.float32)
     exact = np.exp(2j * np.pi * turns.astype(float))
-    assert np.abs(wave.cosine(turns) + 1j * wave.sine(turns) - exact).max() < 2e-6
-    assert wave.wrapped(np.float64(C)) == 0
+    assert np.abs(phase.cosine(turns) + 1j * phase.sine(turns) - exact).max() < 2e-6
+    assert phase.wrapped(np.float64(C)) == 0

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 import millisight as ms
-from millisight.errors import InputError
-from millisight.imaging.cleanup import crop_slices, subtract_empty
+from millisight.core.errors import InputError
+from millisight.imaging import crop_slices
+from millisight.imaging._clutter import subtract_empty
 
 GRID = ms.VoxelGrid.regular((0, 0, -0.37), (0.03, 0.02, -0.16), 0.01)
 

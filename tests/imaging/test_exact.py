@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import millisight as ms
-from millisight.errors import InputError
-from oracles import C, point_frames, point_image, relative, width_3db
+from helpers.oracles import C, point_frames, point_image, relative, width_3db
+from millisight.core.errors import InputError
 
 FREQUENCIES = 77.5e9 + 3e9 / 64 * np.arange(64)
 

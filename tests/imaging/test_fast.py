@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 import millisight as ms
-from millisight.imaging import fast as module
-from millisight.imaging.fast import make_plan
-from oracles import point_frames, relative
+from helpers.oracles import point_frames, relative
+from millisight.imaging import _fast as module
+from millisight.imaging import _plan
+from millisight.imaging._plan import make_plan
 
 
 def scan_of(radar, positions, reflectors=300, box=((-0.1, -0.1, -0.34), (0.1, 0.1, -0.2)), seed=0):
@@ -48,6 +49,13 @@ GEOMETRIES = {
 }  # fmt: skip
 
 
+@pytest.fixture(autouse=True)
+def eager(monkeypatch):
+    """Problems of this size are factorised too."""
+    monkeypatch.setattr(_plan, "_LEAST_PAIRS", 1e6)
+    monkeypatch.setattr(_plan, "_COST_TOP", 0)
+
+
 @pytest.fixture(scope="module", params=GEOMETRIES)
 def case(request):
     name, positions, grid = GEOMETRIES[request.param]
@@ -62,14 +70,14 @@ def exact_at(capture, grid, picks):
     )
 
 
-def test_within_one_per_cent_of_exact_at_random_and_at_the_brightest_voxels(case):
+def test_within_the_tolerance_of_exact_at_random_and_at_the_brightest_voxels(case):
     capture, grid = case
     image = ms.form_image(capture, grid)
     assert image.metadata["history"][-1]["done_by"] == "factorised backprojection"
     assert len(image.metadata["history"][-1]["sub_apertures"]) >= 1
     brightest = np.argsort(image.magnitude.ravel())[-500:]
     for picks in (np.random.default_rng(4).choice(grid.size, 1000, replace=False), brightest):
-        assert relative(image.values.ravel()[picks], exact_at(capture, grid, picks)) < 0.01
+        assert relative(image.values.ravel()[picks], exact_at(capture, grid, picks)) < 0.005
 
 
 def test_axes_may_come_in_any_order():
@@ -127,9 +135,9 @@ def test_a_capture_that_does_not_fit_at_once_is_imaged_in_parts(case, tmp_path, 
     assert all(a[0] <= b[0] for a, b in pairwise(calls))
 
 
-def plan_of(capture, grid, **settings):
+def plan_of(capture, grid, tolerance=0.003):
     axes = (grid.x, grid.y, grid.z)
-    return make_plan(capture.tx_positions, capture.rx_positions, axes, capture, **settings)
+    return make_plan(capture.tx_positions, capture.rx_positions, axes, capture, tolerance)
 
 
 def test_the_plan_follows_the_geometry_and_the_tolerance(case):
@@ -137,6 +145,7 @@ def test_the_plan_follows_the_geometry_and_the_tolerance(case):
     plan = plan_of(capture, grid)
     assert plan is not None
     assert plan.gain > 1.2
+    assert plan.error <= 0.003
     sizes = [level.size for level in plan.levels]
     assert sizes == sorted(sizes)
     counts = [len(level.axes[0]) for level in plan.levels]
@@ -162,4 +171,4 @@ def test_voxels_at_the_antennas_are_right_too():
     grid = ms.VoxelGrid.regular((-0.05, -0.05, -0.02), (0.05, 0.05, 0.02), (0.002, 0.002, 0.01))
     image = ms.form_image(capture, grid)
     picks = np.random.default_rng(5).choice(grid.size, 500, replace=False)
-    assert relative(image.values.ravel()[picks], exact_at(capture, grid, picks)) < 0.02
+    assert relative(image.values.ravel()[picks], exact_at(capture, grid, picks)) < 0.005

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import millisight as ms
-from millisight.errors import InputError, UnknownNameError
+from millisight.core.errors import InputError, UnknownNameError
 
 GRID = ms.VoxelGrid.regular((0, 0, -0.1), (0.03, 0.02, 0), (0.01, 0.01, 0.05))
 
@@ -98,6 +98,16 @@ def test_values_whose_squares_would_overflow_are_refused(largest):
 def test_reprs_are_short():
     assert repr(GRID) == "VoxelGrid(4 x 3 x 3 voxels, x 0 to 0.03 m, y 0 to 0.02 m, z -0.1 to 0 m)"
     assert repr(image(0)) == f"SarImage(complex128 on {GRID!r})"
+    assert repr(GRID.xy) == "PixelGrid(4 x 3 pixels, x 0 to 0.03 m, y 0 to 0.02 m)"
+    inside = np.zeros((4, 3), bool)
+    inside[0] = True
+    assert repr(ms.Mask(grid_xy=GRID.xy, inside=inside)) == "Mask(4 x 3 pixels, 25.0 % inside)"
+    assert repr(ms.Prompts(points=[[0, 1], [2, 2]], positive=[True, False])) == "Prompts(1 positive, 1 negative)"
+    assert repr(ms.Picture(rgb=np.zeros((4, 3, 3), np.uint8))) == "Picture(4 x 3 pixels, photo)"
+    two = {"probabilities": [0.75, 0.25], "class_names": ("box", "can")}
+    sure, unsure = (ms.Prediction(**two, threshold=threshold) for threshold in (0, 0.8))
+    assert repr(sure) == "Prediction(box 0.75 of 2 classes)"
+    assert repr(unsure) == "Prediction(box 0.75 of 2 classes, not sure below 0.80)"
 
 
 def test_the_grid_must_be_a_grid():
@@ -107,7 +117,7 @@ def test_the_grid_must_be_a_grid():
 
 @pytest.mark.parametrize("window", [3, ("hann",), ["hann", "taylor", None], {"a", "b"}])
 def test_impossible_windows_are_refused(window):
-    from millisight.imaging.windows import window_pair
+    from millisight.imaging._windows import window_pair
 
     with pytest.raises(InputError, match="expected a name, or a pair of names"):
         window_pair(window)

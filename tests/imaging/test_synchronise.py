@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import millisight as ms
-from arm import scan
-from millisight.errors import InputError
-from millisight.imaging.synchronise import estimate_clock
+from helpers.arm import scan
+from millisight.core.errors import InputError
+from millisight.imaging import estimate_clock
 
 GRID = ms.VoxelGrid.regular((-0.15, -0.15, -0.02), (0.15, 0.15, 0.05), (0.0025, 0.0025, 0.01))
 
@@ -60,14 +60,24 @@ def test_where_rows_all_run_one_way_nothing_is_guessed():
     assert np.isinf(found.offset_uncertainty)
 
 
-def test_noise_tells_nothing():
-    capture, log, _ = scan(0.02, 0.0, count=21, period=0.01)
+def heard(snr_db):
+    """What is estimated of a scan whose clock is 20 ms ahead, in noise; and the true offset."""
+    capture, log, _ = scan(0.02, 0.0)
     rng = np.random.default_rng(0)
-    noise = rng.normal(size=(*capture.frames.shape, 2)).astype(np.float32).view(np.complex64)[..., 0]
-    deaf = ms.Capture(radar=capture.radar, trajectory=capture.trajectory, frames=noise)
-    found = estimate_clock(deaf, log, GRID)
-    assert found.clock is None
-    assert found.reason
+    noise = rng.normal(size=(*capture.frames.shape, 2)).astype(np.float32).view(np.complex64)[..., 0] / np.sqrt(2)
+    sigma = np.sqrt((abs(capture.frames) ** 2).mean()) * 10 ** (-snr_db / 20)
+    noisy = ms.Capture(radar=capture.radar, trajectory=capture.trajectory, frames=capture.frames + sigma * noise)
+    return estimate_clock(nominal(noisy, log), log, GRID)
+
+
+def test_noise_is_borne_up_to_a_level_and_beyond_it_no_clock_is_guessed():
+    noisy = heard(0)
+    assert noisy.clock is not None
+    assert noisy.clock.offset == pytest.approx(0.02, abs=4 * noisy.offset_uncertainty)
+    deaf = heard(-30)
+    assert not deaf.observable
+    assert deaf.clock is None
+    assert "too faint" in deaf.reason
 
 
 def test_a_radar_at_rest_and_too_few_rows():

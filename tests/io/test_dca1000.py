@@ -6,19 +6,27 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from millisight.errors import DamagedFileError, FileError, FormatError, InputError, MillisightError, UnknownNameError
-from millisight.io.dca1000 import (
+from helpers.oracles import shared
+from helpers.raw_scenes import scene
+from millisight.core.errors import (
+    DamagedFileError,
+    FileError,
+    FormatError,
+    InputError,
+    MillisightError,
+    UnknownNameError,
+)
+from millisight.io.raw import (
     ORDERS,
-    PACKET_BYTES,
+    RawFrames,
     find_gaps,
     identify_order,
     read_dca1000,
     swap_for_positive_ranges,
     write_dca1000,
 )
-from millisight.io.raw_frames import Gap, RawFrames
-from oracles import shared
-from raw_scenes import scene
+from millisight.io.raw._dca1000 import PACKET_BYTES
+from millisight.io.raw._raw_frames import Gap
 
 REAL = "iwr1443_adc_data20251124114141.bin"
 SHAPE = {"samples": 128, "receivers": 4, "chirps": 2}

@@ -6,11 +6,10 @@ import re
 import numpy as np
 import pytest
 
-from millisight.errors import DamagedFileError, FormatError, UnknownNameError
-from millisight.io.dca1000 import write_dca1000
-from millisight.io.dca1000_report import describe_raw
-from oracles import shared
-from raw_scenes import scene
+from helpers.oracles import shared
+from helpers.raw_scenes import scene
+from millisight.core.errors import DamagedFileError, FormatError, UnknownNameError
+from millisight.io.raw import describe_raw, write_dca1000
 
 CONFIG = """\
 channelCfg 15 7 0

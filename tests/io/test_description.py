@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 import millisight as ms
-from millisight.errors import FileError, FormatError, InputError, UnknownNameError
-from millisight.io.dca1000 import write_dca1000
-from millisight.io.description import description_in, read_capture, read_frames, read_scan
-from millisight.io.position2go import write_position2go
-from oracles import point_frames, point_image, shared
+from helpers.oracles import point_frames, point_image, shared
+from millisight.calibration import read_capture
+from millisight.core.errors import FileError, FormatError, InputError, UnknownNameError
+from millisight.io.description import description_in, read_frames, read_scan
+from millisight.io.raw import write_dca1000, write_position2go
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES, HOW_TO = ROOT / "examples" / "captures", ROOT / "docs" / "how-to"
@@ -272,7 +272,7 @@ def test_a_robots_log_places_the_frames(tmp_path):
     assert np.allclose(capture.trajectory.times, times)
     assert np.allclose(capture.trajectory.positions, positions, atol=1e-9)
     assert np.array_equal(capture.frames, frames)
-    late = read_capture(tmp_path / "scan.toml", clock=ms.capture.clock.ClockCorrection(offset=0.05))
+    late = read_capture(tmp_path / "scan.toml", clock=ms.ClockCorrection(offset=0.05))
     assert np.allclose(late.trajectory.positions[5], positions[10], atol=2e-5)
     calibrated = read_capture(
         described(tmp_path, SWEEP + "[calibration]\nsubtract_mean = true\nsamples = [100, 400]\n")
@@ -291,7 +291,7 @@ def test_a_robots_log_places_the_frames(tmp_path):
     write_dca1000(tmp_path / "one.bin", raw_scan(ms.Radar.preset("iwr1443"), positions[:1], 1000))
     still = SWEEP.split("[positions]")[0].replace("row_*", "one") + "[positions]\nraster = {}\n"
     with pytest.raises(InputError, match="no log of a robot.*leave clock out"):
-        read_capture(described(tmp_path, still), clock=ms.capture.clock.ClockCorrection(offset=0.1))
+        read_capture(described(tmp_path, still), clock=ms.ClockCorrection(offset=0.1))
 
 
 def test_calibration_takes_its_steps_in_order(tmp_path):
@@ -352,114 +352,63 @@ def test_what_a_description_says_of_the_image(tmp_path):
         read_capture(moved)
     assert description_in(tmp_path) == path
     assert description_in(ROOT / "docs") is None
-    with pytest.raises(FileError, match=r"several descriptions, foam.toml, .*pass the one"):
+    with pytest.raises(FileError, match=r"several descriptions, aeroplane.toml, .*pass the one"):
         description_in(EXAMPLES)
 
 
 GOOD = RADAR + FRAMES + POINTS
 
 
+FREQUENCIES = "start_frequency = 24e9\nstep = 25e6"
+
+
 @pytest.mark.parametrize(
-    ("old", "new", "error", "message"),
+    ("old", "new", "error", "facts"),
     [
-        (
-            "[frames]",
-            "[frame]",
-            UnknownNameError,
-            r"unknown key in .*scan.toml, its tables: 'frame'. Did you mean 'frames'",
-        ),
-        (
-            "axes =",
-            "axis =",
-            UnknownNameError,
-            r"key in .*scan.toml, \[frames\]: 'axis'. Did you mean 'axes'.*phase_sign",
-        ),
-        ("unit =", "units =", UnknownNameError, r"scan.toml, \[positions\] points: 'units'. Did you mean 'unit'"),
-        ('"tx"', '"transmitter"', UnknownNameError, "axis in .*'transmitter'.*Known: chirp, part, pose, rx"),
-        ('axes = ["pose", "tx", "rx", "sample"]', "", FormatError, "has no axes; expected .* from sample, x, y, pose"),
-        ("phase_sign = -1", "", FormatError, r"\[frames\] has no phase_sign; expected 1 or -1.*try both"),
-        ("phase_sign = -1", "phase_sign = 2", FormatError, "phase_sign is '2'; expected 1 or -1"),
-        (
-            '"tx", "rx", ',
-            "",
-            FormatError,
-            r"axes is .*; expected 4 of them, since .*frames.npy has shape \(12, 2, 3, 8\)",
-        ),
-        ('"tx", "rx"', '"tx", "tx"', FormatError, "each once"),
-        ('"pose", ', '"pose", "x", ', FormatError, "pose or x and y"),
-        (
-            '"tx", "rx"',
-            '"rx", "tx"',
-            FormatError,
-            r"\[radar\]: tx_positions is .*; expected 3 transmitters as in the frames",
-        ),
-        ("step = 25e6", "", FormatError, "has none of stop_frequency, step, slope"),
-        ("step = 25e6", "step = 25e6\nslope = 1e12", FormatError, "has step and slope; expected one of"),
-        ("step = 25e6", "step = 25e6\nsamples = 9", FormatError, "samples is '9'; expected 8 samples as in the frames"),
-        ("step = 25e6", "step = -25e6", FormatError, r"\[radar\]: slope is -2.5e\+07"),
-        ("step = 25e6", 'step = "25 MHz"', FormatError, r"step is '25 MHz'; expected numbers \[Hz\]"),
-        (
-            "start_frequency = 24e9\nstep = 25e6",
-            'preset = "iwr1433"',
-            UnknownNameError,
-            "preset in .*scan.toml, .radar.: 'iwr1433'. Did you mean 'iwr1443'",
-        ),
-        (
-            "start_frequency = 24e9\nstep = 25e6",
-            "frequencies = [1, 2, 4, 5, 6, 7, 8, 9]",
-            FormatError,
-            "evenly spaced",
-        ),
-        (
-            "start_frequency = 24e9\n",
-            "frequencies = [1, 2]\n",
-            FormatError,
-            "has frequencies and step; expected one of",
-        ),
-        ("frames.npy", "frame.npy", FileError, "frame.npy: no such file"),
-        ("frames.npy", "f*.npz", FileError, r"no file in .* is meant by 'f\*.npz'"),
-        (
-            "positions.csv",
-            "short.csv",
-            FormatError,
-            r"points is .*expected \(12, 3\), one for each frame, and not shape \(1, 3\)",
-        ),
-        ("positions.csv", "words.csv", FileError, r"words.csv, line 2 has 'y'; expected a finite number"),
-        ("positions.csv", "ragged.csv", FileError, r"ragged.csv, line 3 has 2 columns; expected 3 as before"),
-        ('unit = "mm"', 'unit = "inch"', UnknownNameError, r"unit in .*points: 'inch'. Known: cm, m, mm"),
-        ('unit = "mm"', 'columns = ["x", "q"]', UnknownNameError, "column in .*positions.csv: 'q'"),
-        ('unit = "mm"', "index = 99", FormatError, r"index is '99'; expected places in an array of shape \(12, 3\)"),
-        ("[positions]", "[positions]\nlog = 'x.csv'", FormatError, "has points and log; expected one of"),
-        ("[positions]", "[positions]\norigin = [0, [0, 1]]", FormatError, "inhomogeneous"),
-        (
-            "[positions]",
-            '[positions]\norigin = { file = "words.npy" }',
-            FormatError,
-            "origin cannot be read as an array",
-        ),
-        (POINTS, RASTER.replace("0.005", "1e308"), FormatError, "counts; expected|NaN or infinite"),
-        ("[positions]", "[positions]\norientations = [0, 0, 1]", FormatError, "a quaternion x, y, z, w"),
-        ("[positions]", "[positions]\norientations = [0, 0, 0, 2]", FormatError, "expected unit quaternions"),
-        ("[positions]", "[times]\nstart = 0\n[positions]", FormatError, r"\[times\] has no period"),
-        ("[positions]", "[times]\narray = [1, 2]\n[positions]", FormatError, "12 times, one for each frame, not 2"),
-        ("[positions]", "[image]\nlower = [0, 0, 0]\n[positions]", FormatError, r"\[image\] has no upper"),
-        (
-            "[positions]",
-            "[image]\nmethod = 'fft'\n[positions]",
-            UnknownNameError,
-            r"method in .*scan.toml, \[image\]: 'fft'. Did you mean 'fast'",
-        ),
-        ("[frames]", "[frames", FormatError, "scan.toml is not a description in TOML: .*line 9"),
-        (
-            FRAMES,
-            "",
-            FormatError,
-            r"scan.toml, its tables has no \[frames\]; expected a table of that name: file, format",
-        ),
-        (GOOD, "frames = 1", FormatError, "frames. is 1; expected a table with some of file, format"),
+        ("[frames]", "[frame]", UnknownNameError, ["'frame'", "'frames'"]),
+        ("axes =", "axis =", UnknownNameError, ["[frames]", "'axis'", "'axes'"]),
+        ("unit =", "units =", UnknownNameError, ["[positions] points", "'units'", "'unit'"]),
+        ('"tx"', '"transmitter"', UnknownNameError, ["'transmitter'", "tx"]),
+        ('axes = ["pose", "tx", "rx", "sample"]', "", FormatError, ["[frames]", "axes", "sample", "pose"]),
+        ("phase_sign = -1", "", FormatError, ["[frames]", "phase_sign", "1 or -1"]),
+        ("phase_sign = -1", "phase_sign = 2", FormatError, ["[frames]", "phase_sign", "'2'", "1 or -1"]),
+        ('"tx", "rx", ', "", FormatError, ["[frames]", "axes", "4", "frames.npy", "(12, 2, 3, 8)"]),
+        ('"tx", "rx"', '"tx", "tx"', FormatError, ["[frames]", "axes", "'tx'", "once"]),
+        ('"pose", ', '"pose", "x", ', FormatError, ["[frames]", "axes", "'pose'", "'x'"]),
+        ('"tx", "rx"', '"rx", "tx"', FormatError, ["[radar]", "tx_positions", "3"]),
+        ("step = 25e6", "", FormatError, ["[radar]", "stop_frequency", "step", "slope"]),
+        ("step = 25e6", "step = 25e6\nslope = 1e12", FormatError, ["[radar]", "step", "slope", "one of"]),
+        ("step = 25e6", "step = 25e6\nsamples = 9", FormatError, ["[radar]", "samples", "'9'", "8"]),
+        ("step = 25e6", "step = -25e6", FormatError, ["[radar]", "-2.5e+07"]),
+        ("step = 25e6", 'step = "25 MHz"', FormatError, ["[radar]", "step", "'25 MHz'", "[Hz]"]),
+        (FREQUENCIES, 'preset = "iwr1433"', UnknownNameError, ["[radar]", "'iwr1433'", "'iwr1443'"]),
+        (FREQUENCIES, "frequencies = [1, 2, 4, 5, 6, 7, 8, 9]", FormatError, ["[radar]", "frequencies", "even"]),
+        (FREQUENCIES, "frequencies = [1, 2]\nstep = 25e6", FormatError, ["[radar]", "frequencies", "step", "one of"]),
+        ("frames.npy", "frame.npy", FileError, ["frame.npy"]),
+        ("frames.npy", "f*.npz", FileError, ["'f*.npz'"]),
+        ("positions.csv", "short.csv", FormatError, ["[positions]", "points", "(12, 3)", "(1, 3)"]),
+        ("positions.csv", "words.csv", FileError, ["words.csv", "line 2", "'y'", "number"]),
+        ("positions.csv", "ragged.csv", FileError, ["ragged.csv", "line 3", "2 columns", "3"]),
+        ('unit = "mm"', 'unit = "inch"', UnknownNameError, ["[positions] points", "'inch'", "cm, m, mm"]),
+        ('unit = "mm"', 'columns = ["x", "q"]', UnknownNameError, ["positions.csv", "'q'"]),
+        ('unit = "mm"', "index = 99", FormatError, ["[positions] points", "index", "'99'", "(12, 3)"]),
+        ("[positions]", "[positions]\nlog = 'x.csv'", FormatError, ["[positions]", "points", "log", "one of"]),
+        ("[positions]", "[positions]\norigin = [0, [0, 1]]", FormatError, ["[positions]", "origin"]),
+        ("[positions]", '[positions]\norigin = { file = "words.npy" }', FormatError, ["[positions]", "origin"]),
+        (POINTS, RASTER.replace("0.005", "1e308"), FormatError, ["[positions]"]),
+        ("[positions]", "[positions]\norientations = [0, 0, 1]", FormatError, ["orientations", "x, y, z, w"]),
+        ("[positions]", "[positions]\norientations = [0, 0, 0, 2]", FormatError, ["orientations", "unit"]),
+        ("[positions]", "[times]\nstart = 0\n[positions]", FormatError, ["[times]", "period"]),
+        ("[positions]", "[times]\narray = [1, 2]\n[positions]", FormatError, ["[times]", "12", "2"]),
+        ("[positions]", "[image]\nlower = [0, 0, 0]\n[positions]", FormatError, ["[image]", "upper"]),
+        ("[positions]", "[image]\nmethod = 5\n[positions]", FormatError, ["[image]", "method", "'5'"]),
+        ("[frames]", "[frames", FormatError, ["TOML", "line 9"]),
+        (FRAMES, "", FormatError, ["[frames]", "file"]),
+        (GOOD, "frames = 1", FormatError, ["[frames]", "1", "table"]),
     ],
 )
-def test_errors_say_where_and_what_is_expected(tmp_path, old, new, error, message):
+def test_errors_name_the_place_what_came_and_what_was_expected(tmp_path, old, new, error, facts):
+    """Not in which words."""
     np.save(tmp_path / "frames.npy", small_scan()[2])
     np.savetxt(tmp_path / "positions.csv", 1e3 * small_scan()[1], delimiter=",", header="x,y,z", comments="")
     (tmp_path / "short.csv").write_text("1,2,3\n")
@@ -468,8 +417,15 @@ def test_errors_say_where_and_what_is_expected(tmp_path, old, new, error, messag
     (tmp_path / "ragged.csv").write_text("# comment\n1;2;3\n1;2\n")
     check(read_capture(described(tmp_path, GOOD)))
     assert old in GOOD
-    with pytest.raises(error, match=message):
-        read_capture(described(tmp_path, GOOD.replace(old, new)))
+    path = described(tmp_path, GOOD.replace(old, new))
+    with pytest.raises(error) as caught:
+        read_capture(path)
+    told = str(caught.value).replace(str(tmp_path), "")
+    assert [fact for fact in facts if fact not in told] == [], told
+    # The description is named, or the file that it leads to.
+    assert any(
+        name in told for name in ("scan.toml", "frame.npy", "f*.npz", *(file.name for file in tmp_path.iterdir()))
+    ), told
     assert issubclass(error, ms.errors.MillisightError)
 
 
@@ -480,7 +436,7 @@ def test_data_that_cannot_be_used_is_named(tmp_path):
     for data, message in (
         (holed, r"frames.npy.*NaN or infinite, the first at \(3,"), (frames[:0], "frames.npy: array '0' is empty"),
         (frames.astype(complex) * 1e60, r"frames of .*frames.npy has .*infinite"),
-        (np.full((12, 2, 3, 8), "x"), "an array of numbers; that in .*frames.npy is <U1"), (frames.real, "analytic"),
+        (np.full((12, 2, 3, 8), "x"), "no array of numbers; that in .*frames.npy is <U1"), (frames.real, "analytic"),
         (frames[:, :, :, 0], "axes is"),
     ):  # fmt: skip
         np.save(tmp_path / "frames.npy", data)
@@ -516,7 +472,7 @@ def test_the_tutorials_sample_opens_by_its_arrays(tmp_path, dtype):
     near = [ms.VoxelGrid.regular(point - 0.004, point + 0.004, 0.0005) for point in points]
     images = [ms.form_image(capture, grid, method="backprojection") for grid in near]
     for image, point in zip(images, points, strict=True):
-        assert np.abs(image.peak - point).max() <= 0.0005
+        assert np.abs(image.peak - point).max() < 0.0005 * 1.001  # a voxel
     # The values are those of the closed form, the two reflectors' images summed.
     at = near[0].points[::50]
     expected = point_image(at, points[0], *setup) + 0.8 * point_image(at, points[1], *setup)
@@ -562,7 +518,10 @@ def test_the_pages_show_what_works(tmp_path):
     image = ms.form_image(capture, ms.VoxelGrid.regular(**capture.metadata["image_grid"]))
     assert np.allclose(image.peak, place, atol=0.003)
     assert np.isclose(image.magnitude.max(), 1, atol=0.05)
-    for page, name in (("letter-r", "letter_r"), ("foam", "foam"), ("dca1000", "iwr1443_still")):
+    for page, name in (
+        ("letter-r", "letter_r"), ("foam", "foam"), ("dca1000", "iwr1443_still"), ("turntable", "aeroplane"),
+        ("multistatic", "phantom"),
+    ):  # fmt: skip
         example = tomllib.loads((EXAMPLES / f"{name}.toml").read_text(encoding="utf-8"))
         shown = pages_blocks(page)[0]
         assert {table: example[table] for table in shown} == shown
@@ -624,3 +583,22 @@ def test_the_flaw_in_the_foam_is_sharp_at_its_depth():
     assert found[-0.09] > 1.7
     assert all(found[-0.09] > 1.6 * found[z] for z in (-0.05, -0.07, -0.15, -0.17))
     assert found[-0.09] > 1.4 * sharpness(conjugated(capture), -0.09)
+
+
+def test_the_format_follows_from_suffix_keys_and_axes(tmp_path):
+    """A .txt is a Position2Go's, or a text where the axes are another's; a .csv may be asked for as an array."""
+    _, positions, _ = small_scan()
+    raw = raw_scan(ms.Radar.preset("position2go"), positions, 1000)
+    write_position2go(tmp_path / "f.txt", raw)
+    base = '[radar]\npreset = "position2go"\n[frames]\nfile = "f.txt"\nphase_sign = 1\nsamples = 256\nchirps = 1\n'
+    np.savetxt(tmp_path / "positions.csv", 1e3 * positions)
+    for axes in ("", 'axes = ["pose", "tx", "rx", "sample"]\n'):
+        capture = read_capture(described(tmp_path, base + axes + POINTS))
+        assert np.allclose(capture.frames, raw.conj())
+    field = small_scan()[2][:, 0, 0]
+    np.savetxt(tmp_path / "t.txt", np.stack([field.real, field.imag], axis=-1).reshape(12, 16))
+    for name, more in (("t.txt", ""), ("t.csv", 'array = "0"\n')):
+        (tmp_path / name).write_text((tmp_path / "t.txt").read_text())
+        text = f'[radar]\nstart_frequency = 24e9\nstep = 25e6\n[frames]\nfile = "{name}"\n{more}shape = [12, 8, 2]\n'
+        text += 'axes = ["pose", "sample", "part"]\nparts = ["I", "Q"]\nphase_sign = -1\n'
+        assert np.allclose(read_capture(described(tmp_path, text + POINTS)).frames[:, 0, 0], field)

@@ -12,11 +12,12 @@ import numpy as np
 import pytest
 
 import millisight as ms
-from forging import forge
-from millisight.capture.camera import CameraFrame, CameraMask, Intrinsics
-from millisight.errors import DamagedFileError, FileError, FormatError, InputError
-from millisight.io.hdf5 import RECORDS, load_extras, provenance
-from millisight.io.seal import chunk_extents
+from helpers.forging import forge
+from millisight.core.errors import DamagedFileError, FileError, FormatError, InputError
+from millisight.data import CameraFrame, CameraMask, Intrinsics
+from millisight.io import load_extras, provenance
+from millisight.io._hdf5 import RECORDS
+from millisight.io._seal import chunk_extents
 
 
 def small_capture(receivers="iwr1443"):
@@ -261,7 +262,7 @@ def test_what_is_no_record_is_refused(tmp_path):
 
 
 def test_a_failing_write_leaves_the_old_file_whole(tmp_path, monkeypatch):
-    from millisight.io import hdf5
+    from millisight.io import _hdf5 as hdf5
 
     path = tmp_path / "c.h5"
     ms.save(path, small_capture())

@@ -10,25 +10,7 @@ import numpy as np
 import pytest
 
 import millisight as ms
-from millisight.capture.camera import CameraFrame, CameraMask
-from millisight.errors import DamagedFileError, FileError, FormatError, InputError, UnknownNameError
-from millisight.io import mito_raw
-from millisight.io.dca1000 import read_dca1000, write_dca1000
-from millisight.io.mito_layout import (
-    experiment_folder,
-    experiment_radar,
-    is_experiment,
-    published_grid,
-    radar_folder,
-    read_experiment,
-    read_info,
-    read_published,
-    write_published,
-    write_raw_experiment,
-)
-from millisight.io.mito_names import kind_of, origin, place_of
-from millisight.io.mito_record import RecordedRow
-from miniature import (
+from helpers.miniature import (
     ANGLES,
     BOX,
     FAULTS,
@@ -47,7 +29,27 @@ from miniature import (
     small_scene,
     values_of,
 )
-from oracles import relative
+from helpers.oracles import relative
+from millisight.core.errors import DamagedFileError, FileError, FormatError, InputError, UnknownNameError
+from millisight.data import CameraFrame, CameraMask
+from millisight.io.mito import (
+    RecordedRow,
+    experiment_folder,
+    experiment_radar,
+    is_experiment,
+    kind_of,
+    origin,
+    place_of,
+    published_grid,
+    radar_folder,
+    read_experiment,
+    read_info,
+    read_published,
+    write_published,
+    write_raw_experiment,
+)
+from millisight.io.mito import _raw as mito_raw
+from millisight.io.raw import read_dca1000, write_dca1000
 
 
 def experiment(miniature, name=MUG, number=1, sight="los"):

@@ -6,14 +6,11 @@ import time
 
 import pytest
 
-from millisight.errors import DamagedFileError, FormatError, InputError, MillisightError
-from millisight.io.packets import assemble_packets, read_packets
+from helpers.raw_scenes import packet, pcap, udp
+from millisight.core.errors import DamagedFileError, FormatError, InputError, MillisightError
+from millisight.io.raw import assemble_packets, read_packets
 
 SIZE = 1456
-
-
-def packet(number, start, data):
-    return struct.pack("<I", number) + start.to_bytes(6, "little") + data
 
 
 @pytest.fixture
@@ -65,18 +62,6 @@ def test_no_recording_at_all_is_an_error():
         assemble_packets([packet(1, 1 << 40, b"x"), b"short"])
     with pytest.raises(InputError, match="type str"):
         assemble_packets(["text"])
-
-
-def udp(payload, port=4098, options=b""):
-    datagram = struct.pack(">HHHH", 4096, port, 8 + len(payload), 0) + payload
-    length = 20 + len(options)
-    header = bytes([0x40 | length // 4, 0]) + struct.pack(">H", length + len(datagram)) + bytes(5) + b"\x11" + bytes(10)
-    return header + options + datagram
-
-
-def pcap(frames, *, link=1, byte_order="<", magic=0xA1B2C3D4):
-    head = struct.pack(byte_order + "IHHiIII", magic, 2, 4, 0, 0, 65535, link)
-    return head + b"".join(struct.pack(byte_order + "IIII", 0, 0, len(f), len(f)) + f for f in frames)
 
 
 @pytest.mark.parametrize("byte_order", ["<", ">"])

@@ -13,8 +13,8 @@ import time
 import numpy as np
 import pytest
 
-from millisight.errors import DamagedFileError, FileError
-from millisight.io.pickles import read_pickle
+from millisight.core.errors import DamagedFileError, FileError
+from millisight.io.arrays import read_pickle
 
 MUTATIONS = 300
 

@@ -6,8 +6,8 @@ import time
 import numpy as np
 import pytest
 
-from millisight.errors import DamagedFileError, FormatError, InputError, MillisightError
-from millisight.io.position2go import read_position2go, write_position2go
+from millisight.core.errors import DamagedFileError, FormatError, InputError, MillisightError
+from millisight.io.raw import read_position2go, write_position2go
 
 SHAPE = (3, 2, 2, 8)
 SIZES = {"samples": 8, "chirps": 2}

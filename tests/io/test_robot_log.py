@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import millisight as ms
-from millisight.errors import DamagedFileError, FormatError, UnknownNameError
-from millisight.io.robot_log import read_robot_log, write_robot_log
+from millisight.core.errors import DamagedFileError, FormatError, UnknownNameError
+from millisight.io.raw import read_robot_log, write_robot_log
 
 RNG = np.random.default_rng(0)
 TURNS = RNG.normal(size=(9, 4))

@@ -5,12 +5,13 @@ import itertools
 import numpy as np
 import pytest
 
-from millisight.errors import InputError, UnknownNameError
-from millisight.io.sample_order import (
+from helpers.raw_scenes import scene
+from millisight.core.errors import InputError, UnknownNameError
+from millisight.io.raw import UNKNOWN
+from millisight.io.raw._sample_order import (
     MIN_MARGIN_DB,
     MIN_SCORE_DB,
     ORDERS,
-    UNKNOWN,
     check_order,
     estimate_order,
     mean_spectrum,
@@ -19,7 +20,6 @@ from millisight.io.sample_order import (
     unpack,
     values_per_chirp,
 )
-from raw_scenes import scene
 
 
 def same_layout(a, b, receivers):

@@ -5,8 +5,8 @@ import random
 import numpy as np
 import pytest
 
-from millisight.errors import FileError, FormatError, InputError, MillisightError
-from millisight.io.ti_config import TiConfig, read_ti_config
+from millisight.core.errors import FileError, FormatError, InputError, MillisightError
+from millisight.io.raw import TiConfig, read_ti_config
 
 GOOD = """\
 % The published set-up, all in one profile

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from millisight.perception import augmentation
-from millisight.perception.training_scenes import Scenes, make_scene
+from millisight.perception.training import SceneSettings, make_scene
+from millisight.perception.training import _augmentation as augmentation
 
 DONE = (
     augmentation.moved, augmentation.blurred, augmentation.distorted, augmentation.erased, augmentation.seen_otherwise
@@ -13,7 +13,7 @@ DONE = (
 
 @pytest.fixture(scope="module")
 def scene():
-    settings = Scenes(vertices=300, spacing=(0.006, 0.006, 0.02))
+    settings = SceneSettings(vertices=300, spacing=(0.006, 0.006, 0.02))
     return make_scene("dice", settings, rng=np.random.default_rng(2))
 
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from millisight.capture.camera import CameraFrame, Intrinsics
-from millisight.errors import InputError
-from millisight.perception.camera_baseline import depth_prompts, photo
+from millisight.core.errors import InputError
+from millisight.data import CameraFrame, Intrinsics
+from millisight.perception import depth_prompts, photo
 
 K = Intrinsics(fx=60, fy=60, cx=32, cy=24, width=64, height=48)
 NEAR = np.zeros((48, 64), bool)

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 import millisight as ms
-from millisight.errors import InputError
-from millisight.perception import classical
-from millisight.perception.classical import ClassicalSegmenter
-from millisight.perception.projection import Picture, project
-from millisight.perception.prompts import Prompts, power_prompts
-from millisight.perception.segmentation import chosen, largest_share, segmenter
+from millisight.core.errors import InputError
+from millisight.data import Picture, Prompts
+from millisight.perception import power_prompts, project
+from millisight.perception.segmentation import ClassicalSegmenter, chosen, largest_share, segmenter
+from millisight.perception.segmentation import _classical as classical
 
 
 def picture(power):

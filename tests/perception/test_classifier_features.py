@@ -4,10 +4,15 @@ import numpy as np
 import pytest
 
 import millisight as ms
-from millisight.errors import InputError
-from millisight.imaging.grid import PixelGrid
-from millisight.perception.classification import seen_by_classifiers, turned_all_ways
-from millisight.perception.classifier_features import CHANNELS, MAGNITUDE, SIDE, SLICES, THICKNESS
+from millisight.core.errors import InputError
+from millisight.data import PixelGrid
+from millisight.perception.classification import (
+    CLASSIFIER_CHANNELS,
+    CLASSIFIER_SIDE,
+    classifier_input,
+    square_symmetries,
+)
+from millisight.perception.classification._network_input import MAGNITUDE, SLICES, THICKNESS
 
 
 def blob(*, spacing=0.004, at=(0.0, 0.0, -0.25), size=(0.06, 0.03), strength=1.0, box=0.12):
@@ -22,30 +27,30 @@ def blob(*, spacing=0.004, at=(0.0, 0.0, -0.25), size=(0.06, 0.03), strength=1.0
 
 def test_the_object_is_in_the_middle_at_its_true_size():
     image, mask = blob(at=(0.05, -0.02, -0.3))
-    channels = seen_by_classifiers(image, mask)
-    assert channels.shape == (len(CHANNELS), SIDE, SIDE) == (4 + SLICES + 1, 80, 80)
+    channels = classifier_input(image, mask)
+    assert channels.shape == (len(CLASSIFIER_CHANNELS), CLASSIFIER_SIDE, CLASSIFIER_SIDE) == (4 + SLICES + 1, 80, 80)
     assert channels.dtype == np.float32
     assert (channels.min(), channels.max()) == (0, 1)
     assert channels[0].sum() * 0.004**2 == pytest.approx(0.12 * 0.06, rel=0.05)
-    middle = [np.arange(SIDE) @ channels[0].sum(axis=1 - axis) / channels[0].sum() for axis in (0, 1)]
-    np.testing.assert_allclose(middle, (SIDE - 1) / 2, atol=0.6)
+    middle = [np.arange(CLASSIFIER_SIDE) @ channels[0].sum(axis=1 - axis) / channels[0].sum() for axis in (0, 1)]
+    np.testing.assert_allclose(middle, (CLASSIFIER_SIDE - 1) / 2, atol=0.6)
     assert channels[-2:].max() == 0  # no other band
     assert not channels[:, channels[0] == 0].any()
 
 
 def test_neither_place_nor_strength_nor_spacing_matters():
-    one = seen_by_classifiers(*blob())
-    np.testing.assert_allclose(seen_by_classifiers(*blob(strength=1e-19)), one, atol=1e-5)
-    np.testing.assert_allclose(seen_by_classifiers(*blob(strength=1e14)), one, atol=1e-5)
-    np.testing.assert_allclose(seen_by_classifiers(*blob(at=(0.04, 0.04, -0.31))), one, atol=1e-4)
-    finer = seen_by_classifiers(*blob(spacing=0.002))
-    larger = seen_by_classifiers(*blob(size=(0.09, 0.03)))
+    one = classifier_input(*blob())
+    np.testing.assert_allclose(classifier_input(*blob(strength=1e-19)), one, atol=1e-5)
+    np.testing.assert_allclose(classifier_input(*blob(strength=1e14)), one, atol=1e-5)
+    np.testing.assert_allclose(classifier_input(*blob(at=(0.04, 0.04, -0.31))), one, atol=1e-4)
+    finer = classifier_input(*blob(spacing=0.002))
+    larger = classifier_input(*blob(size=(0.09, 0.03)))
     assert abs(finer - one).mean() < 0.3 * abs(larger - one).mean()
 
 
 def test_slices_lie_about_the_middle_of_the_power():
     image, mask = blob()
-    channels = seen_by_classifiers(image, mask)
+    channels = classifier_input(image, mask)
     heights = channels[3 : 3 + SLICES].max(axis=(1, 2))
     np.testing.assert_allclose(heights, heights[::-1], atol=0.05)
     assert heights.argmax() in (SLICES // 2 - 1, SLICES // 2)
@@ -57,7 +62,7 @@ def test_slices_lie_about_the_middle_of_the_power():
 def test_the_other_band_is_masked_too():
     image, mask = blob()
     other = ms.SarImage(grid=image.grid, values=np.ones(image.grid.shape))
-    channels = seen_by_classifiers(image, mask, other_band=other)
+    channels = classifier_input(image, mask, other_band=other)
     np.testing.assert_array_equal(channels[-1], channels[0])
     assert channels[-2].max() == 1
     assert not channels[-2][channels[0] == 0].any()
@@ -65,7 +70,7 @@ def test_the_other_band_is_masked_too():
 
 def test_an_object_beyond_the_pixels_is_seen_in_part():
     image, mask = blob(size=(0.3, 0.03), box=0.35)
-    channels = seen_by_classifiers(image, mask)
+    channels = classifier_input(image, mask)
     assert channels[0].any(axis=1).all()
 
 
@@ -85,19 +90,19 @@ def test_an_object_beyond_the_pixels_is_seen_in_part():
 )
 def test_what_cannot_be_classified(broken, told):
     with pytest.raises(InputError, match=told):
-        seen_by_classifiers(*broken(*blob()))
+        classifier_input(*broken(*blob()))
 
 
 def test_an_other_band_elsewhere_is_refused():
     image, mask = blob()
     elsewhere, _ = blob(at=(3.0, 0.0, -0.25))
     with pytest.raises(InputError, match="the other band is 0 under the mask"):
-        seen_by_classifiers(image, mask, other_band=elsewhere)
+        classifier_input(image, mask, other_band=elsewhere)
 
 
 def test_a_square_is_laid_onto_itself_in_eight_ways():
     channels = np.random.default_rng(0).random((2, 5, 5), dtype=np.float32)
-    ways = turned_all_ways(channels)
+    ways = square_symmetries(channels)
     assert ways.shape == (8, 2, 5, 5)
     assert len({way.tobytes() for way in ways}) == 8
     np.testing.assert_array_equal(ways[0], channels)

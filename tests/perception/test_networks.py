@@ -7,9 +7,9 @@ import sys
 import numpy as np
 import pytest
 
-from millisight.errors import DamagedFileError, FileError, FormatError
-from millisight.perception import networks
-from millisight.perception.networks import open_network, read_description
+from millisight.core.errors import DamagedFileError, FileError, FormatError
+from millisight.perception import _networks as networks
+from millisight.perception import open_network, read_description
 
 
 def doubler(onnx, *, shape=("n", 3), **external):

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 import millisight as ms
-from millisight.errors import InputError, UnknownNameError
-from millisight.perception.projection import Picture, power_on, project
+from millisight.core.errors import InputError, UnknownNameError
+from millisight.data import Picture
+from millisight.perception import power_on, project
 
 GRID = ms.VoxelGrid(x=np.arange(4) * 0.01, y=np.arange(3) * 0.02, z=np.arange(2) * 0.1)
 
@@ -115,7 +116,7 @@ def test_what_is_no_picture_is_refused(change, message):
 def test_unknown_names_are_told():
     with pytest.raises(UnknownNameError, match="Known: max, mean, rms"):
         project(ramp()[1], values="median")
-    with pytest.raises(InputError, match="no colour map"):
+    with pytest.raises(InputError, match="unknown colour map"):
         project(ramp()[1], colours="rainboww")
     with pytest.raises(InputError, match="expected SarImage"):
         project(np.zeros((4, 3, 2)))  # pyright: ignore[reportArgumentType]

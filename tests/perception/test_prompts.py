@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import millisight as ms
-from millisight.errors import InputError
-from millisight.perception.projection import Picture, project
-from millisight.perception.prompts import LOS, NLOS, RETRY, RETRY_COUNT, Prompts, Thresholds, power_prompts
+from millisight.core.errors import InputError
+from millisight.data import Picture, Prompts
+from millisight.perception import LOS, NLOS, RETRY, RETRY_COUNT, Thresholds, power_prompts, project
 
 GRID = ms.VoxelGrid.regular((0, 0, 0), (0.099, 0.079, 0), 0.001)
 

@@ -5,9 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from millisight.errors import DeviceError, FileError, FormatError, InputError, UnknownNameError
-from millisight.perception.projection import Picture
-from millisight.perception.prompts import Prompts
+from millisight.core.errors import DeviceError, FileError, FormatError, InputError, UnknownNameError
+from millisight.data import Picture, Prompts
 from millisight.perception.segmentation import chosen, find_mask, segmenter
 
 SIDE = 64

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import millisight as ms
-from millisight.errors import InputError, UnknownNameError
-from millisight.perception.projection import Picture, project
-from millisight.perception.prompts import Prompts
+from millisight.core.errors import InputError, UnknownNameError
+from millisight.data import Picture, Prompts
+from millisight.perception import project
 from millisight.perception.segmentation import Candidates, chosen, find_mask, largest_share, segmenter
 
 GRID = ms.VoxelGrid.regular((0, 0, 0), (0.5475, 0.5975, 0.01), (0.0025, 0.0025, 0.01))  # 220 x 240, as published
@@ -103,7 +103,7 @@ def test_where_all_masks_are_too_large_five_points_of_each_kind_are_drawn_once_m
 def test_the_retry_comes_once():
     by = Told([0.9], [0.8], [0.1])
     with pytest.raises(InputError, match="every mask covers more than 20 %"):
-        find_mask(by, project(image()))
+        find_mask(by, project(image()), rng=1)
     assert len(by.asked) == 2
 
 
@@ -121,7 +121,7 @@ def test_who_needs_no_prompts_gets_none_but_for_the_retry():
     blank = project(ms.SarImage(grid=GRID, values=np.zeros(GRID.shape)))
     assert find_mask(content, blank).prompts is None
     assert content.asked == [None]
-    find_mask(retried, project(image()))
+    find_mask(retried, project(image()), rng=1)
     assert retried.asked[0] is None
     assert len(retried.asked[1].points) == 10
 
@@ -131,8 +131,8 @@ def test_conditions_decide_what_is_dark():
     values[50:100, 60:120] = 1
     picture = project(ms.SarImage(grid=GRID, values=values))
     by = Told([0.1])
-    find_mask(by, picture, condition="los")
-    find_mask(by, picture, condition="nlos")
+    find_mask(by, picture, rng=0, condition="los")
+    find_mask(by, picture, rng=0, condition="nlos")
     assert by.asked[0].positive.all()  # nothing is under 0.02
     assert (~by.asked[1].positive).sum() == 249  # 0.5 % of 49800
     with pytest.raises(UnknownNameError, match="Known: los, nlos"):
@@ -145,13 +145,28 @@ def test_segment_finds_a_bright_rectangle_and_the_same_for_the_same_seed():
     values = np.full(grid.shape, 0.01)
     values[15:35, 20:45] = 1
     noisy = ms.SarImage(grid=grid, values=values * np.random.default_rng(0).rayleigh(size=grid.shape))
-    masks = [ms.segment(noisy, method="classical", rng=rng) for rng in (7, 7, None, 0)]
+    masks = [ms.segment(noisy, method="classical", rng=rng) for rng in (7, 7, np.random.default_rng(7), 0)]
     for mask in masks:
         assert isinstance(mask, ms.Mask)
         assert mask.inside[17:33, 22:43].mean() > 0.99
         assert mask.inside.mean() < 0.18  # 0.14 are bright
     np.testing.assert_array_equal(masks[0].inside, masks[1].inside)
-    np.testing.assert_array_equal(masks[2].inside, masks[3].inside)
+    np.testing.assert_array_equal(masks[0].inside, masks[2].inside)
+
+
+def test_what_is_drawn_at_random_needs_a_seed():
+    with pytest.raises(InputError, match="told needs prompts, which are drawn at random: pass rng=0"):
+        ms.segment(image(), method=Told([0.1]))
+    by = Told([0.9], [0.1], needs_prompts=False)
+    with pytest.raises(InputError, match="every mask covers more than .* pass rng=0, say, to try with prompts"):
+        ms.segment(image(), method=by)
+    assert by.asked == [None]
+    for rng in (-1, True, "0", 1.5):
+        with pytest.raises(InputError, match="expected a seed"):
+            ms.segment(image(), method=Told([0.1]), rng=rng)
+    with pytest.raises(InputError, match="rng is None; expected a seed"):
+        ms.power_prompts(project(image()), rng=None)
+    assert ms.segment(image(), method=Told([0.1]), prompts=ASKED).inside.mean() == pytest.approx(0.1)
 
 
 def test_segment_draws_where_both_bands_are_bright():
@@ -159,7 +174,7 @@ def test_segment_draws_where_both_bands_are_bright():
     coarse = ms.VoxelGrid.regular((0, 0, 0), (0.56, 0.6, 0), 0.02)
     values = np.zeros(coarse.shape, complex)
     values[coarse.x < 0.18] = 1  # row 72 and below, of the 50 to 100 that are bright
-    ms.segment(image(), other_band=ms.SarImage(grid=coarse, values=values), method=by)
+    ms.segment(image(), other_band=ms.SarImage(grid=coarse, values=values), method=by, rng=0)
     drawn = by.asked[0].points[by.asked[0].positive]
     assert 5 < len(drawn) < 11
     assert (drawn[:, 0] <= 72).all()
@@ -172,19 +187,20 @@ def test_segment_refuses_what_cannot_be():
         with pytest.raises(InputError, match="equally bright everywhere"):
             ms.segment(even, method=method)
     with pytest.raises(InputError, match="blank"):
-        ms.segment(blank, method="classical")
+        ms.segment(blank, method="classical", rng=0)
     away = ms.VoxelGrid(x=GRID.x + 2, y=GRID.y, z=GRID.z)
     with pytest.raises(InputError, match="no place in common"):
-        ms.segment(image(), other_band=image(away), method="classical")
+        ms.segment(image(), other_band=image(away), method="classical", rng=0)
+    other = image(bright=(slice(120, 130), slice(60, 120)))
     with pytest.raises(InputError, match="in both bands"):
-        ms.segment(image(), other_band=image(bright=(slice(120, 130), slice(60, 120))), method="classical")
+        ms.segment(image(), other_band=other, method="classical", rng=0)
     with pytest.raises(UnknownNameError, match="Known: classical, sam, wave"):
         ms.segment(image(), method="sem")
     few = ms.VoxelGrid.regular((0, 0, 0), (0.1, 0.1, 0), 0.01)
     values = np.ones(few.shape)
     values[3, 4] = 0.99
     with pytest.raises(InputError, match="every mask covers more than"):  # all pixels are above every threshold
-        ms.segment(ms.SarImage(grid=few, values=values), method="classical")
+        ms.segment(ms.SarImage(grid=few, values=values), method="classical", rng=0)
 
 
 def test_a_mask_on_a_photo_lies_on_no_grid():

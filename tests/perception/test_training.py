@@ -1,9 +1,12 @@
 """The training loop: one seed, one result, however often it was cut off; and what it refuses."""
 
+from types import SimpleNamespace
+
 import pytest
 
-from millisight.errors import DamagedFileError, InputError
-from millisight.perception.training import CHECKPOINT_NAME, Schedule, fit, one_thread
+from millisight.core.errors import DamagedFileError, InputError
+from millisight.perception.training import Schedule
+from millisight.perception.training._loop import CHECKPOINT_NAME, fit, one_thread
 
 torch = pytest.importorskip("torch")
 
@@ -28,9 +31,12 @@ def trained(folder, *, epochs=6, stop_after=None, made_of=None, score=None, sche
         return torch.nn.Sequential(torch.nn.Linear(4, 8), torch.nn.Dropout(0.3), torch.nn.Linear(8, 1))
 
     held = torch.ones(2, 4)
+    lesson = SimpleNamespace(
+        network=made, batches=batches, loss=loss,
+        score=score or (lambda network: -float((network(held) - 4).abs().mean())),
+    )  # fmt: skip
     return fit(
-        made, batches, loss, score or (lambda network: -float((network(held) - 4).abs().mean())), folder=folder,
-        schedule=schedule or Schedule(epochs=epochs, seed=5, learning_rate=0.05),
+        lesson, folder=folder, schedule=schedule or Schedule(epochs=epochs, seed=5, learning_rate=0.05),
         made_of=made_of or {"a": 1}, progress=stopping, **options,
     )  # fmt: skip
 
@@ -83,7 +89,7 @@ def test_it_stops_early_and_has_the_best_weights(tmp_path):
     network, told = trained(tmp_path, score=score, schedule=Schedule(epochs=50, patience=3))
     assert told.epochs == len(seen) == 5
     assert told.best_epoch == 1  # of two alike the first
-    assert told.best_score == 3.0
+    assert told.history[told.best_epoch]["score"] == 3.0
     assert same(weights(network), seen[1])
     assert not network.training
     with pytest.raises(InputError, match="score on validation is nan"):

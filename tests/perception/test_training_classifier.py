@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from millisight.errors import DamagedFileError, FormatError, InputError, UnknownNameError
-from millisight.perception.classification import WEIGHTS, Classifier
-from millisight.perception.classifier_recipe import ClassifierRecipe, Drawn, example_of, make_examples
-from millisight.perception.training import Schedule
-from millisight.perception.training_classifier import _balanced, _surprise, _temperature, _threshold, train_classifier
-from millisight.scene.objects import CATALOGUE
+from millisight.core.errors import DamagedFileError, FormatError, InputError, UnknownNameError
+from millisight.meshes import CATALOGUE
+from millisight.perception.classification import CLASSIFIER_CHANNELS, CLASSIFIER_WEIGHTS, NetworkClassifier
+from millisight.perception.training import ClassifierRecipe, Schedule, TrainingScene, make_scenes, train
+from millisight.perception.training._calibration import best_temperature, best_threshold, cross_entropy
+from millisight.perception.training._classifier import balanced, example_of
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -35,7 +35,7 @@ def recipe():
 
 @pytest.fixture(scope="module")
 def examples(recipe, folder):
-    return make_examples(recipe, folder)
+    return make_scenes(recipe, folder)
 
 
 def test_classes_are_the_papers_four_without_what_is_left_out():
@@ -45,10 +45,10 @@ def test_classes_are_the_papers_four_without_what_is_left_out():
     assert len(named) == 42 == len(set(named))
     assert {CATALOGUE[name].shape_class for name in named} == set(recipe.objects)
     assert not {"dice", "apple"} & set(named)
-    scenes = recipe.scenes_of("can")
+    scenes = recipe.scene_settings("can")
     assert (len(scenes), {how.poses for how in scenes.values()}) == (5, {20})  # 5 cans share 96 scenes
     assert {how.stretch for how in scenes.values()} == {0.25}
-    drawn = ClassifierRecipe(without=("dice", "apple"), drawn=7).scenes_of("can")
+    drawn = ClassifierRecipe(without=("dice", "apple"), drawn=7).scene_settings("can")
     assert set(drawn) - set(scenes) == {"any_can"}
     assert (drawn["any_can"].poses, drawn["any_can"].stretch) == (7, 0)
 
@@ -82,7 +82,7 @@ def test_some_scenes_of_each_object_are_held_back(examples):
 
 
 def test_an_example_follows_from_its_generator_and_from_the_parts(examples, recipe):
-    scene = examples["training"][0].scene
+    scene = examples["training"][0].parts
     made = {
         parts: example_of(scene, ClassifierRecipe(classes=TWO, parts=parts, **COARSE), np.random.default_rng(4))
         for parts in ("both", "edge", "specular")
@@ -96,8 +96,10 @@ def test_an_example_follows_from_its_generator_and_from_the_parts(examples, reci
 
 
 def test_every_class_has_its_turn_and_so_has_every_scene():
-    drawn = [Drawn(name, label, None) for name, label in (("a", 0), ("b", 0), ("c", 0), ("d", 1), ("any_box", 1))]
-    order = _balanced(drawn, 40, np.random.default_rng(0))
+    drawn = [
+        TrainingScene(name, label, None) for name, label in (("a", 0), ("b", 0), ("c", 0), ("d", 1), ("any_box", 1))
+    ]
+    order = balanced(drawn, 40, np.random.default_rng(0))
     counts = [order.count(i) for i in range(len(drawn))]
     assert (sum(counts[:3]), counts[3:]) == (20, [10, 10])
     assert set(counts[:3]) == {6, 7}
@@ -106,12 +108,12 @@ def test_every_class_has_its_turn_and_so_has_every_scene():
 def test_shapes_drawn_at_random_are_scenes_of_their_own_and_no_objects(recipe, folder, tmp_path):
     pytest.importorskip("torch")
     drawn = dataclasses.replace(recipe, drawn=2)
-    examples = make_examples(drawn, folder)
+    examples = make_scenes(drawn, folder)
     assert [one.name for one in examples["training"]] == ["dice", "any_box", "golf_ball", "any_sphere"]
     assert [one.label for one in examples["training"]] == [0, 0, 1, 1]
-    sizes = [one.scene.inside.sum() for some in examples.values() for one in some if one.name == "any_box"]
+    sizes = [one.parts.inside.sum() for some in examples.values() for one in some if one.name == "any_box"]
     assert sizes[0] != sizes[1]
-    told = train_classifier(drawn, examples, tmp_path).description
+    told = train(drawn, examples, tmp_path).description
     assert told["objects"]["training"] == ["dice", "golf_ball"] == list(told["poses"])
     assert (told["scenes"], told["drawn"]) == ({"training": 4, "validation": 4}, {"training": 2, "validation": 2})
 
@@ -121,9 +123,9 @@ def test_temperature_makes_confidence_honest():
     logits = rng.normal(0, 2, (4000, 3))
     probabilities = np.exp(logits) / np.exp(logits).sum(axis=1, keepdims=True)
     labels = np.array([rng.choice(3, p=p) for p in probabilities])
-    assert _temperature(logits, labels) == pytest.approx(1, abs=0.06)
-    assert _temperature(5 * logits, labels) == pytest.approx(5, rel=0.06)
-    assert _surprise(logits, labels).mean() == pytest.approx(
+    assert best_temperature(logits, labels) == pytest.approx(1, abs=0.06)
+    assert best_temperature(5 * logits, labels) == pytest.approx(5, rel=0.06)
+    assert cross_entropy(logits, labels).mean() == pytest.approx(
         -np.log(probabilities[np.arange(4000), labels]).mean(), rel=1e-9
     )
 
@@ -131,9 +133,9 @@ def test_temperature_makes_confidence_honest():
 def test_from_the_threshold_on_answers_are_right():
     confidence = np.array([0.99, 0.97, 0.9, 0.8, 0.7, 0.6])
     logits = np.log(np.stack([confidence, 1 - confidence], axis=1))
-    assert _threshold(logits, np.zeros(6, int)) == pytest.approx(0.6)
-    assert _threshold(logits, np.array([0, 0, 0, 1, 1, 1])) == pytest.approx(0.9)
-    assert _threshold(logits, np.array([1, 1, 1, 1, 1, 1])) == pytest.approx(0.99)
+    assert best_threshold(logits, np.zeros(6, int)) == pytest.approx(0.6)
+    assert best_threshold(logits, np.array([0, 0, 0, 1, 1, 1])) == pytest.approx(0.9)
+    assert best_threshold(logits, np.array([1, 1, 1, 1, 1, 1])) == pytest.approx(0.99)
 
 
 def test_weights_are_the_same_again_and_resumed_and_run_without_torch(examples, recipe, tmp_path):
@@ -143,10 +145,10 @@ def test_weights_are_the_same_again_and_resumed_and_run_without_torch(examples, 
     def cut_off(done, total):
         raise KeyboardInterrupt
 
-    first = train_classifier(recipe, examples, tmp_path / "a")
+    first = train(recipe, examples, tmp_path / "a")
     with pytest.raises(KeyboardInterrupt):
-        train_classifier(recipe, examples, tmp_path / "b", progress=cut_off)
-    second = train_classifier(recipe, examples, tmp_path / "b")
+        train(recipe, examples, tmp_path / "b", progress=cut_off)
+    second = train(recipe, examples, tmp_path / "b")
     for name in ("classifier.onnx", "classifier.json", "classifier.safetensors"):
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes(), name
     told = json.loads(second.weights.with_suffix(".json").read_text())
@@ -155,15 +157,15 @@ def test_weights_are_the_same_again_and_resumed_and_run_without_torch(examples, 
     assert told["classes"] == {"box": ["dice"], "sphere": ["golf_ball"]}
     assert {name: len(poses) for name, poses in told["poses"].items()} == {"dice": 2, "golf_ball": 2}
     assert told["seed"] == 1
-    by = Classifier(first.weights)
+    by = NetworkClassifier(first.weights)
     assert (by.class_names, by.bands) == (("box", "sphere"), ("77_ghz", "24_ghz"))
 
 
 def test_the_papers_network_looks_at_one_projection_alone(examples, tmp_path):
     torch = pytest.importorskip("torch")
-    from millisight.perception.classifier_features import CHANNELS, MAGNITUDE
-    from millisight.perception.classifier_networks import PaperNetwork, SmallNetwork, example
+    from millisight.perception.training.networks import PaperNetwork, SmallNetwork
 
+    magnitude = CLASSIFIER_CHANNELS.index("magnitude")
     torch.manual_seed(0)
     paper, small = PaperNetwork(4).eval(), SmallNetwork(4).eval()
     convolutions = [layer for layer in paper.modules() if isinstance(layer, torch.nn.Conv2d)]
@@ -172,18 +174,18 @@ def test_the_papers_network_looks_at_one_projection_alone(examples, tmp_path):
     ]  # fmt: skip
     connected = [layer.out_features for layer in paper.modules() if isinstance(layer, torch.nn.Linear)]
     assert connected == [1024, 512, 256, 4]
-    changed = {name: torch.rand(example().shape) for name in "ab"}
-    changed["b"][:, MAGNITUDE] = changed["a"][:, MAGNITUDE]
+    changed = {name: torch.rand(1, len(CLASSIFIER_CHANNELS), 80, 80) for name in "ab"}
+    changed["b"][:, magnitude] = changed["a"][:, magnitude]
     with torch.no_grad():
         torch.testing.assert_close(paper(changed["a"]), paper(changed["b"]))
         assert (small(changed["a"]) - small(changed["b"])).abs().max() > 1e-3
-    assert len(CHANNELS) == 13
+    assert len(CLASSIFIER_CHANNELS) == 13
 
 
 def test_damaged_descriptions_and_other_weights_are_refused(tmp_path):
     pytest.importorskip("onnxruntime")
-    told = json.loads(WEIGHTS.with_suffix(".json").read_text())
-    (tmp_path / "one.onnx").write_bytes(WEIGHTS.read_bytes())
+    told = json.loads(CLASSIFIER_WEIGHTS.with_suffix(".json").read_text())
+    (tmp_path / "one.onnx").write_bytes(CLASSIFIER_WEIGHTS.read_bytes())
     for changed, kind, message in (
         ({"channels": ["mask"]}, FormatError, "of no classifier"),
         ({"class_names": ["box"]}, DamagedFileError, "expected lists of names"),
@@ -194,11 +196,11 @@ def test_damaged_descriptions_and_other_weights_are_refused(tmp_path):
     ):
         (tmp_path / "one.json").write_text(json.dumps(told | changed))
         with pytest.raises(kind, match=message):
-            Classifier(tmp_path / "one.onnx")
+            NetworkClassifier(tmp_path / "one.onnx")
 
 
 def test_the_shipped_weights_are_those_of_the_recipe_and_saw_no_test():
-    told = json.loads(WEIGHTS.with_suffix(".json").read_text())
+    told = json.loads(CLASSIFIER_WEIGHTS.with_suffix(".json").read_text())
     recipe = tomllib.loads((EXAMPLES / "training/classifier.toml").read_text())
     for key, value in recipe.items():
         assert told["recipe"][key] == value, key
@@ -212,13 +214,15 @@ def test_the_shipped_weights_are_those_of_the_recipe_and_saw_no_test():
 def test_neither_the_rig_nor_torch_is_loaded_where_it_is_not_used():
     code = (
         "import sys, numpy as np\n"
-        "from millisight.perception import classification, classifier_recipe, training_classifier, training_scenes\n"
-        "settings = training_scenes.Scenes(vertices=200, spacing=(0.01, 0.01, 0.02))\n"
-        "scene = training_scenes.make_scene('dice', settings, rng=np.random.default_rng(0))\n"
-        "recipe = classifier_recipe.ClassifierRecipe(spacing=(0.01, 0.01, 0.02))\n"
-        "classifier_recipe.example_of(scene, recipe, np.random.default_rng(0))\n"
+        "from millisight.perception import classification, training\n"
+        "from millisight.perception.training import _classifier\n"
+        "settings = training.SceneSettings(vertices=200, spacing=(0.01, 0.01, 0.02))\n"
+        "scene = training.make_scene('dice', settings, rng=np.random.default_rng(0))\n"
+        "recipe = training.ClassifierRecipe(spacing=(0.01, 0.01, 0.02))\n"
+        "_classifier.example_of(scene, recipe, np.random.default_rng(0))\n"
+        "print(classification.CLASSIFIERS.names(), training.RECIPES.names())\n"
         "print(sorted(m for m in sys.modules if m.startswith(('millisight.rig', 'millisight.datasets', 'torch'))))\n"
-        "print('millisight.capture.simulate' in sys.modules)"
+        "print('millisight.simulation._simulate' in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.split("\n")[:2] == ["[]", "True"]
+    assert done.stdout.split("\n")[1:3] == ["[]", "True"]

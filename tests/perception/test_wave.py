@@ -10,20 +10,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from millisight.datasets.recipe import catalogue_name
-from millisight.errors import DamagedFileError, FileError, FormatError, InputError
-from millisight.imaging.grid import VoxelGrid
-from millisight.imaging.image import SarImage
-from millisight.perception import wave_features
-from millisight.perception.projection import Picture, project
-from millisight.perception.prompts import Prompts
-from millisight.perception.training_examples import SIDE, example_of
-from millisight.perception.training_scenes import BANDS, PARTS, Scenes, footprint, make_scene
-from millisight.perception.wave import WEIGHTS, WaveSegmenter
-from millisight.scene.objects import CATALOGUE, build_object
+from millisight.core.errors import DamagedFileError, FileError, FormatError, InputError
+from millisight.data import Picture, Prompts, SarImage, VoxelGrid
+from millisight.datasets.generation import catalogue_name
+from millisight.meshes import CATALOGUE, build_object
+from millisight.perception import FLOOR_DB, power_levels, project, resampling_weights
+from millisight.perception.segmentation import WAVE_CHANNELS, WAVE_SLICES, WAVE_WEIGHTS, WaveSegmenter
+from millisight.perception.training import BANDS, SCENE_PARTS, SceneSettings, make_scene
+from millisight.perception.training._scenes import footprint
+from millisight.perception.training._segmenter import EXAMPLE_SIDE, example_of
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
-DESCRIPTION = WEIGHTS.with_suffix(".json")
+DESCRIPTION = WAVE_WEIGHTS.with_suffix(".json")
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +33,7 @@ def wave():
 @pytest.fixture(scope="module")
 def scene():
     """A small box by the simulator, both bands: an object that the shipped network was not trained on."""
-    settings = Scenes(vertices=800, spacing=(0.004, 0.004, 0.02))
+    settings = SceneSettings(vertices=800, spacing=(0.004, 0.004, 0.02))
     return make_scene("rubiks_cube", settings, rng=np.random.default_rng(1))
 
 
@@ -83,7 +81,7 @@ def test_the_mask_is_on_the_images_own_grid_however_fine(wave, scene):
     fine = VoxelGrid(
         x=np.linspace(image.grid.x[0], image.grid.x[-1], 2 * len(scene.x) - 1), y=image.grid.y, z=image.grid.z
     )
-    weights = wave_features.resampling(image.grid.x, fine.x)
+    weights = resampling_weights(image.grid.x, fine.x)
     values = np.einsum("wk,kyz->wyz", weights, image.values)
     found = wave.segment(project(SarImage(grid=fine, values=values.astype(np.complex64)))).masks[0]
     assert found.shape == fine.shape[:2]
@@ -126,7 +124,7 @@ def test_pictures_that_it_cannot_work_with_are_refused(wave, scene):
 
 def test_damaged_weights_are_refused(tmp_path, wave):
     weights, description = tmp_path / "w.onnx", tmp_path / "w.json"
-    content, told = WEIGHTS.read_bytes(), json.loads(DESCRIPTION.read_text())
+    content, told = WAVE_WEIGHTS.read_bytes(), json.loads(DESCRIPTION.read_text())
 
     def written(changed=content, **entries):
         weights.write_bytes(changed)
@@ -161,7 +159,7 @@ def test_without_onnx_runtime_it_says_what_to_install(monkeypatch):
 
 
 def test_the_shipped_weights_are_small_and_saw_no_object_of_the_benchmark():
-    assert WEIGHTS.stat().st_size + DESCRIPTION.stat().st_size < 4e6
+    assert WAVE_WEIGHTS.stat().st_size + DESCRIPTION.stat().st_size < 4e6
     told = json.loads(DESCRIPTION.read_text())["objects"]
     tested = tomllib.loads((EXAMPLES / "recipes/bench24.toml").read_text())["objects"]["names"]
     seen, judged, tested = set(told["training"]), set(told["validation"]), {catalogue_name(name) for name in tested}
@@ -183,10 +181,10 @@ def test_the_shipped_weights_are_those_of_the_recipe():
 def test_onnx_runtime_and_torch_agree(wave):
     torch = pytest.importorskip("torch")
     onnx = pytest.importorskip("onnx")
-    from millisight.perception.wave_network import WaveNetwork
+    from millisight.perception.training.networks import WaveNetwork
 
     network = WaveNetwork(wave.description["recipe"]["widths"])
-    graph, state = onnx.load(WEIGHTS).graph, network.state_dict()
+    graph, state = onnx.load(WAVE_WEIGHTS).graph, network.state_dict()
     held = {w.name: onnx.numpy_helper.to_array(w) for w in graph.initializer}
     # Convolutions keep their names; the normalisations' weights and biases are what nodes multiply by and add.
     norms = (held[n.input[1]] for n in graph.node if n.op_type in ("Mul", "Add") and n.input[1] in held)
@@ -196,7 +194,7 @@ def test_onnx_runtime_and_torch_agree(wave):
     network.load_state_dict({name: torch.from_numpy(found[name].reshape(state[name].shape).copy()) for name in state})
     rng = np.random.default_rng(0)
     for shape in ((64, 64), (24, 104)):
-        channels = rng.random((1, len(wave_features.CHANNELS), *shape), dtype=np.float32)
+        channels = rng.random((1, len(WAVE_CHANNELS), *shape), dtype=np.float32)
         (by_onnx,) = wave._session.run(None, {"channels": channels})
         with torch.no_grad():
             by_torch = network.eval()(torch.from_numpy(channels)).numpy()
@@ -207,22 +205,24 @@ def test_onnx_runtime_and_torch_agree(wave):
 def test_neither_the_rig_nor_torch_is_loaded_where_it_is_not_used():
     code = (
         "import sys, numpy as np\n"
-        "from millisight.perception import training_examples, training_scenes, training_wave, wave\n"
-        "settings = training_scenes.Scenes(vertices=200, spacing=(0.01, 0.01, 0.02))\n"
-        "scene = training_scenes.make_scene('dice', settings, rng=np.random.default_rng(0))\n"
-        "training_examples.example_of(scene, np.random.default_rng(0))\n"
+        "from millisight.perception import segmentation, training\n"
+        "from millisight.perception.training import _segmenter\n"
+        "settings = training.SceneSettings(vertices=200, spacing=(0.01, 0.01, 0.02))\n"
+        "scene = training.make_scene('dice', settings, rng=np.random.default_rng(0))\n"
+        "_segmenter.example_of(scene, np.random.default_rng(0))\n"
+        "print(segmentation.SEGMENTERS.names(), training.RECIPES.names())\n"
         "print(sorted(m for m in sys.modules if m.startswith(('millisight.rig', 'millisight.datasets', 'torch'))))\n"
-        "print('millisight.capture.simulate' in sys.modules)"
+        "print('millisight.simulation._simulate' in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.split("\n")[:2] == ["[]", "True"]
+    assert done.stdout.split("\n")[1:3] == ["[]", "True"]
 
 
 def test_a_scene_follows_from_its_seed_and_holds_all_parts(scene):
-    settings = Scenes(vertices=300, spacing=(0.006, 0.006, 0.02))
+    settings = SceneSettings(vertices=300, spacing=(0.006, 0.006, 0.02))
     first, again, other = (make_scene("dice", settings, rng=np.random.default_rng(seed)) for seed in (3, 3, 4))
     for band in BANDS:
-        assert first.images[band].shape == (len(PARTS), *first.inside.shape, first.images[band].shape[3])
+        assert first.images[band].shape == (len(SCENE_PARTS), *first.inside.shape, first.images[band].shape[3])
         np.testing.assert_array_equal(first.images[band], again.images[band])
         assert abs(first.images[band][0]).max() == pytest.approx(1, abs=1e-5)
     assert first.images["77_ghz"].shape != other.images["77_ghz"].shape or not np.array_equal(
@@ -246,30 +246,30 @@ def test_examples_follow_from_the_seed_and_keep_the_object_where_it_is(scene):
         np.testing.assert_array_equal(held, made)
     bright = []
     for example in examples:
-        assert example.channels.shape == (len(wave_features.CHANNELS), SIDE, SIDE)
+        assert example.channels.shape == (len(WAVE_CHANNELS), EXAMPLE_SIDE, EXAMPLE_SIDE)
         assert example.channels.min() >= 0
         assert example.channels.max() <= 1
-        assert (example.channels[3 + wave_features.SLICES] == example.weight).all()
+        assert (example.channels[3 + WAVE_SLICES] == example.weight).all()
         assert not example.inside[example.weight == 0].any()
         seen = example.channels[0]
         bright.append(seen[example.inside > 0.9].mean() - seen[(example.inside == 0) & (example.weight == 1)].mean())
     assert np.mean(bright) > 0.1
-    with_other = [example.channels[2 + wave_features.SLICES].any() for example in examples]
+    with_other = [example.channels[2 + WAVE_SLICES].any() for example in examples]
     assert 5 < sum(with_other) < 25
 
 
 def test_resampling_keeps_means_and_places():
     coarse, fine = np.arange(0, 0.1, 0.004), np.arange(0, 0.1, 0.001)
-    down = wave_features.resampling(fine, coarse)
+    down = resampling_weights(fine, coarse)
     np.testing.assert_allclose(down.sum(axis=1), 1, atol=1e-6)
     np.testing.assert_allclose((down @ fine)[2:-2], coarse[2:-2], atol=1e-7)
-    up = wave_features.resampling(coarse, fine[:90])
+    up = resampling_weights(coarse, fine[:90])
     np.testing.assert_allclose(up @ coarse, fine[:90], atol=1e-7)
-    assert not wave_features.resampling(coarse, coarse + 0.2).any()
+    assert not resampling_weights(coarse, coarse + 0.2).any()
 
 
 def test_levels_tell_decibels_below_the_maximum():
     power = np.array([1.0, 0.1, 1e-9, 0.0])
-    expected = [1, 1 - 10 / wave_features.FLOOR_DB, 0, 0]
-    np.testing.assert_allclose(wave_features.levels(power), expected, atol=1e-6)
-    assert not wave_features.levels(np.zeros(3)).any()
+    expected = [1, 1 - 10 / FLOOR_DB, 0, 0]
+    np.testing.assert_allclose(power_levels(power), expected, atol=1e-6)
+    assert not power_levels(np.zeros(3)).any()

@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
-from millisight.errors import InputError
-from millisight.rig.protocols import Arm, Pose
-from millisight.rig.virtual.arm import ArmSettings, VirtualArm
-from millisight.rig.virtual.clocks import EPOCH, DeviceClock, WorldTime
+from millisight.core.errors import InputError
+from millisight.rig import Arm, ArmPose
+from millisight.rig.virtual import ArmSettings
+from millisight.rig.virtual._arm import VirtualArm
+from millisight.rig.virtual._clocks import EPOCH, DeviceClock, WorldTime
 
-HERE, THERE = Pose(position=(0.4, -0.2, 0.2)), Pose(position=(0.4, 0.3, 0.2))
+HERE, THERE = ArmPose(position=(0.4, -0.2, 0.2)), ArmPose(position=(0.4, 0.3, 0.2))
 
 
 def arm_of(time=None, seed=0, **settings):
@@ -34,7 +35,7 @@ def test_a_sweep_keeps_to_speed_and_acceleration_and_covers_its_way(length):
     settings = ArmSettings(speed=0.2, acceleration=0.8, settle=0.1, path_error=0)
     time = WorldTime()
     arm = VirtualArm(settings, time, np.random.default_rng(0))
-    arm.sweep(HERE, Pose(position=(0.4, -0.2 + length, 0.2)))
+    arm.sweep(HERE, ArmPose(position=(0.4, -0.2 + length, 0.2)))
     arm.wait()
     assert time.now == pytest.approx(settings.duration(length) + 2 * settings.settle)
     times = np.linspace(0, time.now, 40_001)

@@ -5,11 +5,10 @@ import pytest
 import trimesh
 
 import millisight as ms
-from millisight.imaging.form import form_image
-from millisight.rig.virtual.occluders import box_sheets
-from millisight.rig.virtual.optics import EchoModel, Part
-from millisight.scene.material import LAYERED, Layer
-from scatter import METAL, mesh_of, radar
+from helpers.scatter import METAL, mesh_of, radar
+from millisight.data import LAYERED, Layer
+from millisight.imaging import form_image
+from millisight.rig.virtual import EchoModel, Part, box_sheets
 
 TOP, LID = -0.22, -0.14
 GRID = ms.VoxelGrid.regular((-0.033, -0.033, TOP - 0.03), (0.033, 0.033, LID + 0.02), (0.003, 0.003, 0.005))

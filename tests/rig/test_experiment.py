@@ -5,21 +5,15 @@ import dataclasses
 import numpy as np
 import pytest
 
-import oracles
-from millisight.capture.calibrate import subtract_background
-from millisight.capture.capture import Capture
-from millisight.capture.clock import retime
-from millisight.capture.trajectory import Trajectory
-from millisight.imaging.form import form_image
-from millisight.imaging.grid import VoxelGrid
-from millisight.imaging.synchronise import estimate_clock
-from millisight.io.mito_layout import experiment_folder, radar_folder, read_experiment
-from millisight.io.position2go import read_position2go
-from millisight.rig.recorder import record_scan
-from millisight.rig.virtual.arm import ArmSettings
-from millisight.rig.virtual.radar import REFERENCE, RadarSettings
-from millisight.rig.virtual.rig import VirtualRig, experiment_info
-from millisight.rig.virtual.world import Scan, World
+from helpers import oracles
+from millisight.calibration import retime, subtract_background
+from millisight.data import Capture, Trajectory, VoxelGrid
+from millisight.imaging import estimate_clock, form_image
+from millisight.io.mito import experiment_folder, radar_folder, read_experiment
+from millisight.io.raw import read_position2go
+from millisight.rig import PublishedWriter, record_scan
+from millisight.rig.virtual import ArmSettings, RadarSettings, ScanSettings, VirtualRig, World, experiment_info
+from millisight.rig.virtual._radar import REFERENCE
 
 MIDDLE = np.array([0.08, 0.08, -0.25])
 POINTS = MIDDLE + np.random.default_rng(0).uniform(-0.02, 0.02, (5, 3)) * [1, 1, 0.3]
@@ -27,7 +21,7 @@ DRIFTING = {"clock_offset": -0.013, "clock_drift": -30e-6}
 
 AT_77 = World(
     seed=4,
-    scan=Scan(size=(0.16, 0.16), row_spacing=0.004),
+    scan=ScanSettings(size=(0.16, 0.16), row_spacing=0.004),
     arm=ArmSettings(
         speed=0.5, acceleration=4.0, settle=0.05, path_error=0.3e-3, encoder_noise=0.03e-3,
         clock_offset=0.02, clock_drift=50e-6,
@@ -36,7 +30,7 @@ AT_77 = World(
 )  # fmt: skip
 AT_24 = World(  # a wave three times as long: an arm that strays by 1.5 mm does the same harm
     seed=4,
-    scan=Scan(size=(0.14, 0.14), row_spacing=0.006),
+    scan=ScanSettings(size=(0.14, 0.14), row_spacing=0.006),
     arm=ArmSettings(
         speed=0.1, acceleration=1.0, path_error=1.5e-3, encoder_noise=0.1e-3, clock_offset=0.07, clock_drift=50e-6
     ),
@@ -62,7 +56,7 @@ def nothing(settings, trajectory):
 def recorded(world, folder, frames, name):
     rig = VirtualRig(world, frames=frames)
     out = experiment_folder(folder, name, (0, 0, 0), 1, "los")
-    record_scan(rig.arm, rig.radars, None, rig.plan, out, info=experiment_info(world), hdf5=False)
+    record_scan(rig.arm, rig.radars, None, rig.plan, PublishedWriter(out, info=experiment_info(world), hdf5=False))
     return rig, out
 
 
@@ -78,7 +72,7 @@ def at_77(tmp_path_factory):
 def raw_24(tmp_path_factory):
     """The rig, and the folders of two experiments: of the scene, and of the empty scene as others find it later."""
     folder = tmp_path_factory.mktemp("at_24")
-    empty = dataclasses.replace(AT_24, seed=5, scan=Scan(size=(0.01, 0.14), row_spacing=0.01))
+    empty = dataclasses.replace(AT_24, seed=5, scan=ScanSettings(size=(0.01, 0.14), row_spacing=0.01))
     rig, out = recorded(AT_24, folder, scattered, "000_points")
     return rig, out, recorded(empty, folder, nothing, "000_background")[1]
 

@@ -5,14 +5,8 @@ import pytest
 import trimesh
 
 import millisight as ms
-from millisight.errors import CoverageError, InputError
-from millisight.geometry import rotation_from_euler_deg
-from millisight.rig.virtual.antenna import Antenna
-from millisight.rig.virtual.fresnel import fresnel
-from millisight.rig.virtual.optics import EchoModel, Part, echoes
-from millisight.rig.virtual.slabs import slab_coefficients
-from oracles import C, relative
-from scatter import (
+from helpers.oracles import C, relative
+from helpers.scatter import (
     BISTATIC,
     METAL,
     cross_section,
@@ -24,6 +18,11 @@ from scatter import (
     plate_sum,
     radar,
 )
+from millisight.core import rotation_from_euler_deg
+from millisight.core.errors import CoverageError, InputError
+from millisight.rig.virtual import Antenna, EchoModel, Part, echoes
+from millisight.rig.virtual._fresnel import fresnel
+from millisight.rig.virtual._slabs import slab_coefficients
 
 BANDS = {"77 GHz": (77.5e9, 3e9 / 8), "24 GHz": (24.025e9, 2e8 / 8)}
 PLAIN = {"edges": False, "bounces": 1}
@@ -161,7 +160,7 @@ def test_shadows():
 
 def test_shared_views_agree_with_casting_every_ray(monkeypatch):
     """A hollow ring on a plate; every antenna's own rays instead of those of a cell's corners."""
-    from millisight.rig.virtual.sight import Sight
+    from millisight.rig.virtual._shadows import ShadowCells
 
     ring = mesh_of(trimesh.creation.torus(0.05, 0.01)).moved(rotation=rotation_from_euler_deg((40, 20, 0)))
     parts = Part(mesh=ring, material=METAL), Part(mesh=plate(0.12, 0.12, z=-0.06), material=METAL)
@@ -172,7 +171,7 @@ def test_shared_views_agree_with_casting_every_ray(monkeypatch):
     def every_ray(self, antennas):
         return np.stack([self._view(antenna) for antenna in antennas])
 
-    monkeypatch.setattr(Sight, "light", every_ray)
+    monkeypatch.setattr(ShadowCells, "light", every_ray)
     exhaustive = echoes(parts, device, places)
     assert abs(exhaustive).max() > 0.01
     # Hard shadows send out waves of their own from their rims; soft ones do less.

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from millisight.rig.virtual._kernels import form_factor
-from millisight.rig.virtual.patches import LANES, cut, gather
+from millisight.rig.virtual._patches import LANES, cut, gather
 
 coordinates = st.tuples(*[st.floats(-0.1, 0.1)] * 3)
 

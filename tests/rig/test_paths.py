@@ -5,14 +5,13 @@ import pytest
 import trimesh
 
 import millisight as ms
-from millisight.errors import InputError
+from helpers.oracles import C, relative
+from helpers.scatter import METAL, cross_section, decibels, from_places, mesh_of, plate, radar, wedge_diffraction
+from millisight.core.errors import InputError
+from millisight.rig.virtual import Part, Sheet, box_sheets, echoes
+from millisight.rig.virtual._edges import sharp_edges
 from millisight.rig.virtual._path_kernels import _fringe
-from millisight.rig.virtual.edges import sharp_edges
-from millisight.rig.virtual.occluders import Sheet, box_sheets
-from millisight.rig.virtual.optics import Part, echoes
-from millisight.rig.virtual.slabs import slab_coefficients
-from oracles import C, relative
-from scatter import METAL, cross_section, decibels, from_places, mesh_of, plate, radar, wedge_diffraction
+from millisight.rig.virtual._slabs import slab_coefficients
 
 CARTON = ((2.62 - 0.105j, 0.22e-3), (1.13 - 0.007j, 2.56e-3), (2.62 - 0.105j, 0.22e-3))
 BOARD = ((2.0 - 0.1j, 9e-3),)
@@ -123,7 +122,7 @@ def test_a_dihedral_of_other_matter_has_both_fresnel_factors():
     metal, other = (
         echoes([Part(mesh=corner(0.05, 0.05), material=m)], radar(77e9), place, edges=False) for m in (METAL, 4 - 0.2j)
     )
-    from millisight.rig.virtual.fresnel import fresnel
+    from millisight.rig.virtual._fresnel import fresnel
 
     assert np.allclose(other / metal, fresnel(4 - 0.2j, np.sqrt(0.5)).mean() ** 2, rtol=0.05)
 

@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-import oracles
-from millisight.errors import InputError, UnknownNameError
-from millisight.rig.protocols import RadarDevice
-from millisight.rig.virtual.clocks import EPOCH, WorldTime
-from millisight.rig.virtual.radar import PACKET, REFERENCE, RadarSettings, VirtualRadar, digitised, leakage
+from helpers import oracles
+from millisight.core.errors import InputError, UnknownNameError
+from millisight.rig import RadarDevice
+from millisight.rig.virtual import RadarSettings
+from millisight.rig.virtual._clocks import EPOCH, WorldTime
+from millisight.rig.virtual._radar import PACKET, REFERENCE, VirtualRadar, digitised, leakage
 
 CLEAN = {"snr_db": 200.0, "phase_noise_deg": 0.0, "leakage_db": None}
 RNG = np.random.default_rng

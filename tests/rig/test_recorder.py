@@ -1,26 +1,32 @@
 """The recorder, with a virtual rig whose echoes are in closed form: what lands on disk, and what it images to."""
 
 import json
+from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-import oracles
-from millisight.capture.trajectory import Trajectory
-from millisight.errors import FileError, InputError
-from millisight.imaging.form import form_image
-from millisight.imaging.grid import VoxelGrid
-from millisight.io.hdf5 import load
-from millisight.io.mito_layout import experiment_folder, radar_folder, read_experiment, read_published
-from millisight.rig.protocols import Pose
-from millisight.rig.recorder import CAPTURE_NAME, LOG_NAME, record_scan
-from millisight.rig.virtual.arm import ArmSettings
-from millisight.rig.virtual.radar import REFERENCE, RadarSettings
-from millisight.rig.virtual.rig import VirtualRig, experiment_info
-from millisight.rig.virtual.world import Scan, World, WorldObject
+from helpers import oracles
+from millisight.core.errors import FileError, InputError
+from millisight.data import Trajectory, VoxelGrid
+from millisight.imaging import form_image
+from millisight.io import load
+from millisight.io.mito import experiment_folder, radar_folder, read_experiment, read_published
+from millisight.rig import CAPTURE_NAME, LOG_NAME, ArmPose, PublishedWriter, ScanWriter, record_scan
+from millisight.rig.virtual import (
+    ArmSettings,
+    RadarSettings,
+    ScanSettings,
+    VirtualRig,
+    World,
+    WorldObject,
+    experiment_info,
+)
+from millisight.rig.virtual._radar import REFERENCE
 
 POINTS = np.array([[0.05, 0.06, -0.25], [0.08, 0.04, -0.22]])
-SCAN = Scan(size=(0.12, 0.1), row_spacing=0.006)
+SCAN = ScanSettings(size=(0.12, 0.1), row_spacing=0.006)
 QUIET = {"path_error": 0.0, "encoder_noise": 0.0}
 
 
@@ -47,9 +53,8 @@ def world_of(**settings):
 def recorded(world, folder, sight="los", **settings):
     rig = VirtualRig(world, frames=points)
     out = experiment_folder(folder, "058_golf_ball", (0, 0, 0), 1, sight)
-    record_scan(
-        rig.arm, rig.radars, settings.pop("camera", None), rig.plan, out, info=experiment_info(world), **settings
-    )
+    writer = PublishedWriter(out, info=experiment_info(world), hdf5=settings.pop("hdf5", True))
+    record_scan(rig.arm, rig.radars, settings.pop("camera", None), rig.plan, writer, **settings)
     return rig, out
 
 
@@ -111,14 +116,12 @@ def test_our_own_files_hold_the_same(quiet):
 
 def test_both_radars_and_the_camera_in_one_scan(tmp_path):
     radars = (RadarSettings(frame_period=0.01), RadarSettings(preset="position2go", frame_period=0.02))
-    world = world_of(radars=radars, scan=Scan(size=(0.1, 0.1), row_spacing=0.05))
+    world = world_of(radars=radars, scan=ScanSettings(size=(0.1, 0.1), row_spacing=0.05))
     rig = VirtualRig(world, frames=points)
     out = experiment_folder(tmp_path, "058_golf_ball", (0, 0, 0), 1, "los")
     done = []
-    record_scan(
-        rig.arm, rig.radars, rig.camera, rig.plan, out, info=experiment_info(world), hdf5=False,
-        progress=lambda *count: done.append(count),
-    )  # fmt: skip
+    writer = PublishedWriter(out, info=experiment_info(world), hdf5=False)
+    record_scan(rig.arm, rig.radars, rig.camera, rig.plan, writer, progress=lambda *count: done.append(count))
     assert done == [(1, 3), (2, 3), (3, 3)]
     frame = read_published(out / "unprocessed" / "camera" / "continuous.pkl").record
     # The camera looks straight down at the aperture's middle, in the base frame.
@@ -137,7 +140,7 @@ def test_both_radars_and_the_camera_in_one_scan(tmp_path):
 
 def test_one_seed_gives_the_same_bytes(tmp_path):
     world = world_of(
-        seed=5, scan=Scan(size=(0.1, 0.1), row_spacing=0.05), arm=ArmSettings(speed=0.5, acceleration=5.0),
+        seed=5, scan=ScanSettings(size=(0.1, 0.1), row_spacing=0.05), arm=ArmSettings(speed=0.5, acceleration=5.0),
         radars=(RadarSettings(lost_packets=0.01),),
     )  # fmt: skip
     contents = []
@@ -153,7 +156,7 @@ def test_one_seed_gives_the_same_bytes(tmp_path):
 
 
 def test_lost_frames_are_not_used(tmp_path):
-    world = world_of(scan=Scan(size=(0.1, 0.1), row_spacing=0.05), radars=(RadarSettings(lost_packets=0.02),))
+    world = world_of(scan=ScanSettings(size=(0.1, 0.1), row_spacing=0.05), radars=(RadarSettings(lost_packets=0.02),))
     rig, out = recorded(world, tmp_path, hdf5=False)
     scan = read_experiment(out, "77_ghz")
     (step,) = [s for s in scan.to_capture().metadata["history"] if s["step"] == "place_frames"]
@@ -164,7 +167,7 @@ class Broken:
     """A radar that fails in its second row."""
 
     def __init__(self, radar):
-        self.radar, self.folder, self.frame_period, self.mount = radar.radar, radar.folder, 0.01, radar.mount
+        self.radar, self.name, self.frame_period, self.mount = radar.radar, radar.name, 0.01, radar.mount
         self._device, self._rows = radar, 0
 
     def start(self, frames):
@@ -182,20 +185,20 @@ def test_a_scan_that_fails_leaves_nothing(tmp_path):
     rig = VirtualRig(world, frames=points)
     out = experiment_folder(tmp_path, "058_golf_ball", (0, 0, 0), 1, "los")
     with pytest.raises(FileError, match="the card went silent"):
-        record_scan(rig.arm, [Broken(rig.radars[0])], None, rig.plan, out, info=experiment_info(world))
+        record_scan(rig.arm, [Broken(rig.radars[0])], None, rig.plan, PublishedWriter(out, info=experiment_info(world)))
     assert [p for p in tmp_path.rglob("*") if p.is_file()] == []
     assert not out.exists()
     assert sorted(p.name for p in out.parent.parent.iterdir()) == ["exp1"]
 
 
 def test_what_is_there_is_not_overwritten(tmp_path):
-    world = world_of(scan=Scan(size=(0.1, 0.1), row_spacing=0.1))
+    world = world_of(scan=ScanSettings(size=(0.1, 0.1), row_spacing=0.1))
     recorded(world, tmp_path, hdf5=False)
     with pytest.raises(InputError, match="is there already"):
         recorded(world, tmp_path)
     # Line of sight and not share the experiment's information, and must agree on it.
     recorded(world, tmp_path, "nlos", hdf5=False)
-    other = world_of(scan=Scan(size=(0.1, 0.1), row_spacing=0.1), radars=(RadarSettings(rx_axis="y"),))
+    other = world_of(scan=ScanSettings(size=(0.1, 0.1), row_spacing=0.1), radars=(RadarSettings(rx_axis="y"),))
     second = World(**{f: getattr(other, f) for f in World.__slots__})
     rig = VirtualRig(second, frames=points)
     out = experiment_folder(tmp_path, "058_golf_ball", (0, 0, 0), 1, "los")
@@ -203,14 +206,55 @@ def test_what_is_there_is_not_overwritten(tmp_path):
         path.rmdir() if path.is_dir() else path.unlink()
     out.rmdir()
     with pytest.raises(InputError, match="are set up alike"):
-        record_scan(rig.arm, rig.radars, None, rig.plan, out, info=experiment_info(second))
+        record_scan(rig.arm, rig.radars, None, rig.plan, PublishedWriter(out, info=experiment_info(second)))
 
 
 def test_the_plan_is_a_serpentine_or_goes_back(tmp_path):
     rows = VirtualRig(world_of(), frames=points).plan.rows
-    assert all(isinstance(pose, Pose) for row in rows for pose in row)
+    assert all(isinstance(pose, ArmPose) for row in rows for pose in row)
     along = np.array([[pose.position[1] for pose in row] for row in rows])
     assert (np.diff(along, axis=1)[::2] > 0).all()
     assert (np.diff(along, axis=1)[1::2] < 0).all()
-    one_way = VirtualRig(world_of(scan=Scan(size=(0.12, 0.1), row_spacing=0.006, pattern="one-way")), frames=points)
+    one_way = VirtualRig(
+        world_of(scan=ScanSettings(size=(0.12, 0.1), row_spacing=0.006, pattern="one-way")), frames=points
+    )
     assert (np.diff([[pose.position[1] for pose in row] for row in one_way.plan.rows], axis=1) > 0).all()
+
+
+class Kept:
+    """A writer that keeps what it is given, and knows no dataset."""
+
+    path = Path("nowhere")
+
+    def __init__(self):
+        self.calls = []
+
+    @contextmanager
+    def recording(self, radars):
+        self.calls.append(("recording", [radar.name for radar in radars]))
+        yield
+
+    def add_picture(self, frame):
+        self.calls.append(("picture", frame))
+
+    def add_row(self, radar, recording):
+        self.calls.append((radar.name, recording))
+
+    def finish(self, log):
+        self.calls.append(("finish", log))
+
+
+def test_a_writer_of_one_s_own_is_given_all_there_is():
+    radars = (RadarSettings(frame_period=0.01), RadarSettings(preset="position2go", frame_period=0.02))
+    rig = VirtualRig(world_of(radars=radars, scan=ScanSettings(size=(0.1, 0.1), row_spacing=0.1)), frames=points)
+    writer = Kept()
+    assert isinstance(writer, ScanWriter)
+    assert record_scan(rig.arm, rig.radars, None, rig.plan, writer) == Path("nowhere")
+    assert [name for name, _ in writer.calls] == ["recording", *["77_ghz", "24_ghz"] * 2, "finish"]
+    rows = [given for name, given in writer.calls if name == "77_ghz"]
+    assert np.concatenate([row.times for row in rows]) == pytest.approx(rig.truth("77_ghz").times)
+    # The log is the arm's own, in the base frame.
+    log = writer.calls[-1][1]
+    assert log.positions[-1] == pytest.approx(rig.plan.rows[-1][1].position, abs=1e-6)
+    with pytest.raises(InputError, match="the radars are called"):
+        record_scan(rig.arm, rig.radars[:1] * 2, None, rig.plan, writer)

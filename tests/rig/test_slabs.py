@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from millisight.errors import InputError
-from millisight.rig.virtual.fresnel import fresnel
-from millisight.rig.virtual.slabs import slab_coefficients
-from oracles import C
+from helpers.oracles import C
+from millisight.core.errors import InputError
+from millisight.rig.virtual._fresnel import fresnel
+from millisight.rig.virtual._slabs import slab_coefficients
 
 COSINES = np.linspace(0.02, 1, 50)
 FREQUENCIES = np.linspace(20e9, 90e9, 71)[:, None]

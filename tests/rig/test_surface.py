@@ -3,30 +3,30 @@
 import numpy as np
 import pytest
 
-from millisight.rig.virtual.surface import Surface, fitted
+from millisight.rig.virtual._surface import Boundary, fitted
 
 COSINES = np.linspace(0.01, 1, 400)
 SURFACES = {
-    "metal": Surface(backing=1 - 1e7j),
-    "fruit": Surface(backing=8 - 12j, roughness=0.3e-3),
-    "rough metal": Surface(backing=1 - 1e7j, roughness=0.8e-3),
-    "foam": Surface(backing=1.03 - 0.001j),
-    "bottle": Surface(backing=1.0, layers=((2.6 - 0.02j, 1.5e-3),)),
-    "glass": Surface(backing=1.0, layers=((6.2 - 0.2j, 3e-3),)),
-    "carton": Surface(backing=1.0, layers=((2.9 - 0.2j, 0.25e-3), (1.15 - 0.01j, 2.5e-3), (2.9 - 0.2j, 0.25e-3))),
+    "metal": Boundary(backing=1 - 1e7j),
+    "fruit": Boundary(backing=8 - 12j, roughness=0.3e-3),
+    "rough metal": Boundary(backing=1 - 1e7j, roughness=0.8e-3),
+    "foam": Boundary(backing=1.03 - 0.001j),
+    "bottle": Boundary(backing=1.0, layers=((2.6 - 0.02j, 1.5e-3),)),
+    "glass": Boundary(backing=1.0, layers=((6.2 - 0.2j, 3e-3),)),
+    "carton": Boundary(backing=1.0, layers=((2.9 - 0.2j, 0.25e-3), (1.15 - 0.01j, 2.5e-3), (2.9 - 0.2j, 0.25e-3))),
 }
 
 
 @pytest.mark.parametrize("roughness", [0.0, 1e-5, 3e-4, 1e-2])
 def test_coherent_and_diffuse_power_are_the_smooth_surfaces(roughness):
-    surface = Surface(backing=6 - 0.1j, roughness=roughness)
+    surface = Boundary(backing=6 - 0.1j, roughness=roughness)
     power = abs(surface.coherent(79e9, COSINES)) ** 2 + surface.diffuse(79e9, COSINES) ** 2
     assert np.allclose(power, abs(surface.reflection(79e9, COSINES)) ** 2, rtol=1e-12)
 
 
 def test_roughness_is_aments():
     k = 2 * np.pi * 79e9 / 299_792_458.0
-    ratio = SURFACES["fruit"].coherent(79e9, COSINES) / Surface(backing=8 - 12j).coherent(79e9, COSINES)
+    ratio = SURFACES["fruit"].coherent(79e9, COSINES) / Boundary(backing=8 - 12j).coherent(79e9, COSINES)
     assert np.allclose(ratio, np.exp(-2 * (k * 0.3e-3 * COSINES) ** 2))
 
 

@@ -9,15 +9,23 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from millisight.errors import CoverageError, FileError, FormatError, InputError, MillisightError
-from millisight.rig.virtual.arm import ArmSettings
-from millisight.rig.virtual.radar import RadarSettings
-from millisight.rig.virtual.rig import plan_of
-from millisight.rig.virtual.stage import build
-from millisight.rig.virtual.world import Carton, Cloth, Scan, Support, Wall, World, WorldObject
+from millisight.core.errors import CoverageError, FileError, FormatError, InputError, MillisightError
+from millisight.rig.virtual import (
+    ArmSettings,
+    Carton,
+    Cloth,
+    RadarSettings,
+    ScanSettings,
+    Support,
+    Wall,
+    World,
+    WorldObject,
+    build_layout,
+)
+from millisight.rig.virtual._rig import plan_of
 
 CUBE = WorldObject(object="rubiks_cube")
-SCAN = Scan(size=(0.3, 0.3), row_spacing=0.01)
+SCAN = ScanSettings(size=(0.3, 0.3), row_spacing=0.01)
 EXAMPLES = sorted((Path(__file__).parents[2] / "examples" / "worlds").glob("*.toml"))
 
 
@@ -25,46 +33,46 @@ def world_of(*objects, **others):
     return World(**{"objects": objects or (CUBE,), "scan": SCAN, **others})
 
 
-def boxes(stage):
-    return np.array([thing.bounds for thing in stage.objects])
+def boxes(layout):
+    return np.array([thing.bounds for thing in layout.objects])
 
 
 def test_two_numbers_stand_an_object_on_its_support():
     for kind, top in (("tripod", -0.30), ("styrofoam", -0.48)):
         standing = WorldObject(object="rubiks_cube", at=(0.12, 0.16), rotate_deg=(0, 0, 45))
-        ((lower, upper),) = boxes(build(world_of(standing, support=Support(kind=kind))))
+        ((lower, upper),) = boxes(build_layout(world_of(standing, support=Support(kind=kind))))
         assert lower[2] == pytest.approx(top, abs=1e-9)
         assert (lower + upper)[:2] / 2 == pytest.approx([0.12, 0.16])
         assert upper[0] - lower[0] == pytest.approx((0.0588 + 0.0581) / np.sqrt(2), rel=0.01)
 
 
 def test_three_numbers_hang_it_there_and_none_put_it_under_the_aperture():
-    hung, default = boxes(build(world_of(WorldObject(object="golf_ball", at=(0.05, 0.06, -0.2)), CUBE)))
+    hung, default = boxes(build_layout(world_of(WorldObject(object="golf_ball", at=(0.05, 0.06, -0.2)), CUBE)))
     assert hung.mean(axis=0) == pytest.approx([0.05, 0.06, -0.2])
     assert default.mean(axis=0)[:2] == pytest.approx(SCAN.middle)
 
 
 def test_parts_keep_their_materials_unless_the_world_says_otherwise():
     thing = WorldObject(object="phillips_screwdriver")
-    assert [p.material.name for p in build(world_of(thing)).objects[0].parts] == ["steel", "plastic"]
+    assert [p.material.name for p in build_layout(world_of(thing)).objects[0].parts] == ["steel", "plastic"]
     thing = WorldObject(object="phillips_screwdriver", material="wood")
-    assert [p.material.name for p in build(world_of(thing)).objects[0].parts] == ["wood", "wood"]
+    assert [p.material.name for p in build_layout(world_of(thing)).objects[0].parts] == ["wood", "wood"]
 
 
 def test_mesh_files_lie_beside_the_world(tmp_path):
     trimesh.creation.box((60, 40, 20)).export(tmp_path / "part.stl")
     (tmp_path / "world.toml").write_text('[[objects]]\nmesh = "part.stl"\nunit = "mm"\nmaterial = "ceramic"\n')
-    (thing,) = build(World.from_toml(tmp_path / "world.toml")).objects
+    (thing,) = build_layout(World.from_toml(tmp_path / "world.toml")).objects
     assert thing.name == "part"
     assert np.ptp(thing.bounds, axis=0) == pytest.approx([0.06, 0.04, 0.02])
     assert thing.parts[0].material.name == "ceramic"
 
 
 def test_a_carton_goes_around_and_cloth_above():
-    stage = build(world_of(carton=Carton(clearance=0.03), cloth=Cloth(layers=4, gap=0.002, overhang=0.05)))
-    ((lower, upper),) = boxes(stage)
-    assert [panel.stack for panel in stage.panels] == ["carton"] * 5 + ["cloth"] * 4
-    walls = np.array([panel.mesh.bounds for panel in stage.panels])
+    layout = build_layout(world_of(carton=Carton(clearance=0.03), cloth=Cloth(layers=4, gap=0.002, overhang=0.05)))
+    ((lower, upper),) = boxes(layout)
+    assert [panel.stack for panel in layout.panels] == ["carton"] * 5 + ["cloth"] * 4
+    walls = np.array([panel.mesh.bounds for panel in layout.panels])
     assert walls[:5, 0].min(axis=0) == pytest.approx([*(lower[:2] - 0.03), -0.30])
     assert walls[:5, 1].max(axis=0) == pytest.approx(upper + 0.03)
     lid = walls[4]
@@ -73,25 +81,25 @@ def test_a_carton_goes_around_and_cloth_above():
     assert walls[5, 0] == pytest.approx([*(lower[:2] - 0.08), lid[0, 2] + 0.002])
     assert walls[5, 1] == pytest.approx([*(upper[:2] + 0.08), lid[0, 2] + 0.002])
     # Outward normals: every panel is seen from outside with its front.
-    for panel in stage.panels[:5]:
+    for panel in layout.panels[:5]:
         outward = panel.mesh.bounds.mean(axis=0) - (lower + upper) / 2
         assert panel.mesh.face_normals[0] @ outward > 0
-    assert not stage.uncovered().panels
-    assert len(build(world_of(carton=Carton(lid=False))).panels) == 4
+    assert not layout.uncovered().panels
+    assert len(build_layout(world_of(carton=Carton(lid=False))).panels) == 4
 
 
 def test_surfaces_face_outward():
     for support in ("tripod", "styrofoam"):
-        parts = build(world_of(support=Support(kind=support))).background
+        parts = build_layout(world_of(support=Support(kind=support))).background
         assert len(parts) == (2 if support == "tripod" else 1)
         for part in parts:
             assert trimesh.Trimesh(part.mesh.vertices, part.mesh.faces).volume > 0
 
 
 def test_an_empty_scene_is_a_world():
-    stage = build(World(scan=SCAN))
-    assert not stage.objects
-    assert len(stage.parts) == 2
+    layout = build_layout(World(scan=SCAN))
+    assert not layout.objects
+    assert len(layout.parts) == 2
 
 
 BOX = WorldObject(object="cracker_box")
@@ -100,7 +108,7 @@ IMPOSSIBLE = [
      r"objects\[0\] \(mug\) reaches .* mm through the tripod's upper face at z = -0.3 m"),
     ({"objects": (WorldObject(object="mug", at=(0.15, 0.15, -0.05)),)}, InputError,
      r"objects\[0\] \(mug\) reaches up to z = -0.00.*the radars move at z = 0"),
-    ({"objects": (CUBE, BOX), "scan": Scan(size=(0.2, 0.3), row_spacing=0.01)}, CoverageError,
+    ({"objects": (CUBE, BOX), "scan": ScanSettings(size=(0.2, 0.3), row_spacing=0.01)}, CoverageError,
      r"objects\[1\] \(cracker_box\) is 21.4 cm wide along x, the aperture only 20.0 cm"),
     ({"objects": (WorldObject(object="mug", at=(0.29, 0.15)),)}, CoverageError,
      r"objects\[0\] \(mug\) lies at x .* the aperture at x 0.000 to 0.300"),
@@ -123,15 +131,15 @@ IMPOSSIBLE = [
 def test_impossible_worlds_are_refused_by_name(others, error, words):
     world = World(**{"scan": SCAN, **others})
     with pytest.raises(error, match=words):
-        build(world)
+        build_layout(world)
 
 
 def test_what_only_touches_is_possible():
     # Two cubes side by side, and one on top of another.
     side = 0.0588
-    build(world_of(*(WorldObject(object="rubiks_cube", at=(0.1 + i * side, 0.15)) for i in range(2))))
+    build_layout(world_of(*(WorldObject(object="rubiks_cube", at=(0.1 + i * side, 0.15)) for i in range(2))))
     heights = [-0.30 + 0.0579 * (i + 0.5) for i in range(2)]
-    build(world_of(*(WorldObject(object="rubiks_cube", at=(0.15, 0.15, z)) for z in heights)))
+    build_layout(world_of(*(WorldObject(object="rubiks_cube", at=(0.15, 0.15, z)) for z in heights)))
 
 
 def test_one_thing_inside_another_is_found():
@@ -139,7 +147,7 @@ def test_one_thing_inside_another_is_found():
     outer = WorldObject(object="wood_block", at=(0.15, 0.15))
     for objects in ((inner, outer), (outer, inner)):
         with pytest.raises(InputError, match="run through each other"):
-            build(world_of(*objects))
+            build_layout(world_of(*objects))
 
 
 def test_a_world_survives_its_file(tmp_path):
@@ -162,7 +170,7 @@ def test_a_world_moves_with_its_mesh_files(tmp_path):
     world.seen_from(tmp_path / "more").to_toml(tmp_path / "more" / "world.toml")
     there = World.from_toml(tmp_path / "more" / "world.toml")
     assert [thing.mesh for thing in there.objects] == ["../part.stl", None]
-    assert len(build(World(objects=there.objects[:1], folder=there.folder)).objects) == 1
+    assert len(build_layout(World(objects=there.objects[:1], folder=there.folder)).objects) == 1
 
 
 def _full(folder):
@@ -188,18 +196,18 @@ def _full(folder):
         ("[[objects]]\nobject = 'mug'\nmaterial = 'metl'", r"objects\[0\]: unknown material 'metl'"),
         ("[[objects]]\nobject = 'mug'\n[[objects]]", r"objects\[1\]: expected either object = .* or mesh"),
         ("[[objects]]\nobject = 'mug'\nat = [1]", r"objects\[0\]: at has 1 numbers; expected 2"),
-        ("[[objects]]\nobject = 'mug'\nat = ['a', 2]", r"objects\[0\].at: expected a number"),
+        ("[[objects]]\nobject = 'mug'\nat = ['a', 2]", r"objects\[0\].at\[0\]: expected a number, got 'a'"),
         ("objects = 3", r"objects: expected \[\[objects\]\] tables, got 3"),
         ("arm = 3", r"arm: expected a table, got 3"),
         ("[arm]\nspeeed = 0.1", r"arm.speeed: unknown key 'speeed'. Did you mean 'speed'"),
-        ("[arm]\nspeed = 'fast'", r"arm: speed is 'fast'; expected a number"),
-        ("[scan]\nsize = [0.3]", r"scan: size has 1 numbers; expected 2"),
+        ("[arm]\nspeed = 'fast'", r"arm.speed: expected a number, got 'fast'"),
+        ("[scan]\nsize = [0.3]", r"scan.size: expected 2 entries, got \[0.3\]"),
         ("[scan]\nrow_spacing = 1e-9", r"scan: row_spacing is 1e-09 m"),
         ("[support]\nkind = 'table'", r"support: unknown support 'table'"),
         ("[carton]\nstack = 'steel'", r"carton: unknown stack of layers 'steel'"),
-        ("[[radars]]\npreset = 'iwr1443'\n[[radars]]", r"world: the radars' files go to \['77_ghz', '77_ghz'\]"),
+        ("[[radars]]\npreset = 'iwr1443'\n[[radars]]", r"bad.toml: the radars' files go to \['77_ghz', '77_ghz'\]"),
         ("[[radars]]\nlost_packets = 2", r"radars\[0\]: lost_packets is 2"),
-        ("seed = -1", r"world: seed is -1"),
+        ("seed = -1", r"bad.toml: seed is -1"),
         ("folder = '/'", r"folder: unknown key"),
         ("seed = ", r"is no TOML"),
         ("[" * 5000, r"is no TOML"),
@@ -224,7 +232,7 @@ def test_worlds_too_large_for_any_disk_are_refused():
         World(objects=(CUBE,) * 101)
 
 
-RECORDS = (World, WorldObject, Support, Carton, Cloth, Wall, Scan, ArmSettings, RadarSettings)
+RECORDS = (World, WorldObject, Support, Carton, Cloth, Wall, ScanSettings, ArmSettings, RadarSettings)
 KEYS = st.sampled_from([field.name for cls in RECORDS for field in dataclasses.fields(cls)])
 PLAIN = st.one_of(st.none(), st.booleans(), st.integers(), st.floats(), st.text(max_size=5), st.sampled_from(["mug"]))
 VALUES = PLAIN | st.lists(PLAIN, max_size=4)
@@ -265,7 +273,7 @@ def test_a_table_within_a_recipe_is_a_world_too():
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda p: p.stem)
 def test_the_shipped_examples_are_possible(path):
-    assert build(World.from_toml(path)).objects
+    assert build_layout(World.from_toml(path)).objects
 
 
 def test_there_are_examples():

@@ -13,10 +13,10 @@ import pytest
 from PIL import Image
 
 import millisight as ms
-from annotating import Discs, radar_image
-from browser import chromium, complaints
-from millisight.perception.prompts import Prompts
-from millisight.viz.annotator import AnnotatorServer, Session, open_subject
+from helpers.annotating import Discs, radar_image
+from helpers.browser import chromium, complaints
+from millisight.data import Prompts
+from millisight.viz.annotator import Annotation, AnnotatorServer, open_picture
 
 
 @pytest.fixture(scope="module")
@@ -120,21 +120,22 @@ def photo(path):
 
 @pytest.fixture(params=["radar", "photo"])
 def opened(request, driver, tmp_path):
-    """A session with each kind of picture, and its page."""
+    """An annotation with each kind of picture, and its page."""
     if request.param == "radar":
         path, suffix = tmp_path / "mug.image.h5", ".mask.h5"
         ms.save(path, radar_image())
     else:
         path, suffix = photo(tmp_path / "mug.png"), ".mask.png"
-    session = Session(open_subject(path), tmp_path / f"mug{suffix}", segmenters={"discs": Discs(), "sam": "no model"})
-    with AnnotatorServer(session) as server:
-        yield session, Page(driver, server.address)
+    segmenters = {"discs": Discs(), "sam": "no model"}
+    annotation = Annotation(open_picture(path), tmp_path / f"mug{suffix}", segmenters=segmenters)
+    with AnnotatorServer(annotation) as server:
+        yield annotation, Page(driver, server.address)
         assert complaints(driver) == []
         driver.get("about:blank")
 
 
 def test_points_are_added_removed_undone_redone_and_saved(opened):
-    session, page = opened
+    annotation, page = opened
     assert page.text("hint") == "Click on the object to begin"
     assert (page.text("mask"), page.mask_pixels) == ("no mask yet", 0)
     before = page.brightness([1, 1])
@@ -144,7 +145,7 @@ def test_points_are_added_removed_undone_redone_and_saved(opened):
     one = page.mask_pixels
     assert one == 29  # of a disc of three pixels
     assert page.text("hint") == ""
-    if not session.subject.is_radar:
+    if not annotation.subject.is_radar:
         assert page.brightness([1, 1]) < 0.7 * before  # what is outside is darker
 
     page.click([12, 6])
@@ -173,14 +174,14 @@ def test_points_are_added_removed_undone_redone_and_saved(opened):
     page.press("CONTROL", "s")
     page.until("document.getElementById('save').textContent === 'Saved'")
     assert not page.driver.title.startswith("•")
-    told = json.loads(session.prompts_path.read_text())
-    np.testing.assert_array_equal(session.subject.on_screen(told["points"]), [[6, 6], [9, 6]])
+    told = json.loads(annotation.prompts_path.read_text())
+    np.testing.assert_array_equal(annotation.subject.on_screen(told["points"]), [[6, 6], [9, 6]])
     assert told["positive"] == [True, False]
-    if session.subject.is_radar:
-        inside = ms.load(session.mask_path).inside
+    if annotation.subject.is_radar:
+        inside = ms.load(annotation.mask_path).inside
     else:
-        inside = np.asarray(Image.open(session.mask_path)) == 255
-    shown = session.subject.shown(inside)
+        inside = np.asarray(Image.open(annotation.mask_path)) == 255
+    shown = annotation.subject.shown(inside)
     assert shown.sum() == page.mask_pixels > 0
     assert shown[6, 5]
     assert not shown[6, 9]
@@ -218,8 +219,9 @@ def test_the_newest_answer_wins_and_errors_are_shown(driver, tmp_path):
                 raise ms.errors.InputError("four points are <b>too many</b>")
             return super().segment(picture, prompts)
 
-    session = Session(open_subject(photo(tmp_path / "a.png")), tmp_path / "a.mask.png", segmenters={"discs": Slow()})
-    with AnnotatorServer(session) as server:
+    subject = open_picture(photo(tmp_path / "a.png"))
+    annotation = Annotation(subject, tmp_path / "a.mask.png", segmenters={"discs": Slow()})
+    with AnnotatorServer(annotation) as server:
         page = Page(driver, server.address)
         page.hand([10, 10]).click().perform()
         time.sleep(0.1)  # it is being answered
@@ -256,8 +258,8 @@ class Middle(Discs):
 
 def test_colours_change_and_the_mask_does_not(driver, tmp_path):
     ms.save(tmp_path / "a.h5", radar_image())
-    session = Session(open_subject(tmp_path / "a.h5"), tmp_path / "a.mask.h5", segmenters={"discs": Middle()})
-    with AnnotatorServer(session) as server:
+    annotation = Annotation(open_picture(tmp_path / "a.h5"), tmp_path / "a.mask.h5", segmenters={"discs": Middle()})
+    with AnnotatorServer(annotation) as server:
         page = Page(driver, server.address)
         assert page.mask_pixels == 29  # before the first click, and it can be saved
         assert page.driver.find_element("id", "save").is_enabled()
@@ -269,7 +271,7 @@ def test_colours_change_and_the_mask_does_not(driver, tmp_path):
         assert page.brightness([22, 2]) != jet[0]
         assert page.mask_pixels == jet[1]
         # Loaded anew, the page has the points still.
-        session.save({"method": "discs", "points": [[6, 6]], "positive": [True]})
+        annotation.save({"method": "discs", "points": [[6, 6]], "positive": [True]})
         page = Page(driver, server.address)
         assert page.text("counts") == "1 on the object, 0 beside it"
         server.ending.set()

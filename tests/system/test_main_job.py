@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import millisight as ms
-from oracles import scans, shared
+from helpers.oracles import scans, shared
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -95,12 +95,13 @@ def test_real_scans_run_through_the_main_job(scan):
 
 def lit_somewhere(scene, capture, model):
     """(V,) bool: vertices lit from some position of every tenth."""
-    from millisight.capture.scattering import Scatterers, ScatteringModel
+    from millisight.simulation import scattering_model
+    from millisight.simulation._scatterers import Scatterers
 
-    scatterers = Scatterers(scene.mesh, ScatteringModel(name=model))
+    scatterers = Scatterers(scene.mesh, scattering_model(model))
     antennas = capture.tx_positions[::10]
     lit = np.zeros(len(scene.mesh.vertices), dtype=bool)
     for start in range(0, len(antennas), 200):
         block = antennas[start : start + 200]
-        lit[scatterers.indices] |= scatterers.lit(block, block).any(axis=(0, 1, 2))
+        lit[scatterers.indices] |= scatterers.weights(block, block).any(axis=(0, 1, 2))
     return lit

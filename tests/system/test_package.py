@@ -56,7 +56,7 @@ def test_every_public_name_is_there():
     for name in ms.__all__:
         assert getattr(ms, name) is not None
     assert set(ms.__all__) <= set(dir(ms))
-    with pytest.raises(AttributeError, match="no attribute 'formimage'"):
+    with pytest.raises(AttributeError, match="formimage"):
         _ = ms.formimage
 
 
@@ -91,7 +91,7 @@ def wheel(tmp_path_factory):
 def test_the_wheel_holds_what_the_code_reads(wheel):
     names = zipfile.ZipFile(wheel).namelist()
     assert "millisight/py.typed" in names
-    assert sum(name.startswith("millisight/capture/presets/") for name in names) == 4
+    assert sum(name.startswith("millisight/data/presets/") for name in names) == 4
     assert not [name for name in names if name.startswith(("tests/", "docs/")) or name.endswith(".h5")]
 
 
@@ -102,11 +102,15 @@ def test_the_wheel_works_in_a_clean_environment(wheel, tmp_path):
     subprocess.run(
         [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", str(wheel)], check=True, timeout=600
     )
-    done = subprocess.run([python, "-c", SMOKE], cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)
+    done = subprocess.run(
+        [python, "-I", "-c", SMOKE], cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False
+    )
     assert done.returncode == 0, done.stderr
     assert str(tmp_path / "venv") in done.stdout
     assert done.stdout.split()[1:] == ["True", "True"]
-    told = subprocess.run([python, "-m", "pip", "list"], capture_output=True, text=True, check=True, timeout=60).stdout
+    told = subprocess.run(
+        [python, "-I", "-m", "pip", "list"], capture_output=True, text=True, check=True, timeout=60
+    ).stdout
     assert "torch" not in told
     shown = subprocess.run(
         [tmp_path / "venv" / "bin" / "millisight", "--version"], capture_output=True, text=True, check=True, timeout=60

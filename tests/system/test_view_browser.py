@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-import browser
 import millisight as ms
-from millisight.viz.viewer.contents import gather
-from millisight.viz.viewer.layout import placed
-from millisight.viz.viewer.session import Viewer, first_settings
-from millisight.viz.viewer.share import write_page
+from helpers import browser
+from millisight.viz.viewer import Viewer, first_settings, gather, write_page
+from millisight.viz.viewer._layout import placed
 
 pytest.importorskip("viser", reason='needs viser: pip install "millisight[viewer]"')
 
@@ -104,7 +102,7 @@ def test_the_viewer_draws_and_follows_its_controls(files, driver, tmp_path):
         before = driver.execute_script(_POSITION, "/pane1")
         driver.execute_script(_TURN)
         wait(lambda: driver.execute_script(_POSITION, "/pane1") != before)
-        wait(lambda: side_by_side(driver, viewer.stage.radius))
+        wait(lambda: side_by_side(driver, viewer.panes.radius))
 
         # Take away: both buttons give a file.
         allowed = {"behavior": "allow", "downloadPath": str(tmp_path)}
@@ -165,5 +163,5 @@ def test_a_shared_page_opens_from_the_disk_without_network(files, driver, tmp_pa
 
 
 def found_radius(found):
-    """As `Stage` has it."""
+    """As `PaneGrid` has it."""
     return 1.12 * max(np.linalg.norm(np.ptp(e.bounds, axis=0)) / 2 for e in found.exhibits)

@@ -15,19 +15,17 @@ import pytest
 from PIL import Image
 
 import millisight as ms
-from annotating import Discs, radar_image
-from commands import refused
-from millisight.capture.camera import CameraFrame, Intrinsics
+from helpers.annotating import Discs, radar_image
+from helpers.commands import refused
 from millisight.cli.annotate import _beside
 from millisight.cli.segment import segment
-from millisight.errors import DamagedFileError, FileError, FormatError, InputError, UnknownNameError
-from millisight.io.hdf5 import load_extras
-from millisight.io.mito_layout import write_published
-from millisight.perception.projection import Picture
-from millisight.perception.prompts import Prompts
+from millisight.core.errors import DamagedFileError, FileError, FormatError, InputError, UnknownNameError
+from millisight.data import CameraFrame, Intrinsics, Picture, Prompts
+from millisight.io import load_extras
+from millisight.io.mito import write_published
 from millisight.perception.segmentation import segmenter
-from millisight.viz.annotator import AnnotatorServer, Session, Subject, open_subject, segmenters_for
-from millisight.viz.annotator.coarse import Coarse
+from millisight.viz.annotator import Annotation, AnnotatorServer, OpenedPicture, open_picture, segmenters_for
+from millisight.viz.annotator._coarse import Coarse
 
 
 @pytest.fixture(scope="module")
@@ -38,8 +36,8 @@ def radar_file(tmp_path_factory):
 
 
 @pytest.fixture
-def session(radar_file, tmp_path):
-    return Session(open_subject(radar_file), tmp_path / "mug.mask.h5", segmenters={"discs": Discs()})
+def annotation(radar_file, tmp_path):
+    return Annotation(open_picture(radar_file), tmp_path / "mug.mask.h5", segmenters={"discs": Discs()})
 
 
 def photo(path, pixels, **settings):
@@ -59,7 +57,7 @@ def bits(answer, subject):
 
 class TestTheScreen:
     def test_x_runs_right_and_y_up(self, radar_file):
-        subject = open_subject(radar_file)
+        subject = open_picture(radar_file)
         image = radar_image()
         assert subject.is_radar
         assert subject.size == image.grid.shape[:2]
@@ -73,14 +71,14 @@ class TestTheScreen:
 
     def test_a_photo_is_shown_as_it_is(self, tmp_path):
         pixels = np.random.default_rng(0).integers(0, 256, (6, 9, 3)).astype(np.uint8)
-        subject = open_subject(photo(tmp_path / "a.png", pixels))
+        subject = open_picture(photo(tmp_path / "a.png", pixels))
         assert subject.size == (9, 6)
         np.testing.assert_array_equal(subject.coloured("jet"), pixels)
         np.testing.assert_array_equal(subject.on_screen([[5, 8]]), [[8, 5]])
 
     @pytest.mark.parametrize("kind", ["radar", "photo"])
     def test_places_and_pixels_are_one_to_one(self, kind, radar_file, tmp_path):
-        subject = open_subject(
+        subject = open_picture(
             radar_file if kind == "radar" else photo(tmp_path / "a.png", np.zeros((6, 9, 3), np.uint8))
         )
         points = np.argwhere(np.ones(subject.picture.shape, bool))
@@ -100,7 +98,7 @@ class TestOpening:
         for path, record in zip(paths, (radar_image(), frame), strict=True):
             path.parent.mkdir(parents=True)
             write_published(path, record)
-        radar, camera = map(open_subject, paths)
+        radar, camera = map(open_picture, paths)
         assert (radar.is_radar, camera.is_radar) == (True, False)
         assert radar.size == (24, 16)
         assert camera.size == (640, 480)
@@ -108,14 +106,14 @@ class TestOpening:
 
     def test_photos_of_every_kind(self, tmp_path):
         red = np.full((4, 6, 3), (200, 10, 10), np.uint8)
-        assert open_subject(photo(tmp_path / "a.jpg", red)).size == (6, 4)
+        assert open_picture(photo(tmp_path / "a.jpg", red)).size == (6, 4)
         turned = Image.Exif()
         turned[0x0112] = 6  # held upright
-        assert open_subject(photo(tmp_path / "b.jpeg", red, exif=turned)).size == (4, 6)
+        assert open_picture(photo(tmp_path / "b.jpeg", red, exif=turned)).size == (4, 6)
         clear = np.dstack([red, np.zeros((4, 6), np.uint8)])
-        assert (open_subject(photo(tmp_path / "c.png", clear)).picture.rgb == 255).all()
+        assert (open_picture(photo(tmp_path / "c.png", clear)).picture.rgb == 255).all()
         deep = np.linspace(0, 60000, 24).reshape(4, 6).astype(np.uint16)
-        rgb = open_subject(photo(tmp_path / "d.png", deep)).picture.rgb
+        rgb = open_picture(photo(tmp_path / "d.png", deep)).picture.rgb
         assert (rgb[0, 0, 0], rgb[-1, -1, 0]) == (0, 255)
 
     def test_what_is_no_picture(self, tmp_path, radar_file):
@@ -131,82 +129,82 @@ class TestOpening:
             if content is not None:
                 (tmp_path / name).write_bytes(content)
             with pytest.raises(error, match=said):
-                open_subject(tmp_path / name)
+                open_picture(tmp_path / name)
         ms.save(tmp_path / "grid.h5", radar_image().grid)
         with pytest.raises(FormatError, match="holds a VoxelGrid, which is no picture"):
-            open_subject(tmp_path / "grid.h5")
+            open_picture(tmp_path / "grid.h5")
         with open(tmp_path / "long.h5", "wb") as file:
             file.truncate(4 << 30)  # holes take no room
         with pytest.raises(FileError, match=r"long\.h5 has 4\.3 GB; what is annotated is read whole, up to 1\.1 GB"):
-            open_subject(tmp_path / "long.h5")
+            open_picture(tmp_path / "long.h5")
         with pytest.raises(InputError, match="photograph, which has no other band"):
-            open_subject(tmp_path / "whole.png", other_band=radar_file)
+            open_picture(tmp_path / "whole.png", other_band=radar_file)
 
 
 class TestTheSession:
-    def test_answers_are_the_segmenters_on_the_screen(self, session):
+    def test_answers_are_the_segmenters_on_the_screen(self, annotation):
         column, row = 7, 3
-        answer = session.mask(asked([[column, row]], [True]))
-        shown = bits(answer, session.subject)
+        answer = annotation.mask(asked([[column, row]], [True]))
+        shown = bits(answer, annotation.subject)
         assert shown[row, column]
         assert answer["pixels"] == shown.sum() > 4
-        point = session.subject.on_picture([[column, row]])
+        point = annotation.subject.on_picture([[column, row]])
         prompts = Prompts(points=point, positive=np.array([True]))
-        expected = Discs().segment(session.subject.picture, prompts).masks[0]
-        np.testing.assert_array_equal(shown, session.subject.shown(expected))
-        spacing = session.subject.spacing
+        expected = Discs().segment(annotation.subject.picture, prompts).masks[0]
+        np.testing.assert_array_equal(shown, annotation.subject.shown(expected))
+        spacing = annotation.subject.spacing
         assert answer["area"] == pytest.approx(shown.sum() * spacing[0] * spacing[1])
 
-    def test_no_points_no_mask(self, session):
-        assert session.mask(asked([], []))["pixels"] == 0
-        assert not session.unsaved
-        session.save(asked([], []))
-        assert not ms.load(session.mask_path).inside.any()
-        later = Session(session.subject, session.mask_path, segmenters={"discs": Discs()})
+    def test_no_points_no_mask(self, annotation):
+        assert annotation.mask(asked([], []))["pixels"] == 0
+        assert not annotation.unsaved
+        annotation.save(asked([], []))
+        assert not ms.load(annotation.mask_path).inside.any()
+        later = Annotation(annotation.subject, annotation.mask_path, segmenters={"discs": Discs()})
         assert later.about()["question"]["points"] == []
 
-    def test_the_masks_rule_warns_and_shows(self, session):
+    def test_the_masks_rule_warns_and_shows(self, annotation):
         many = [[column, row] for column in range(0, 24, 4) for row in range(0, 16, 4)]
-        answer = session.mask(asked(many, [True] * len(many)))
+        answer = annotation.mask(asked(many, [True] * len(many)))
         assert "right-click what does not belong" in answer["note"]
         assert answer["pixels"] > 300
 
-    def test_mask_and_points_are_saved_and_gone_on_from(self, session, radar_file):
-        session.mask(asked([[5, 5]], [True]))
-        assert session.unsaved
+    def test_mask_and_points_are_saved_and_gone_on_from(self, annotation, radar_file):
+        annotation.mask(asked([[5, 5]], [True]))
+        assert annotation.unsaved
         question = asked([[5, 5], [9, 5]], [True, False])
-        session.save(question)
-        assert not session.unsaved
-        mask = ms.load(session.mask_path)
-        shown = bits(session.mask(question), session.subject)
-        np.testing.assert_array_equal(session.subject.shown(mask.inside), shown)
+        annotation.save(question)
+        assert not annotation.unsaved
+        mask = ms.load(annotation.mask_path)
+        shown = bits(annotation.mask(question), annotation.subject)
+        np.testing.assert_array_equal(annotation.subject.shown(mask.inside), shown)
         assert mask.inside.any()
         np.testing.assert_array_equal(mask.grid_xy.x, radar_image().grid.x)
-        told = json.loads(session.prompts_path.read_text())
-        assert load_extras(session.mask_path)["segmentation"] == told
+        told = json.loads(annotation.prompts_path.read_text())
+        assert load_extras(annotation.mask_path)["segmentation"] == told
         assert (told["method"], told["image"], told["mask"]) == ("discs", "mug.image.h5", "mug.mask.h5")
-        assert told["image_sha256"] == session.subject.sha256
+        assert told["image_sha256"] == annotation.subject.sha256
         prompts = Prompts.from_plain({name: told[name] for name in ("points", "positive")})
-        np.testing.assert_array_equal(session.subject.on_screen(prompts.points), question["points"])
-        later = Session(open_subject(radar_file), session.mask_path, segmenters={"discs": Discs()})
+        np.testing.assert_array_equal(annotation.subject.on_screen(prompts.points), question["points"])
+        later = Annotation(open_picture(radar_file), annotation.mask_path, segmenters={"discs": Discs()})
         assert later.about()["question"] == question
         assert later.about()["saved"]
 
     def test_the_saved_points_make_the_same_mask_on_the_command_line(self, radar_file, tmp_path):
-        session = Session(
-            open_subject(radar_file), tmp_path / "mug.mask.h5", segmenters={"classical": segmenter("classical")}
+        annotation = Annotation(
+            open_picture(radar_file), tmp_path / "mug.mask.h5", segmenters={"classical": segmenter("classical")}
         )
-        session.save(asked([[17, 11], [2, 2]], [True, False], "classical"))
+        annotation.save(asked([[17, 11], [2, 2]], [True, False], "classical"))
         again = tmp_path / "again.mask.h5"
-        segment([radar_file], output=again, method="classical", prompts=session.prompts_path, no_picture=True)
-        masks = [ms.load(path).inside for path in (session.mask_path, again)]
+        segment([radar_file], output=again, method="classical", prompts=annotation.prompts_path, no_picture=True)
+        masks = [ms.load(path).inside for path in (annotation.mask_path, again)]
         assert masks[0].any()
         np.testing.assert_array_equal(*masks)
 
     def test_a_photos_mask_is_a_picture(self, tmp_path):
         path = photo(tmp_path / "a.png", np.full((30, 40, 3), 90, np.uint8))
-        session = Session(open_subject(path), tmp_path / "a.mask.png", segmenters={"discs": Discs()})
-        session.save(asked([[20, 10]], [True]))
+        annotation = Annotation(open_picture(path), tmp_path / "a.mask.png", segmenters={"discs": Discs()})
+        annotation.save(asked([[20, 10]], [True]))
         saved = np.asarray(Image.open(tmp_path / "a.mask.png"))
         assert saved.shape == (30, 40)
         assert saved[10, 20] == 255
@@ -217,9 +215,9 @@ class TestTheSession:
         for text in ('{"image_sha256": "0", "image": "cup.h5"}', "[1]", "no json", '{"points": []}', "[" * 99999):
             (tmp_path / "mug.prompts.json").write_text(text)
             with pytest.raises(FileError, match="would be overwritten"):
-                Session(open_subject(radar_file), tmp_path / "mug.mask.h5", segmenters={"discs": Discs()})
+                Annotation(open_picture(radar_file), tmp_path / "mug.mask.h5", segmenters={"discs": Discs()})
 
-    def test_what_cannot_be_asked(self, session):
+    def test_what_cannot_be_asked(self, annotation):
         cases = [
             (None, "something else"),
             ({"method": "discs"}, "something else"),
@@ -233,38 +231,40 @@ class TestTheSession:
         ]
         for value, said in cases:
             with pytest.raises(InputError, match=said):
-                session.mask(value)
+                annotation.mask(value)
         for method in ("disks", None, ["discs"]):
             with pytest.raises(UnknownNameError):
-                session.mask(asked([[1, 1]], [True], method))
+                annotation.mask(asked([[1, 1]], [True], method))
         with pytest.raises(UnknownNameError):
-            session.picture("rainbow")
+            annotation.picture("rainbow")
 
     def test_what_is_offered(self, radar_file, tmp_path):
-        subjects = open_subject(radar_file), open_subject(photo(tmp_path / "a.png", np.zeros((9, 9, 3), np.uint8)))
+        subjects = open_picture(radar_file), open_picture(photo(tmp_path / "a.png", np.zeros((9, 9, 3), np.uint8)))
         radar, seen = map(segmenters_for, subjects)
         assert list(radar) == list(seen) == ["wave", "classical", "sam"]
         assert [name for name, by in seen.items() if not isinstance(by, str)] == ["classical"]
         assert "radar images only" in seen["wave"]
         assert "--model" in radar["sam"]
-        answer = Session(subjects[0], tmp_path / "m.h5", segmenters=radar).mask(asked([[17, 11]], [True], "classical"))
+        answer = Annotation(subjects[0], tmp_path / "m.h5", segmenters=radar).mask(
+            asked([[17, 11]], [True], "classical")
+        )
         assert answer["pixels"] > 0
 
     def test_segmenters_that_cannot_work_say_why(self, radar_file, tmp_path):
-        subject = open_subject(radar_file)
-        session = Session(subject, tmp_path / "m.h5", segmenters={"big": "needs a model", "discs": Discs()})
-        assert session.about()["question"]["method"] == "discs"
-        assert session.about()["methods"][0] == {"name": "big", "hindrance": "needs a model"}
+        subject = open_picture(radar_file)
+        annotation = Annotation(subject, tmp_path / "m.h5", segmenters={"big": "needs a model", "discs": Discs()})
+        assert annotation.about()["question"]["method"] == "discs"
+        assert annotation.about()["methods"][0] == {"name": "big", "hindrance": "needs a model"}
         with pytest.raises(InputError, match="big cannot work here: needs a model"):
-            session.mask(asked([], [], "big"))
+            annotation.mask(asked([], [], "big"))
         with pytest.raises(InputError, match="big cannot work here"):
-            Session(subject, tmp_path / "m.h5", segmenters=session._segmenters, method="big")
+            Annotation(subject, tmp_path / "m.h5", segmenters=annotation._segmenters, method="big")
         with pytest.raises(InputError, match="no segmenter can work here: needs a model"):
-            Session(subject, tmp_path / "m.h5", segmenters={"big": "needs a model"})
+            Annotation(subject, tmp_path / "m.h5", segmenters={"big": "needs a model"})
 
     def test_a_mask_goes_into_a_file_of_its_kind(self, radar_file, tmp_path):
         with pytest.raises(InputError, match=r"mug.png; expected a name that ends in .h5"):
-            Session(open_subject(radar_file), tmp_path / "mug.png", segmenters={"discs": Discs()})
+            Annotation(open_picture(radar_file), tmp_path / "mug.png", segmenters={"discs": Discs()})
 
 
 class TestTheCommand:
@@ -274,7 +274,7 @@ class TestTheCommand:
         photo(tmp_path / "cup.png", np.zeros((9, 9, 3), np.uint8))
         with socket.create_server(("127.0.0.1", 0)) as taken:
             port = taken.getsockname()[1]
-            assert f"port {port} cannot be had" in refused("annotate", "cup.png", "--port", port, cwd=tmp_path)
+            assert f"cannot bind port {port}" in refused("annotate", "cup.png", "--port", port, cwd=tmp_path)
 
     @pytest.mark.parametrize(
         ("place", "name"),
@@ -287,7 +287,7 @@ class TestTheCommand:
         ],
     )
     def test_the_masks_name_is_that_of_segment(self, place, name, radar_file):
-        subject = Subject(path=Path(place), sha256="", picture=open_subject(radar_file).picture)
+        subject = OpenedPicture(path=Path(place), sha256="", picture=open_picture(radar_file).picture)
         assert _beside(subject) == Path(name)
 
 
@@ -312,8 +312,8 @@ class TestCoarse:
 
 class TestTheServer:
     @pytest.fixture
-    def server(self, session):
-        with AnnotatorServer(session) as server:
+    def server(self, annotation):
+        with AnnotatorServer(annotation) as server:
             yield server
 
     def get(self, server, path, *, method="GET", body=None, **headers):
@@ -363,9 +363,9 @@ class TestTheServer:
         assert status == 422
         assert "reload" in json.loads(content)["error"]
 
-    def test_a_taken_port_is_said(self, session, server):
-        with pytest.raises(FileError, match=r"port \d+ cannot be had: .*--port"):
-            AnnotatorServer(session, server.server_address[1])
+    def test_a_taken_port_is_said(self, annotation, server):
+        with pytest.raises(InputError, match=r"cannot bind port \d+ of 127.0.0.1: .*--port"):
+            AnnotatorServer(annotation, server.server_address[1])
 
     def test_it_ends_when_the_last_page_is_closed(self, server):
         waiting = threading.Thread(target=server.wait, kwargs={"until_closed": True, "grace": 0.2}, daemon=True)

@@ -10,11 +10,10 @@ from matplotlib.contour import ContourSet
 from matplotlib.figure import Figure
 
 import millisight as ms
-from millisight.errors import InputError
-from millisight.perception.classification import Prediction
-from millisight.viz.classification import plot_prediction
-from millisight.viz.figures import BLUE, GREY, ORANGE
-from millisight.viz.style import save_figure
+from millisight.core.errors import InputError
+from millisight.data import Prediction
+from millisight.viz import plot_prediction, save_figure
+from millisight.viz._figures import BLUE, GREY, ORANGE
 
 GRID = ms.VoxelGrid.regular((0, 0, 0), (0.15, 0.1, 0.01), (0.005, 0.005, 0.01))
 CLASSES = ("can", "handle", "box", "sphere")

@@ -5,17 +5,10 @@ import pytest
 from matplotlib.contour import QuadContourSet
 
 import millisight as ms
-from millisight.evaluation.classes import CLOSED, DISJOINT, NO_MASK, chosen
-from millisight.evaluation.classification_tables import all_tables
-from millisight.viz.classification_report import (
-    Mistake,
-    plot_accuracy,
-    plot_confusion,
-    plot_mistakes,
-    plot_reliability,
-    write_report,
-)
-from some_answers import BOTH, EDGE, NAMES, answer, several
+from helpers.some_answers import EDGE, NAMES, answer, several
+from millisight.evaluation import Mistake
+from millisight.evaluation._answers import CLOSED, DISJOINT, NO_MASK
+from millisight.viz import plot_accuracy, plot_confusion, plot_mistakes, plot_reliability
 
 ANSWERS = several()
 DATA = "tests (virtual rig; simulated, not real data)"
@@ -102,20 +95,3 @@ def test_a_mistake_shows_the_image_both_masks_and_what_is_left():
     assert "box → can, 83 %\ndice (built), LOS, 0 0 0°, IoU 0.80" in text
     assert "box → no mask" in text
     assert DATA in text
-
-
-def test_the_page_has_every_table_and_picture(tmp_path):
-    tables = all_tables(chosen(ANSWERS, split=DISJOINT, variant=BOTH), data=DATA)
-    mine = chosen(ANSWERS, split=DISJOINT, variant=BOTH)
-    page = write_report(tmp_path, data=DATA, answers=mine, tables=list(tables.values()), mistakes=[mistake()])
-    names = ("accuracy-object-disjoint", "confusion-object-disjoint-1", "mistakes-object-disjoint-1",
-             "reliability-object-disjoint")  # fmt: skip
-    assert sorted(path.name for path in tmp_path.iterdir()) == [
-        *(f"{name}.{suffix}" for name in names[:2] for suffix in ("png", "svg")), "index.html",
-        *(f"{name}.{suffix}" for name in names[2:] for suffix in ("png", "svg")),
-    ]  # fmt: skip
-    text = page.read_text()
-    assert text.count("<img") == 4
-    assert text.count("<table>") == len(tables)
-    assert "The 1 surest of 3 mistakes" in text
-    assert "simulated, not real data" in text

@@ -9,12 +9,11 @@ from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
 import millisight as ms
-from millisight.errors import InputError, UnknownNameError
-from millisight.evaluation.tables import Table
-from millisight.perception.projection import Picture, project
-from millisight.perception.prompts import Prompts
-from millisight.viz import plots
-from millisight.viz.figures_background import _REFLECTORS
+from millisight import viz
+from millisight.core.errors import InputError, UnknownNameError
+from millisight.data import Picture, Prompts
+from millisight.evaluation import Table
+from millisight.perception import project
 
 GRID = ms.VoxelGrid.regular((0.0, 0.1, -0.2), (0.10, 0.16, -0.18), 0.01)
 HEIGHT, WIDTH = 48, 64
@@ -45,13 +44,13 @@ def projected(of) -> np.ndarray:
 
 
 FIGURES = {
-    "samples": (lambda **k: plots.plot_samples({"mug": {"camera": photo(), "77 GHz": image()}}, **k), 2),
-    "multispectral": (lambda **k: plots.plot_multispectral({"77": image()}, {"77": image(1)}, **k), 2),
-    "simulation": (lambda **k: plots.plot_simulation(tetrahedron(), image(), image(1), **k), 5),
-    "hidden": (lambda **k: plots.plot_hidden(photo(), photo(1), image(), **k), 3),
-    "segmentation": (lambda **k: plots.plot_segmentation_steps(project(image()), PROMPTS, inside(), **k), 3),
-    "depth holes": (lambda **k: plots.plot_depth_holes(frame(), image(), inside(), **k), 4),
-    "reflections": (lambda **k: plots.plot_reflection_principle(**k), 3),
+    "samples": (lambda **k: viz.plot_samples({"mug": {"camera": photo(), "77 GHz": image()}}, **k), 2),
+    "multispectral": (lambda **k: viz.plot_multispectral({"77": image()}, {"77": image(1)}, **k), 2),
+    "simulation": (lambda **k: viz.plot_simulation(tetrahedron(), image(), image(1), **k), 5),
+    "hidden": (lambda **k: viz.plot_hidden(photo(), photo(1), image(), **k), 3),
+    "segmentation": (lambda **k: viz.plot_segmentation_steps(project(image()), PROMPTS, inside(), **k), 3),
+    "depth holes": (lambda **k: viz.plot_depth_holes(frame(), image(), inside(), **k), 4),
+    "reflections": (lambda **k: viz.plot_reflection_principle(**k), 3),
 }
 
 
@@ -73,7 +72,7 @@ class TestEveryFigure:
         plot, count = FIGURES[name]
         figure = np.ravel(plot())[0].figure
         assert len(figure.axes) == count
-        plots.save_figure(figure, tmp_path / "figure.svg")
+        viz.save_figure(figure, tmp_path / "figure.svg")
         assert "<path" in (tmp_path / "figure.svg").read_text()
 
     @pytest.mark.parametrize("name", FIGURES)
@@ -92,7 +91,7 @@ class TestEveryFigure:
 class TestSamples:
     def test_a_row_an_object_a_column_a_kind_and_an_empty_place_for_what_is_not_there(self):
         samples = {"mug": {"camera": photo(), "LOS": image()}, "adjustable_wrench": {"LOS": image(1), "NLOS": None}}
-        axes = plots.plot_samples(samples)
+        axes = viz.plot_samples(samples)
         assert axes.shape == (2, 3)
         assert [a.get_title() for a in axes[0]] == ["camera", "LOS", "NLOS"]
         np.testing.assert_array_equal(shown(axes[0, 0]), photo())
@@ -104,14 +103,14 @@ class TestSamples:
     def test_nothing_to_show_is_refused(self):
         for samples in ({}, {"mug": {}}):
             with pytest.raises(InputError, match="no picture"):
-                plots.plot_samples(samples)
+                viz.plot_samples(samples)
         with pytest.raises(InputError, match="photo"):
-            plots.plot_samples({"mug": {"camera": photo()[..., 0]}})
+            viz.plot_samples({"mug": {"camera": photo()[..., 0]}})
 
     @pytest.mark.parametrize(("width", "label"), [(0.1, "2 cm"), (0.5, "20 cm"), (0.012, "5 mm")])
     def test_the_scale_bar_is_as_long_as_it_says(self, width, label):
         grid = ms.VoxelGrid.regular((0, 0, 0), (width, width, 0), width / 4)
-        (axes,) = plots.plot_multispectral({"77 GHz": image(grid=grid)}, {})
+        (axes,) = viz.plot_multispectral({"77 GHz": image(grid=grid)}, {})
         (bar,) = axes.lines
         amount, unit = label.split()
         assert axes.texts[0].get_text() == label
@@ -120,26 +119,26 @@ class TestSamples:
 
 class TestMultispectral:
     def test_bands_in_sight_come_before_hidden_ones(self):
-        axes = plots.plot_multispectral({"77 GHz": image(0), "24 GHz": image(1)}, {"77 GHz": image(2)}, colormap="jet")
+        axes = viz.plot_multispectral({"77 GHz": image(0), "24 GHz": image(1)}, {"77 GHz": image(2)}, colormap="jet")
         assert [a.get_title() for a in axes] == ["a) 77 GHz, LOS", "b) 24 GHz, LOS", "c) 77 GHz, NLOS"]
         for seed, panel in enumerate(axes):
             np.testing.assert_array_equal(shown(panel), projected(image(seed)))
             assert panel.get_images()[0].get_cmap().name == "jet"
 
     def test_decibels_end_at_the_floor(self):
-        (axes,) = plots.plot_multispectral({"77 GHz": image()}, {}, scale="db", dynamic_range_db=5)
+        (axes,) = viz.plot_multispectral({"77 GHz": image()}, {}, scale="db", dynamic_range_db=5)
         np.testing.assert_allclose(shown(axes), np.maximum(20 * np.log10(projected(image())), -5), atol=1e-4)
         with pytest.raises(UnknownNameError, match="scale"):
-            plots.plot_multispectral({"77 GHz": image()}, {}, scale="log")
+            viz.plot_multispectral({"77 GHz": image()}, {}, scale="log")
 
     def test_no_image_is_refused(self):
         with pytest.raises(InputError, match="neither"):
-            plots.plot_multispectral({}, {})
+            viz.plot_multispectral({}, {})
 
 
 class TestSimulation:
     def test_the_sums_are_those_of_combine(self):
-        axes = plots.plot_simulation(tetrahedron(), image(0), image(1), alphas=[(1, 3)])
+        axes = viz.plot_simulation(tetrahedron(), image(0), image(1), alphas=[(1, 3)])
         titles = ["a) mesh", "b) specular", "c) edge", "d) 1 specular, 3 edge"]
         assert [a.get_title() for a in axes] == titles
         for panel, of in zip(axes[1:], (image(0), image(1), ms.combine(image(0), image(1), (1, 3))), strict=True):
@@ -149,12 +148,12 @@ class TestSimulation:
     def test_images_that_do_not_belong_together_are_refused(self):
         other = image(1, ms.VoxelGrid.regular((0, 0, 0), (0.1, 0.1, 0), 0.01))
         with pytest.raises(InputError, match="grid"):
-            plots.plot_simulation(tetrahedron(), image(0), other)
+            viz.plot_simulation(tetrahedron(), image(0), other)
 
 
 class TestHidden:
     def test_two_photos_and_what_the_radar_sees_with_the_outline_of_what_is_inside(self):
-        seen, shut, through = plots.plot_hidden(photo(), photo(1), image(), mesh=tetrahedron())
+        seen, shut, through = viz.plot_hidden(photo(), photo(1), image(), mesh=tetrahedron())
         for axes, expected in ((seen, photo()), (shut, photo(1)), (through, projected(image()))):
             np.testing.assert_array_equal(shown(axes), expected)
         (outline,) = through.collections
@@ -165,7 +164,7 @@ class TestHidden:
 class TestMesh:
     @pytest.mark.parametrize(("axis", "faces"), [("z", 3), ("y", 1), ("x", 1)])
     def test_only_faces_towards_the_viewer_are_drawn(self, axis, faces):
-        solid = plots.draw_mesh(Figure().add_subplot(), tetrahedron(), axis)
+        solid = viz.draw_mesh(Figure().add_subplot(), tetrahedron(), axis)
         assert isinstance(solid, PolyCollection)
         assert len(solid.get_paths()) == faces
 
@@ -175,41 +174,43 @@ class TestMesh:
             vertices=np.concatenate([high.vertices, low.vertices]), faces=np.concatenate([high.faces, low.faces + 4])
         )
         axes = Figure().add_subplot()
-        drawn = plots.draw_mesh(axes, both, "z").get_paths()
-        alone = plots.draw_mesh(axes, low, "z").get_paths()
+        drawn = viz.draw_mesh(axes, both, "z").get_paths()
+        alone = viz.draw_mesh(axes, low, "z").get_paths()
         assert len(drawn) == 6
         for i in range(3):  # seen from above both look alike; the lower one's faces must come first
             np.testing.assert_allclose(drawn[i].vertices, alone[i].vertices)
 
     def test_unknown_axis(self):
         with pytest.raises(UnknownNameError, match="axis"):
-            plots.draw_mesh(Figure().add_subplot(), tetrahedron(), "w")
+            viz.draw_mesh(Figure().add_subplot(), tetrahedron(), "w")
 
 
 class TestAperturePrinciple:
     def test_all_positions_focus_at_the_reflectors_and_one_does_not(self):
-        sketch, one, every = plots.plot_aperture_principle(aperture=0.12)
+        sketch, one, every = viz.plot_aperture_principle(aperture=0.12)
         assert sketch.get_title() == "a) distances from four places"
         assert every.get_title() == "c) image of 125 positions"
+        x, z = (np.asarray(values) for values in one.lines[0].get_data())  # the reflectors are marked
+        assert len(x) == 3
         contrast = []
         for axes in (one, every):
             picture = axes.get_images()[0]
             left, right, low, high = picture.get_extent()
             values = np.asarray(picture.get_array())
-            column = ((_REFLECTORS[:, 0] - left) / (right - left) * values.shape[1]).astype(int)
-            row = ((_REFLECTORS[:, 2] - low) / (high - low) * values.shape[0]).astype(int)
+            column = ((x - left) / (right - left) * values.shape[1]).astype(int)
+            row = ((z - low) / (high - low) * values.shape[0]).astype(int)
             contrast.append(values[row, column].mean() / np.median(values))
         assert contrast[0] < 3
         assert contrast[1] > 15
 
     def test_an_aperture_of_no_length_is_refused(self):
         with pytest.raises(InputError, match="aperture"):
-            plots.plot_aperture_principle(aperture=0)
+            viz.plot_aperture_principle(aperture=0)
 
 
 class TestReflectionPrinciple:
     def test_light_goes_everywhere_and_waves_are_mirrored(self):
-        light, waves, edge = plots.plot_reflection_principle()
+        light, waves, edge = viz.plot_reflection_principle()
         arrows = [[text for text in axes.texts if getattr(text, "arrow_patch", None)] for axes in (light, waves, edge)]
         assert [len(found) for found in arrows] == [10, 2, 10]
         incoming, outgoing = (np.subtract(arrow.xy, arrow.xyann) for arrow in arrows[1])
@@ -229,7 +230,7 @@ def inside():
 class TestSegmentation:
     def test_pictures_are_drawn_with_x_to_the_right_and_y_up(self):
         picture = project(image())
-        axes = plots.plot_segmentation_steps(picture, PROMPTS, ms.Mask(grid_xy=GRID.xy, inside=inside()))
+        axes = viz.plot_segmentation_steps(picture, PROMPTS, ms.Mask(grid_xy=GRID.xy, inside=inside()))
         assert [a.get_title() for a in axes] == ["a) colours", "b) prompts", "c) mask"]
         np.testing.assert_array_equal(axes[0].collections[0].get_array(), picture.rgb.transpose(1, 0, 2))
         darkened = axes[2].collections[0].get_array()
@@ -237,7 +238,7 @@ class TestSegmentation:
         assert (darkened[~inside().T] <= 0.36 * picture.rgb.transpose(1, 0, 2)[~inside().T]).all()
 
     def test_prompts_stand_at_their_pixels(self):
-        axes = plots.plot_segmentation_steps(project(image()), PROMPTS, inside())[1]
+        axes = viz.plot_segmentation_steps(project(image()), PROMPTS, inside())[1]
         lines = {line.get_marker(): np.transpose(line.get_data()) for line in axes.lines if line.get_marker() in "ox"}
         places = np.column_stack([GRID.x[PROMPTS.points[:, 0]], GRID.y[PROMPTS.points[:, 1]]])
         np.testing.assert_allclose(lines["o"], places[:2])
@@ -246,7 +247,7 @@ class TestSegmentation:
     def test_of_a_photo_rows_run_down(self):
         found = np.zeros((HEIGHT, WIDTH), bool)
         found[10:20, 30:50] = True
-        axes = plots.plot_segmentation_steps(Picture(rgb=photo()), PROMPTS, found, truth=~found)
+        axes = viz.plot_segmentation_steps(Picture(rgb=photo()), PROMPTS, found, truth=~found)
         np.testing.assert_array_equal(shown(axes[0]), photo())
         np.testing.assert_allclose(np.transpose(axes[1].lines[0].get_data()), PROMPTS.points[:2, ::-1])
         assert axes[0].yaxis_inverted()
@@ -257,10 +258,10 @@ class TestSegmentation:
 
     def test_a_mask_or_prompts_of_another_size_are_refused(self):
         with pytest.raises(InputError, match="mask"):
-            plots.plot_segmentation_steps(project(image()), PROMPTS, inside()[:-1])
+            viz.plot_segmentation_steps(project(image()), PROMPTS, inside()[:-1])
         beyond = Prompts(points=np.array([[99, 0]]), positive=np.array([True]))
         with pytest.raises(InputError, match="prompts"):
-            plots.plot_segmentation_steps(project(image()), beyond, inside())
+            viz.plot_segmentation_steps(project(image()), beyond, inside())
 
 
 def frame():
@@ -275,7 +276,7 @@ class TestDepthHoles:
     def test_photo_and_depth_are_cut_to_the_object_and_holes_are_counted(self):
         pixels = np.zeros((HEIGHT, WIDTH), bool)
         pixels[20:30, 20:40] = True
-        seen, depth, radar, found = plots.plot_depth_holes(frame(), image(), inside(), pixels=pixels)
+        seen, depth, radar, found = viz.plot_depth_holes(frame(), image(), inside(), pixels=pixels)
         np.testing.assert_array_equal(shown(seen), photo()[8:42, 8:52])
         assert depth.get_title() == "b) depth: 50% missing"
         holes, metres = (picture.get_array() for picture in depth.get_images())
@@ -290,28 +291,28 @@ class TestDepthHoles:
         blank = ms.CameraFrame(
             rgb=photo(), depth=np.zeros((HEIGHT, WIDTH)), pose=np.eye(4), intrinsics=frame().intrinsics
         )
-        depth = plots.plot_depth_holes(blank, image(), np.zeros_like(inside()))[1]
+        depth = viz.plot_depth_holes(blank, image(), np.zeros_like(inside()))[1]
         assert depth.get_images()[0].get_array().all()
 
     def test_shapes_that_do_not_fit_are_refused(self):
         with pytest.raises(InputError, match="pixels"):
-            plots.plot_depth_holes(frame(), image(), inside(), pixels=np.ones((3, 3), bool))
+            viz.plot_depth_holes(frame(), image(), inside(), pixels=np.ones((3, 3), bool))
         with pytest.raises(InputError, match="mask"):
-            plots.plot_depth_holes(frame(), image(), inside().T)
+            viz.plot_depth_holes(frame(), image(), inside().T)
 
 
 class TestCutOut:
     def test_all_but_the_object_is_white(self):
         pixels = np.zeros((HEIGHT, WIDTH), bool)
         pixels[20:22, 30:32] = True
-        cut = plots.cut_out(photo(), pixels)
+        cut = viz.cut_out(photo(), pixels)
         assert cut.shape == (26, 26, 3)
         np.testing.assert_array_equal(cut[12:14, 12:14], photo()[20:22, 30:32])
         assert (cut != 255).any(axis=-1).sum() == 4
 
     def test_no_object_is_refused(self):
         with pytest.raises(InputError, match="all False"):
-            plots.cut_out(photo(), np.zeros((HEIGHT, WIDTH), bool))
+            viz.cut_out(photo(), np.zeros((HEIGHT, WIDTH), bool))
 
 
 class TestTable:
@@ -321,7 +322,7 @@ class TestTable:
     )  # fmt: skip
 
     def test_every_cell_is_written_and_the_largest_of_a_column_is_bold(self):
-        axes = plots.plot_table(self.TABLE)
+        axes = viz.plot_table(self.TABLE)
         assert axes.get_title() == "Accuracy"
         texts = {text.get_text(): text for text in axes.texts}
         assert len(axes.texts) == 13
@@ -334,16 +335,16 @@ class TestTable:
         assert {texts[name].get_ha() for name in ("99.7", "–")} == {"right"}
 
     def test_nothing_is_bold_but_the_columns_names_where_less_is_better(self):
-        axes = plots.plot_table(self.TABLE, bold_largest=False)
+        axes = viz.plot_table(self.TABLE, bold_largest=False)
         assert {t.get_text() for t in axes.texts if t.get_weight() == "bold"} == {"input", "LOS", "NLOS"}
 
     def test_columns_do_not_run_into_each_other(self):
-        axes = plots.plot_table(self.TABLE)
+        axes = viz.plot_table(self.TABLE)
         axes.figure.savefig(io.BytesIO(), format="png")
         boxes = [text.get_window_extent() for text in axes.texts]
         assert not any(a.overlaps(b) for i, a in enumerate(boxes) for b in boxes[:i])
 
     def test_into_given_axes(self):
         mine = Figure().add_subplot()
-        assert plots.plot_table(self.TABLE, axes=mine) is mine
+        assert viz.plot_table(self.TABLE, axes=mine) is mine
         assert mine.texts

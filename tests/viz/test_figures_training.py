@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from millisight.errors import InputError
-from millisight.perception.classifier_features import CHANNELS
-from millisight.perception.training_scenes import Scenes, make_scene
-from millisight.viz.figures_training import plot_augmentations, plot_examples, plot_random_shapes
+from millisight.core.errors import InputError
+from millisight.perception.classification import CLASSIFIER_CHANNELS as CHANNELS
+from millisight.perception.training import SceneSettings, make_scene
+from millisight.viz import plot_augmentations, plot_examples, plot_random_shapes
 
 
 def pictures(figure):
@@ -14,13 +14,21 @@ def pictures(figure):
 
 
 def test_each_augmentation_is_seen():
-    scene = make_scene("dice", Scenes(vertices=300, spacing=(0.006, 0.006, 0.02)), rng=np.random.default_rng(2))
+    scene = make_scene("dice", SceneSettings(vertices=300, spacing=(0.006, 0.006, 0.02)), rng=np.random.default_rng(2))
     figure = plot_augmentations(scene, seed=1)
     found = pictures(figure)
     assert {"specular", "edge", "none", "echo", "clutter", "noise", "speckle", "masked", "moved", "blurred",
             "uneven light", "erased", "several", "true mask", "a mask that errs"} <= set(found)  # fmt: skip
     for title in ("echo", "clutter", "noise", "speckle"):
         assert abs(found[title] - found["none"]).max() > 0.02, title
+    changed = {title: np.asarray(abs(found[title] - found["none"])) for title in ("echo", "noise", "speckle")}
+    # Where the object is dark, noise has one level, that of its strength, and speckle none; an echo lies somewhere.
+    dark = np.asarray(found["none"] < 0.02)
+    assert dark.sum() > 30
+    assert 0.65 < np.median(changed["noise"][dark]) < 0.8
+    assert np.ptp(np.quantile(changed["noise"][dark], (0.1, 0.9))) < 0.15
+    assert np.median(changed["speckle"][dark]) < 0.05
+    assert np.median(changed["echo"]) < 0.05 < 0.2 < changed["echo"].max()
     for title in ("moved", "blurred", "uneven light", "erased", "several"):
         assert abs(found[title] - found["masked"]).max() > 0.02, title
     again = pictures(plot_augmentations(scene, seed=1))

@@ -1,10 +1,12 @@
-"""Who may ask for a page of this machine, and the browser that shows it."""
+"""The port of a page of this machine, who may ask for it, and the browser that shows it."""
 
+import socket
 import time
 
 import pytest
 
-from millisight.viz.local_page import asked_by_own_page, open_browser
+from millisight.core.errors import InputError
+from millisight.viz import asked_by_own_page, listen, open_browser
 
 OWN = [
     ("127.0.0.1", "127.0.0.1:8080", None),
@@ -30,6 +32,34 @@ OTHERS = [
 ]
 
 
+def test_the_first_free_port_is_bound_and_kept():
+    with listen("127.0.0.1", [0]) as first:
+        taken = first.getsockname()[1]
+        with listen("127.0.0.1", [taken, 0]) as second:
+            assert second.getsockname()[1] != taken
+            with socket.create_connection(second.getsockname()):  # it listens
+                pass
+        with pytest.raises(InputError, match=f"cannot bind port {taken} of 127.0.0.1: .*; choose another --port"):
+            listen("127.0.0.1", [taken])
+
+
+@pytest.mark.parametrize(("host", "port"), [("no.such.host.invalid", 0), ("a" * 70, 0)])
+def test_what_is_no_address_is_said(host, port):
+    with pytest.raises(InputError, match="expected an address of this machine"):
+        listen(host, [port])
+
+
+@pytest.mark.parametrize("ports", [[70_000], [-1], []])
+def test_what_is_no_port_is_said(ports):
+    with pytest.raises(InputError, match="port"):
+        listen("127.0.0.1", ports)
+
+
+def test_an_address_of_another_machine_is_refused():
+    with pytest.raises(InputError, match="cannot bind port 0 of 192.0.2.1"):  # RFC 5737: for documents
+        listen("192.0.2.1", [0])
+
+
 @pytest.mark.parametrize(("listening", "host", "origin"), OWN)
 def test_the_page_itself_may_ask(listening, host, origin):
     assert asked_by_own_page(listening, host, origin)
@@ -47,7 +77,7 @@ def test_a_browser_that_cannot_be_started_or_stays_is_no_hang(tmp_path, monkeypa
     monkeypatch.setattr("webbrowser.open", None)  # not to be called
     assert not open_browser("http://127.0.0.1:1/")
     monkeypatch.setenv("DISPLAY", ":0")
-    monkeypatch.setattr("millisight.viz.local_page._PATIENCE", 0.1)
+    monkeypatch.setattr("millisight.viz._local_page._PATIENCE", 0.1)
     monkeypatch.setattr("webbrowser.open", lambda url: False)
     assert not open_browser("http://127.0.0.1:1/")
     monkeypatch.setattr("webbrowser.open", lambda url: time.sleep(0.5))

@@ -4,8 +4,8 @@ from html.parser import HTMLParser
 
 import pytest
 
-from millisight.errors import FileError, InputError
-from millisight.viz.page import PageItem, write_page
+from millisight.core.errors import FileError, InputError
+from millisight.viz import PageItem, write_page
 
 VOID = {"meta", "img", "br", "link", "hr"}
 

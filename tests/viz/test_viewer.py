@@ -1,9 +1,11 @@
 """The viewer without a browser: levels, the layout of the panes, what belongs to what, the port, the scene."""
 
+import asyncio
 import dataclasses
 import re
 import socket
 import sys
+import time
 import urllib.error
 import urllib.request
 from pathlib import Path
@@ -14,17 +16,17 @@ import pytest
 from typer.testing import CliRunner
 
 import millisight as ms
+from helpers.miniature import MUG
 from millisight.cli.app import app
-from millisight.errors import DamagedFileError, DeviceError, FileError, FormatError, InputError
-from millisight.viz.viewer import contents as contents_module
-from millisight.viz.viewer.contents import gather
-from millisight.viz.viewer.layout import FOV, placed, rows_and_columns, start_camera
-from millisight.viz.viewer.levels import FLOOR_DB, levels_of, mixed_levels, spans
-from millisight.viz.viewer.pane import mask_outline, path_lines
-from millisight.viz.viewer.server import start
-from millisight.viz.viewer.session import Stage, first_settings
-from millisight.viz.viewer.settings import Settings, colour_bar, palette
-from miniature import MUG
+from millisight.core.errors import DamagedFileError, DeviceError, FileError, FormatError, InputError
+from millisight.viz import grid_box
+from millisight.viz.viewer import PaneGrid, ViewSettings, first_settings, gather, start
+from millisight.viz.viewer import _contents as contents_module
+from millisight.viz.viewer import _server as server_module
+from millisight.viz.viewer._layout import FOV, placed, rows_and_columns, start_camera
+from millisight.viz.viewer._levels import FLOOR_DB, levels_of, mixed_levels
+from millisight.viz.viewer._pane import mask_outline, path_lines
+from millisight.viz.viewer._settings import colour_bar, palette
 
 GRID = ms.VoxelGrid(x=np.linspace(-0.03, 0.03, 7), y=np.linspace(0, 0.04, 5), z=np.linspace(-0.2, -0.1, 3))
 
@@ -50,7 +52,7 @@ def test_levels_are_db_under_the_maximum():
 def test_slabs_and_blocks_give_each_block_its_strongest_voxel(monkeypatch):
     shown = image()
     whole = levels_of(shown.grid, shown.values)
-    monkeypatch.setattr("millisight.viz.viewer.levels._SLAB_VOXELS", 1)
+    monkeypatch.setattr("millisight.viz.viewer._levels._SLAB_VOXELS", 1)
     levels = levels_of(shown.grid, shown.values, most=40)
     assert levels.block == (2, 2, 1)
     assert levels.db.shape == (4, 3, 3)
@@ -162,19 +164,19 @@ def test_panes_do_not_overlap_and_fit_the_view():
 
 
 def test_colours_run_from_the_end_of_the_range_to_the_maximum():
-    settings = Settings(range_db=20, colormap="viridis")
+    settings = ViewSettings(range_db=20, colormap="viridis")
     colours = settings.colours(np.float32([-40, -20, 0]))
     assert np.array_equal(colours, palette("viridis")[[0, 0, 255]])
 
 
 def test_the_colour_bar_dims_what_is_hidden():
-    assert "width:50.0%" in colour_bar(Settings(range_db=30, threshold_db=-15))
+    assert "width:50.0%" in colour_bar(ViewSettings(range_db=30, threshold_db=-15))
 
 
 @pytest.mark.parametrize("wrong", [{"threshold_db": 1}, {"range_db": 0}, {"share": 1.5}, {"colormap": "none"}])
 def test_settings_that_cannot_be_right_are_refused(wrong):
     with pytest.raises(InputError):
-        Settings(**wrong)
+        ViewSettings(**wrong)
 
 
 # Contents ------------------------------------------------------------------------------------------------------------
@@ -273,7 +275,7 @@ def test_a_mesh_file_stands_where_it_was_simulated(tmp_path):
 
 def test_a_large_image_is_read_in_slabs_and_said_to_be(tmp_path, monkeypatch):
     path = saved(tmp_path, "large.image.h5", image())
-    monkeypatch.setattr("millisight.io.hdf5.load", None)  # not to be asked: it reads the whole
+    monkeypatch.setattr("millisight.io._hdf5.load", None)  # not to be asked: it reads the whole
     monkeypatch.setattr(contents_module, "MOST_VOXELS", 30)
     found = gather([path])
     assert found.exhibits[0].levels.peak == pytest.approx(float(image().magnitude.max()))
@@ -303,7 +305,7 @@ def test_an_image_without_values_is_damaged(tmp_path):
 def test_what_is_not_ours_is_refused(tmp_path, monkeypatch, miniature):
     text = tmp_path / "notes.txt"
     text.write_text("nothing")
-    with pytest.raises(FormatError, match=r"notes\.txt is nothing that the viewer knows"):
+    with pytest.raises(FormatError, match=r"notes\.txt cannot be shown"):
         gather([text])
     with pytest.raises(FormatError, match="holds a Radar"):
         gather([saved(tmp_path, "radar.h5", ms.Radar.preset("iwr1443"))])
@@ -343,7 +345,7 @@ def test_of_a_long_path_the_turns_are_kept():
 
 
 def test_the_box_reaches_to_the_voxels_ends():
-    assert spans(GRID) == pytest.approx(np.array([[-0.035, -0.005, -0.225], [0.035, 0.045, -0.075]]))
+    assert grid_box(GRID) == pytest.approx(np.array([[-0.035, -0.005, -0.225], [0.035, 0.045, -0.075]]))
 
 
 # The server ----------------------------------------------------------------------------------------------------------
@@ -354,7 +356,7 @@ def test_a_taken_port_and_a_strange_host_are_said_to_be_so():
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         port = taken.getsockname()[1]
-        with pytest.raises(InputError, match=f"cannot listen at port {port} of 127.0.0.1"):
+        with pytest.raises(InputError, match=f"cannot bind port {port} of 127.0.0.1"):
             start(port=port)
     with pytest.raises(InputError, match="expected an address of this machine"):
         start("no.such.host.invalid")
@@ -390,6 +392,69 @@ def test_only_its_own_page_is_answered():
         server.stop()
 
 
+def test_other_servers_of_the_process_are_left_alone():
+    """Those of websockets that start while the viewer runs, and their module."""
+    from websockets.asyncio import server as sockets
+    from websockets.sync.client import connect
+
+    plain, viewer = sockets.serve, start()
+    try:
+        assert sockets.serve is plain
+
+        async def greet(connection):
+            await connection.send("hello")
+
+        async def ask_elsewhere():
+            async with sockets.serve(greet, "127.0.0.1", 0) as other:
+                port = other.sockets[0].getsockname()[1]
+                return await asyncio.to_thread(lambda: _first(f"ws://127.0.0.1:{port}/"))
+
+        def _first(url):
+            with connect(url, origin="https://evil.example") as socket:
+                return socket.recv(timeout=10)
+
+        assert asyncio.run(ask_elsewhere()) == "hello"
+    finally:
+        viewer.stop()
+
+
+def answered(server, *pieces):
+    """The first line of what the server answers to a request that comes in pieces; empty if it hangs up."""
+    with socket.create_connection(("127.0.0.1", server.get_port()), timeout=10) as connection:
+        for piece in pieces:
+            connection.sendall(piece)
+            time.sleep(0.05)
+        try:
+            return connection.makefile("rb").readline().decode().strip()
+        except ConnectionResetError:
+            return ""
+
+
+def test_a_request_is_judged_by_its_whole_head(monkeypatch):
+    monkeypatch.setattr(server_module, "_HEAD_SECONDS", 0.5)
+    server = start()
+    try:
+        own = b"Host: 127.0.0.1:%d\r\n" % server.get_port()
+        assert answered(server, b"GET / HT", b"TP/1.1\r\n" + own + b"\r", b"\n") == "HTTP/1.1 200 OK"
+        evil = b"Origin: https://evil.example\r\n"
+        assert answered(server, b"GET / HTTP/1.1\r\n" + own, evil + b"\r\n") == "HTTP/1.1 403 Forbidden"
+        twice = b"GET / HTTP/1.1\r\n" + own + own + b"\r\n"
+        assert answered(server, twice) == "HTTP/1.1 403 Forbidden"
+        assert answered(server, b"GET / HTTP/1.1\r\n\r\n") == "HTTP/1.1 403 Forbidden"
+        assert answered(server, b"GET / HTTP/1.1\r\nX: " + (1 << 17) * b"x") in ("HTTP/1.1 403 Forbidden", "")
+        assert answered(server, b"GET / HTTP/1.1\r\n") == ""  # it waits no longer
+    finally:
+        server.stop()
+
+
+def test_a_viser_that_opens_its_own_port_is_refused(monkeypatch):
+    import viser
+
+    monkeypatch.setattr(server_module, "_guarded", lambda listener, host: viser.ViserServer)
+    with pytest.raises(DeviceError, match="is not known here"):
+        start()
+
+
 def test_without_viser_it_is_said_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "viser", None)
     with pytest.raises(DeviceError, match=r"pip install \"millisight\[viewer\]\""):
@@ -401,19 +466,19 @@ def test_a_change_draws_what_it_changes_and_nothing_else(tmp_path):
     server = start()
     try:
         settings = first_settings(found)
-        stage = Stage(server, found, settings)
-        (pane,) = stage.panes
+        grid = PaneGrid(server, found, settings)
+        (pane,) = grid.panes
         before = dict(pane._nodes)
-        stage.show(settings)
+        grid.show(settings)
         assert all(pane._nodes[name] is nodes for name, nodes in before.items())
-        stage.show(dataclasses.replace(settings, threshold_db=-3.0))
+        grid.show(dataclasses.replace(settings, threshold_db=-3.0))
         changed = {name for name, nodes in before.items() if pane._nodes[name] is not nodes}
         assert changed == {"points"}
         assert pane.cloud.db.min() >= -3
-        stage.show(dataclasses.replace(settings, slices=True, share=1.0))
+        grid.show(dataclasses.replace(settings, slices=True, share=1.0))
         assert np.array_equal(pane.levels.db, levels_of(GRID, simulated(1, "edge").values).db)
         assert {node.name for node in pane._nodes["slices"]} >= {f"/pane0/slice_{axis}" for axis in "xyz"}
-        stage.show(dataclasses.replace(settings, box=False))
+        grid.show(dataclasses.replace(settings, box=False))
         assert not any(node.visible for node in pane._nodes["box"])
     finally:
         server.stop()

@@ -1,4 +1,4 @@
-"""`millisight annotate`: tell a segmenter by clicks what belongs to the object, and save mask and points."""
+"""`millisight annotate`: mark an object by clicks, and save its mask and the points."""
 
 import sys
 from pathlib import Path
@@ -11,7 +11,7 @@ from millisight.cli.interrupts import Interrupted
 from millisight.cli.options import SamDevice
 
 if TYPE_CHECKING:
-    from millisight.viz.annotator import Subject
+    from millisight.viz.annotator import OpenedPicture
 
 
 def annotate(
@@ -19,8 +19,8 @@ def annotate(
         Path,
         typer.Argument(
             metavar="IMAGE",
-            help="What to annotate: an image of `millisight image` (HDF5); processed_image*.pkl or a camera's "
-            "continuous*.pkl of the published dataset; a photograph (PNG, JPEG).",
+            help="Image to annotate: HDF5 of `millisight image`; processed_image*.pkl or continuous*.pkl of the "
+            "published dataset; a photograph (PNG, JPEG).",
         ),
     ],
     output: Annotated[
@@ -28,70 +28,70 @@ def annotate(
         typer.Option(
             "-o",
             "--output",
-            help="Mask to write: HDF5 of a radar image, PNG of a photograph; the points go beside it, into "
-            "NAME.prompts.json. [default: NAME.mask.h5 or NAME.mask.png beside the image; here for files of a dataset]",
+            help="Mask to write: HDF5 for a radar image, PNG for a photograph; the points go to NAME.prompts.json "
+            "beside it. [default: NAME.mask.h5 or NAME.mask.png beside the image; for files of a dataset, here]",
         ),
     ] = None,
     other_band: Annotated[
         Path | None,
-        typer.Option(help="The same scene at the radar's other frequency, for the segmenter that looks at both."),
+        typer.Option(help="Image of the same scene at the radar's other frequency, for segmenters that use both."),
     ] = None,
     method: Annotated[
         str | None,
-        typer.Option(help="Segmenter to begin with: wave, classical or sam. [default: the first that can work]"),
+        typer.Option(help="Segmenter to start with: wave, classical or sam. [default: the first available]"),
     ] = None,
     model: Annotated[
         str | None,
         typer.Option(
-            help="Offer sam, with this model: vit-b, vit-l, vit-h, sam2-tiny or sam2-large, which are downloaded; or a "
-            "folder with a model. [default: sam is not offered; vit-b with --method sam]"
+            help="Model of sam: vit-b, vit-l, vit-h, sam2-tiny or sam2-large, which are downloaded, or a folder with a "
+            "model. [default: no sam; vit-b with --method sam]"
         ),
     ] = None,
     device: SamDevice = "cpu",
     port: Annotated[
-        int, typer.Option(min=0, max=65535, show_default=False, help="To serve the page at. [default: a free one]")
+        int, typer.Option(min=0, max=65535, show_default=False, help="Port to serve the page on. [default: a free one]")
     ] = 0,
     no_browser: Annotated[
-        bool, typer.Option("--no-browser", help="Serve the page until Ctrl-C, and open no window.")
+        bool, typer.Option("--no-browser", help="Do not open a browser window; serve until Ctrl-C.")
     ] = False,
 ) -> None:
-    """Open a page on which clicks mark what belongs to the object (left) and what does not (right).
+    """Mark an object in the browser: click on it; right-click what does not belong to it.
 
-    The mask follows every click. An earlier annotation of the same picture is gone on from. The command ends when the
-    page is closed, or with Ctrl-C.
+    The mask is updated after each click. An earlier annotation of the same image is continued. The command ends when
+    the page is closed, or with Ctrl-C.
 
     Example: millisight annotate mug.image.h5
 
     Example: millisight annotate photo.jpg -o mug.mask.png
     """
-    from millisight.viz.annotator import AnnotatorServer, Session, open_subject, segmenters_for
-    from millisight.viz.local_page import open_browser
+    from millisight.viz import open_browser
+    from millisight.viz.annotator import Annotation, AnnotatorServer, open_picture, segmenters_for
 
-    subject = open_subject(image, other_band=other_band)
+    subject = open_picture(image, other_band=other_band)
     mask_path = output or _beside(subject)
     segmenters = segmenters_for(subject, sam=model or ("vit-b" if method == "sam" else None), device=device)
-    session = Session(subject, mask_path, segmenters=segmenters, method=method)
-    check_outputs(session.mask_path, session.prompts_path, source=image)
-    with AnnotatorServer(session, port) as server:
+    annotation = Annotation(subject, mask_path, segmenters=segmenters, method=method)
+    check_outputs(annotation.mask_path, annotation.prompts_path, source=image)
+    with AnnotatorServer(annotation, port) as server:
         try:
             say(f"annotate {image} at {server.address}")
             sys.stdout.flush()
             opened = not no_browser and open_browser(server.address)
-            ways = ("close the page to end, or press Ctrl-C here", "open it in a browser; Ctrl-C here ends")
+            ways = ("close the page or press Ctrl-C to stop", "open it in a browser; press Ctrl-C to stop")
             say(ways[0] if opened else ways[1])
             sys.stdout.flush()
             server.wait(until_closed=opened)
             say("the page was closed")
         except Interrupted:  # the usual way to end
             say("ended")
-    if session.saved_now:
-        for path in (session.mask_path, session.prompts_path):
+    if annotation.saved_now:
+        for path in (annotation.mask_path, annotation.prompts_path):
             say(f"wrote {path}")
-    if session.unsaved:
+    if annotation.unsaved:
         typer.echo("millisight: the last points were not saved", err=True)
 
 
-def _beside(subject: "Subject") -> Path:
+def _beside(subject: "OpenedPicture") -> Path:
     """The mask's path where none is given."""
     suffix = ".mask.h5" if subject.is_radar else ".mask.png"
     parts = Path(subject.origin).parts

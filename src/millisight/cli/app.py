@@ -26,8 +26,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,  # with it, whatever stands in square brackets is lost: defaults, units
     context_settings={"help_option_names": ["-h", "--help"]},
-    help="See through boxes with millimetre waves: simulate what a radar measures of a mesh, read what yours measured, "
-    "and image it.\n\n"
+    help="See through boxes with millimetre waves: simulate radar captures of meshes, read recorded captures, image "
+    "them, and find objects in the images.\n\n"
     "Start with: millisight demo",
 )
 app.command("demo")(demo.demo)

@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -20,31 +19,18 @@ from millisight.cli.image_sources import (
     read_as,
 )
 from millisight.cli.options import Images, Multispectral, RadarChoice
-from millisight.errors import FileError, InputError
-from millisight.files import make_folder, printable, write_text
-from millisight.imaging.image import SarImage
-from millisight.perception.segmentation import Mask, Segmenter, find_mask
+from millisight.cli.segment import Condition, OtherBand, PromptSeed, mask_of
+from millisight.core import make_folder, printable, write_text
+from millisight.core.errors import FileError, InputError
+from millisight.data import Mask
 
 if TYPE_CHECKING:
-    from millisight.perception.classification import Classifier, Prediction
+    from millisight.data import Prediction
+    from millisight.perception.classification import Classifier
 
 _SUFFIX = ".prediction.json"
 _DEFAULT_METHOD = "wave"
 _BAR = 40  # letters of a probability of 1
-
-
-@dataclass(frozen=True, slots=True)
-class _Settings:
-    """The options that are the same for every image."""
-
-    classifier: "Classifier"
-    masks: Path | None
-    method: str | None
-    segmenter: Segmenter
-    seed: int
-    picture: bool
-    as_json: bool
-    notes: set[str] = field(default_factory=set)  # that were said
 
 
 def classify(
@@ -54,56 +40,47 @@ def classify(
         typer.Option(
             "-o",
             "--output",
-            help="Write all that is known (JSON), and a picture beside it; a folder where there are several images. "
-            "[default: only say it]",
+            help="Write the full result as JSON, and a picture beside it; a folder for several images. [default: only "
+            "print it]",
         ),
     ] = None,
     mask: Annotated[
         Path | None,
         typer.Option(
             metavar="PATH",
-            help="Which pixels are the object's: what `millisight segment` or `annotate` wrote; of several images the "
-            "folder with their masks. [default: NAME.mask.h5 where `segment` writes it, if it is there; else it is "
-            "found, with wave]",
+            help="Mask of the object, from `millisight segment` or `annotate`; for several images the folder with "
+            "their masks. [default: NAME.mask.h5 where `segment` writes it, if it is there; else segment with wave]",
         ),
     ] = None,
     method: Annotated[
         str | None,
-        typer.Option(help="Find the mask anew, with this segmenter: wave, classical or sam."),
+        typer.Option(help="Segment with this method, even if there is a mask: wave, classical, sam or a plug-in's."),
     ] = None,
-    other_band: Annotated[
-        Path | None, typer.Option(help="The same scene at the radar's other frequency; mask and name get better by it.")
-    ] = None,
+    other_band: OtherBand = None,
     multispectral: Multispectral = False,
     radar: RadarChoice = None,
-    condition: Annotated[
-        str | None,
-        typer.Option(
-            help="los: in line of sight. nlos: behind something; it matters to segmenters that need prompts. "
-            "[default: los, or as an experiment's folder is named]"
-        ),
-    ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of the drawing of prompts, where the segmenter needs some.")] = 0,
+    condition: Condition = None,
+    seed: PromptSeed = 0,
     weights: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE.onnx",
-            help="A network of your own, as `millisight train classifier` makes it, with its .json beside it. "
-            "[default: the one shipped]",
+            help="Weights of a network of your own, from `millisight train classifier`, with its .json beside it. "
+            "[default: the shipped one]",
         ),
     ] = None,
     no_picture: Annotated[
-        bool, typer.Option("--no-picture", help="With --output: do not draw the mask and the probabilities.")
+        bool, typer.Option("--no-picture", help="With --output: do not plot the mask and the probabilities.")
     ] = False,
     as_json: Annotated[
-        bool, typer.Option("--json", help="Say all that is known, each image's as one line of JSON.")
+        bool, typer.Option("--json", help="Print the full result, one line of JSON for each image.")
     ] = False,
 ) -> None:
     """Name the object in images; with several images, one bad one does not stop the rest.
 
-    The object's mask is found first, as `millisight segment` finds it. What lies under it is classified by a network
-    that learned from simulated images alone. Its probabilities are calibrated: of the answers with 0.8, about 8 in 10
-    are right on simulated images. Below its threshold the answer is "not sure", with the most probable classes.
+    The object is segmented first, as `millisight segment` does it, and a network that was trained on simulated images
+    alone classifies it. The probabilities are calibrated: of the answers with 0.8, about 8 in 10 are right on simulated
+    images. Below the network's threshold the answer is "not sure", with the most probable classes.
 
     Example: millisight classify mug.image.h5
 
@@ -115,26 +92,65 @@ def classify(
         raise InputError("--mask gives the mask, and --method finds it; leave one of them out")
     found = image_sources(images, radar=radar, condition=condition, multispectral=multispectral, other_band=other_band)
     check_single(found, mask=None if mask is None or mask.is_dir() else mask, other_band=other_band)
-    settings = _Settings(
-        classifier=_classifier(weights),
-        masks=mask,
-        method=method,
-        segmenter=named_segmenter(method or _DEFAULT_METHOD),
-        seed=seed,
-        picture=not no_picture,
-        as_json=as_json,
-    )
+    classifier = _classifier(weights)
+    by = named_segmenter(method or _DEFAULT_METHOD)
+    notes: set[str] = set()
+
+    def one(source: ImageSource, to: Path | None) -> "Prediction":
+        drawn = None if to is None or no_picture else to.with_suffix(".png")
+        check_outputs(to, drawn, source=source.path)
+        image, other = source.images()
+        path = _mask_file(source, mask, method)
+        if path is not None:
+            inside = read_as(Mask, path)
+            made = {"file": str(path), **_made_by(path)}
+        else:
+            segmented = mask_of(source, image, other, by, seed=seed)
+            inside = segmented.mask
+            made = {
+                "file": None,
+                "method": by.name,
+                "score": segmented.score,
+                "condition": source.condition,
+                "seed": None if segmented.prompts is None else seed,
+            }
+        try:
+            prediction = classifier.classify(image, inside, other_band=other)
+        except InputError as error:
+            raise error if path is None else InputError(f"with the mask of {path}: {error}") from error
+        if other is None and len(classifier.bands) > 1:
+            note = (
+                f"the classifier looks at {' and '.join(classifier.bands)}, and gets one band; --other-band, or "
+                "--multispectral of a dataset, gives it both"
+            )
+            if note not in notes:
+                notes.add(note)
+                _note(note)
+        made["pixels"] = int(inside.inside.sum())
+        result = _result(source, prediction, made, classifier)
+        if to is not None:
+            write_text(to, json.dumps(result, indent=2) + "\n")
+        if drawn is not None:
+            from millisight.viz import plot_prediction, save_figure
+
+            figure = plot_prediction(image, inside, prediction)[0].figure
+            figure.suptitle(source.name, fontsize=11.5, fontweight="bold")
+            save_figure(figure, drawn)
+        words = f"{source.name}: {_words(prediction)} (mask: {made['file'] or made['method']})"
+        say(json.dumps(result) if as_json else words)
+        return prediction
+
     if len(found) == 1 and not any(path.is_dir() for path in images):
         if output is not None and output.suffix.lower() != ".json":
             raise InputError(f"--output is {output}; expected a name that ends in .json")
-        prediction = _classify_one(found[0], output, settings)
+        prediction = one(found[0], output)
         if not as_json:
             _say_bars(prediction)
         return
     folder = None if output is None else make_folder(output)
     one_by_one(
         found,
-        lambda source: _classify_one(source, None if folder is None else source.output(_SUFFIX, folder), settings),
+        lambda source: one(source, None if folder is None else source.output(_SUFFIX, folder)),
         verb="classify",
         past="classified",
         tell=_note if as_json else say,
@@ -142,110 +158,52 @@ def classify(
 
 
 def _classifier(weights: Path | None) -> "Classifier":
-    from millisight.perception.classification import Classifier
+    from millisight.perception.classification import classifier
 
     try:
-        return Classifier(weights)
+        return classifier(weights=weights)
     except ImportError as error:
         raise InputError(f"classify cannot be used here: {error}") from error
 
 
-def _classify_one(source: ImageSource, to: Path | None, settings: _Settings) -> "Prediction":
-    drawn = to.with_suffix(".png") if to is not None and settings.picture else None
-    check_outputs(to, drawn, source=source.path)
-    image, other = source.images()
-    mask, how = _mask(source, image, other, settings)
-    try:
-        prediction = settings.classifier.classify(image, mask, other_band=other)
-    except InputError as error:
-        raise error if how["file"] is None else InputError(f"with the mask of {how['file']}: {error}") from error
-    bands = settings.classifier.bands
-    if other is None and len(bands) > 1:
-        _note_once(
-            f"the classifier looks at {' and '.join(bands)}, and gets one band; --other-band, or --multispectral of a "
-            "dataset, gives it both",
-            settings,
-        )
-    told = _told(source, prediction, how, settings)
-    if to is not None:
-        write_text(to, json.dumps(told, indent=2) + "\n")
-    if drawn is not None:
-        from millisight.viz.classification import plot_prediction
-        from millisight.viz.style import save_figure
-
-        figure = plot_prediction(image, mask, prediction)[0].figure
-        figure.suptitle(source.name, fontsize=11.5, fontweight="bold")
-        save_figure(figure, drawn)
-    if settings.as_json:
-        say(json.dumps(told))
-    else:
-        say(f"{source.name}: {_words(prediction)} (mask: {how['file'] or how['method']})")
-    return prediction
-
-
-def _mask(
-    source: ImageSource, image: SarImage, other: SarImage | None, settings: _Settings
-) -> tuple[Mask, dict[str, Any]]:
-    """The object's mask, and where it is from."""
-    path = _mask_file(source, settings)
-    if path is not None:
-        mask = read_as(Mask, path)
-        return mask, {"file": str(path), **_made_by(path), "pixels": int(mask.inside.sum())}
-    from millisight.perception.projection import project
-
-    found = find_mask(
-        settings.segmenter,
-        project(image, other_band=other),
-        other=None if other is None else project(other),
-        rng=settings.seed,
-        condition=source.condition,
-    )
-    return found.mask, {
-        "file": None,
-        "method": settings.segmenter.name,
-        "score": found.score,
-        "condition": source.condition,
-        "seed": None if found.prompts is None else settings.seed,
-        "pixels": int(found.inside.sum()),
-    }
-
-
-def _mask_file(source: ImageSource, settings: _Settings) -> Path | None:
-    """The file to read the mask from; None: it is to be found.
+def _mask_file(source: ImageSource, masks: Path | None, method: str | None) -> Path | None:
+    """The file to read the mask from; None: segment.
 
     Raises
     ------
     FileError
         The folder with the masks holds none of this image.
     """
-    if settings.masks is None:
+    if masks is None:
         beside = source.output(MASK_SUFFIX)
-        return beside if settings.method is None and beside.is_file() else None
-    if not settings.masks.is_dir():
-        return settings.masks
-    path = source.output(MASK_SUFFIX, settings.masks)
+        return beside if method is None and beside.is_file() else None
+    if not masks.is_dir():
+        return masks
+    path = source.output(MASK_SUFFIX, masks)
     if not path.exists():
         raise FileError(
-            f"{printable(settings.masks)} holds no mask of {source.name}; expected {printable(path.name)} there: "
+            f"{printable(masks)} holds no mask of {source.name}; expected {printable(path.name)} there: "
             "`millisight segment` may have failed on this image"
         )
     return path
 
 
 def _made_by(path: Path) -> Mapping[str, Any]:
-    """How the mask of a file came about, where `segment` or `annotate` wrote it."""
-    from millisight.io.hdf5 import load_extras
+    """How the mask of a file was made, where `segment` or `annotate` wrote it."""
+    from millisight.io import load_extras
 
-    told = None if path.suffix.lower() == ".pkl" else load_extras(path).get("segmentation")
-    known = told if isinstance(told, dict) else {}
+    held = None if path.suffix.lower() == ".pkl" else load_extras(path).get("segmentation")
+    known = held if isinstance(held, dict) else {}
     return {key: known.get(key) for key in ("method", "score", "condition", "seed")}
 
 
-def _told(source: ImageSource, prediction: "Prediction", how: Mapping[str, Any], settings: _Settings) -> dict[str, Any]:
-    """All that is known, as JSON holds it."""
+def _result(
+    source: ImageSource, prediction: "Prediction", mask: Mapping[str, Any], classifier: "Classifier"
+) -> dict[str, Any]:
+    """The full result, as JSON holds it."""
     from importlib.metadata import version
 
-    from millisight.io.mito_names import origin
+    from millisight.io.mito import origin
 
     return {
         "name": source.name,
@@ -257,11 +215,11 @@ def _told(source: ImageSource, prediction: "Prediction", how: Mapping[str, Any],
         "probabilities": dict(zip(prediction.class_names, prediction.probabilities.tolist(), strict=True)),
         "image": origin(source.path),
         "other_band": None if source.other is None else origin(source.other),
-        "mask": {**how, "file": None if how["file"] is None else origin(how["file"])},
+        "mask": {**mask, "file": None if mask["file"] is None else origin(mask["file"])},
         "classifier": {
-            "name": settings.classifier.name,
-            "sha256": settings.classifier.description["sha256"],
-            "bands": list(settings.classifier.bands),
+            "name": classifier.name,
+            "sha256": classifier.description.get("sha256"),
+            "bands": list(classifier.bands),
         },
         "made_by": f"millisight classify {version('millisight')}",
     }
@@ -284,12 +242,6 @@ def _say_bars(prediction: "Prediction") -> None:
         say(f"  sure from {prediction.threshold:.2f}")
 
 
-def _note_once(line: str, settings: _Settings) -> None:
-    if line not in settings.notes:
-        settings.notes.add(line)
-        _note(line)
-
-
 def _note(line: str) -> None:
-    """Where it does not get between the answers."""
+    """To standard error, apart from the answers."""
     typer.echo(f"millisight: {line}", err=True)

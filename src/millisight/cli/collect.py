@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from millisight.cli.console import check_outputs, progress, say
-from millisight.errors import FileError, UnknownNameError
-from millisight.files import make_folder
-from millisight.records import box
+from millisight.core import box, make_folder
+from millisight.core.errors import FileError, UnknownNameError
 
 if TYPE_CHECKING:
-    from millisight.rig.virtual.rig import VirtualRig
+    from millisight.rig.virtual import VirtualRig
 
 RIGS = ("virtual",)
 _ROOM = 4  # over the raw files' size: rows as they come are twice as large, and captures of our own come on top
@@ -50,18 +49,16 @@ def collect(
 
     objects = [{ object = "mug" }]
     """
-    from millisight.rig.recorder import record_scan
-    from millisight.rig.virtual.rig import VirtualRig, experiment_folder_of, experiment_info
-    from millisight.rig.virtual.stage import build
-    from millisight.rig.virtual.world import World
+    from millisight.rig import PublishedWriter, record_scan
+    from millisight.rig.virtual import VirtualRig, World, build_layout, experiment_folder_of, experiment_info
 
     if rig not in RIGS:
         raise UnknownNameError("rig", rig, RIGS)
     check_outputs(figures=(plot,), source=world)
     described = World.from_toml(world)
     with progress("build the world"):
-        stage = build(described)
-    virtual = VirtualRig(described, stage=stage)
+        layout = build_layout(described)
+    virtual = VirtualRig(described, layout=layout)
     folder = experiment_folder_of(described, output, experiment)
     if not dry_run and folder.exists():
         raise FileError(f"{folder} is there already; choose another --experiment, or remove it")
@@ -82,23 +79,21 @@ def collect(
             f"{output} has {shutil.disk_usage(output).free / 1e6:.0f} MB left; the scan needs twice {size / 1e6:.0f}"
         )
     with progress("scan") as report:
-        record_scan(
-            virtual.arm, virtual.radars, virtual.camera, virtual.plan, folder, info=experiment_info(described),
-            hdf5=hdf5, progress=report,
-        )  # fmt: skip
+        writer = PublishedWriter(folder, info=experiment_info(described), hdf5=hdf5)
+        record_scan(virtual.arm, virtual.radars, virtual.camera, virtual.plan, writer, progress=report)
     say(f"wrote {folder}")
     if truth is not None:
-        from millisight.rig.virtual.truth import write_truth
+        from millisight.rig.virtual import write_truth
 
         say(f"wrote {write_truth(virtual, truth)}: the true path and exact masks")
 
 
 def _summary(rig: "VirtualRig") -> list[str]:
     """What there is, and what the devices will do."""
-    world, stage = rig.world, rig.stage
-    lines = [f"object: {thing.name}, {box(*thing.bounds)}" for thing in stage.objects]
+    world, layout = rig.world, rig.layout
+    lines = [f"object: {item.name}, {box(*item.bounds)}" for item in layout.objects]
     lines = lines or ["object: none, the empty scene"]
-    stacks = [panel.stack for panel in stage.panels]
+    stacks = [panel.stack for panel in layout.panels]
     hides = [f"{stacks.count(stack)} panels of {stack}" for stack in sorted(set(stacks))]
     support = {"tripod": "on a tripod", "styrofoam": "on a block of styrofoam"}[world.support.kind]
     lines.append(f"{support}, {' and '.join(hides) if hides else 'in line of sight'}")
@@ -111,11 +106,11 @@ def _summary(rig: "VirtualRig") -> list[str]:
     for radar in rig.radars:
         step, wavelength = arm.speed * radar.frame_period, radar.radar.waveform.wavelength
         lines.append(
-            f"{radar.folder}: {rig.plan.frames(radar.frame_period)} frames a row, one each {step * 1000:.2g} mm "
+            f"{radar.name}: {rig.plan.frames(radar.frame_period)} frames a row, one each {step * 1000:.2g} mm "
             f"or {step / wavelength:.2f} wavelengths"
         )
         if step > wavelength / 2:
-            lines.append(f"warning: {radar.folder} measures farther apart than half a wavelength: expect ghosts")
+            lines.append(f"warning: {radar.name} measures farther apart than half a wavelength: expect ghosts")
     return lines
 
 
@@ -132,11 +127,10 @@ def _duration(seconds: float) -> str:
 def _plot(rig: "VirtualRig", path: Path) -> None:
     import numpy as np
 
-    from millisight.rig.virtual.camera import object_pixels, render
-    from millisight.viz.style import save_figure
-    from millisight.viz.world import plot_world
+    from millisight.rig.virtual import object_pixels, render
+    from millisight.viz import plot_world, save_figure
 
     pose = rig.photo_pose
-    frame = render(rig.stage, pose, rig.world.camera, np.random.default_rng(rig.world.seed))
-    masks = [object_pixels(rig.stage, pose, thing.number) for thing in rig.stage.objects]
-    save_figure(plot_world(rig.stage, frame, masks), path)
+    frame = render(rig.layout, pose, rig.world.camera, np.random.default_rng(rig.world.seed))
+    masks = [object_pixels(rig.layout, pose, item.number) for item in rig.layout.objects]
+    save_figure(plot_world(rig.layout, frame, masks), path)

@@ -1,4 +1,4 @@
-"""What the commands share: lengths as people write them, progress on screen, and a clean end."""
+"""Shared by the commands: lengths with units, checks of outputs, progress, and how a command ends."""
 
 import os
 import re
@@ -12,23 +12,23 @@ from pathlib import Path
 import typer
 
 from millisight.cli import interrupts
-from millisight.errors import InputError, UnknownNameError
-from millisight.files import FIGURE_SUFFIXES, check_writable, printable, same_file
+from millisight.core import FIGURE_SUFFIXES, check_writable, printable, same_file
+from millisight.core.errors import InputError, UnknownNameError
 
 _UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "": 1.0}
-_MOST_BARE = 2.0  # [m]: who writes 10 means millimetres
+_LARGEST_WITHOUT_UNIT = 2.0  # [m]: a bare 10 is likely to mean millimetres
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 
 Progress = Callable[[int, int], None]
 
 
 def length(text: str, *, option: str) -> float:
-    """A length such as 2mm, 1.5cm, 0.3m or 0.3 (metres), in metres.
+    """Parse a length such as 2mm, 1.5cm, 0.3m or 0.3; returns metres.
 
     Raises
     ------
     InputError
-        It is none, or larger than what people scan and without a unit.
+        It is not a length, or it is large and has no unit.
     """
     match = re.fullmatch(rf"({_NUMBER})\s*(m|cm|mm|)", text.strip())
     if not match:
@@ -37,15 +37,13 @@ def length(text: str, *, option: str) -> float:
 
 
 def _metres(number: str, unit: str, option: str) -> float:
-    if not unit and abs(float(number)) > _MOST_BARE:
-        raise InputError(
-            f"{option} has {number} without a unit, which would be metres: write {number}mm, {number}cm or {number}m"
-        )
+    if not unit and abs(float(number)) > _LARGEST_WITHOUT_UNIT:
+        raise InputError(f"{option} is {number} without a unit; write {number}mm, {number}cm or {number}m")
     return float(number) * _UNITS[unit]
 
 
 def size(text: str, *, option: str) -> tuple[float, float]:
-    """A size along x and y such as 30x22cm or 0.3x0.22, in metres.
+    """Parse a size along x and y such as 30x22cm or 0.3x0.22; returns metres.
 
     Raises
     ------
@@ -59,7 +57,7 @@ def size(text: str, *, option: str) -> tuple[float, float]:
 
 
 def slices(text: str, *, option: str) -> tuple[int, int]:
-    """How many of the lowest and of the highest slices `12,7` leaves out.
+    """Parse `12,7`: the number of lowest and of highest slices to drop.
 
     Raises
     ------
@@ -72,9 +70,9 @@ def slices(text: str, *, option: str) -> tuple[int, int]:
 
 
 def check_outputs(*paths: Path | None, figures: tuple[Path | None, ...] = (), source: Path | None = None) -> None:
-    """Refuse before the work what could not, or must not, be written after it.
+    """Check before the work that its outputs can be written.
 
-    That is: the `source` itself, one file twice, a missing folder, an unknown figure format.
+    Refused are: the `source` itself, one file twice, a missing folder, an unknown figure format.
 
     Raises
     ------
@@ -83,10 +81,10 @@ def check_outputs(*paths: Path | None, figures: tuple[Path | None, ...] = (), so
     outputs = [path for path in (*paths, *figures) if path is not None]
     for path in outputs:
         if source is not None and os.path.exists(source) and same_file(path, source):
-            raise InputError(f"{path} is the input, and would be overwritten; choose another name for the output")
+            raise InputError(f"{path} is the input and would be overwritten; choose another name for the output")
     for one, other in combinations(outputs, 2):
         if same_file(one, other):
-            raise InputError(f"{one} would be written twice, and the first result lost; choose two names")
+            raise InputError(f"{one} is given for two outputs; choose two names")
     for path in (*paths, *figures):
         if path is not None:
             check_writable(path)
@@ -96,12 +94,12 @@ def check_outputs(*paths: Path | None, figures: tuple[Path | None, ...] = (), so
 
 
 def say(line: str) -> None:
-    """One line of output, never wrapped."""
+    """Print one line, never wrapped."""
     typer.echo(printable(line))
 
 
 def end_with_failures(lines: Sequence[str]) -> None:
-    """Say what failed, a line each, and end with exit code 1; nothing where nothing failed."""
+    """Print each failure on a line and exit with code 1; do nothing without failures."""
     if lines:
         typer.echo(f"failed: {len(lines)}", err=True)
         for line in lines:
@@ -110,15 +108,15 @@ def end_with_failures(lines: Sequence[str]) -> None:
 
 
 def in_options(message: str) -> str:
-    """A message of the library with its arguments named as the command line names them."""
+    """A message of the library with argument names replaced by option names."""
     return re.sub(r"\b(unit)=(?:'(\w+)'|\.\.\.)", lambda m: f"--{m[1]} {m[2] or m[1].upper()}", message)
 
 
 @contextmanager
 def progress(label: str, *, compiles: bool = True) -> Iterator[Progress]:
-    """A call-back for long work: a bar with the time left on a terminal, now and then a plain line elsewhere.
+    """A call-back that shows progress: a bar with the time left on a terminal, else a plain line every 10 s.
 
-    `compiles`: whether the work runs kernels, which are compiled when they are first used.
+    `compiles`: whether the work runs kernels, which are compiled at their first use.
     """
     started = time.monotonic()
     label_now = label if not compiles or kernels_cached() else f"{label} (first use: compiling, about half a minute)"
@@ -155,8 +153,8 @@ def progress(label: str, *, compiles: bool = True) -> Iterator[Progress]:
 
 
 def kernels_cached() -> bool:
-    """Whether an earlier run left Numba's machine code where this one will look for it."""
-    from millisight.capture import _kernels
-    from millisight.compiled import is_kept
+    """Whether the compiled kernels are in Numba's cache."""
+    from millisight.core import is_kept
+    from millisight.simulation import node_signals
 
-    return is_kept(_kernels.node_signals)
+    return is_kept(node_signals)

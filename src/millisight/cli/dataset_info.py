@@ -1,30 +1,24 @@
-"""What `millisight dataset info` says of an object or an experiment, line by line."""
+"""Lines of `millisight dataset info`."""
 
 import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from millisight.capture.camera import CameraFrame, CameraMask
-from millisight.capture.capture import Capture
-from millisight.capture.scan import RawScan
-from millisight.datasets.inventory import Experiment, Item, Simulation
-from millisight.datasets.mito import find_object
-from millisight.errors import FileError, MillisightError
-from millisight.files import printable
-from millisight.imaging.image import SarImage
-from millisight.io.mito_names import INFO, RAW
-from millisight.perception.segmentation import Mask
-from millisight.records import box
+from millisight.core import box, printable
+from millisight.core.errors import FileError, MillisightError
+from millisight.data import CameraFrame, CameraMask, Capture, Mask, RawScan, SarImage
+from millisight.datasets import Experiment, Item, Simulation, find_object
+from millisight.io.mito import INFO, RAW
 
 
 def describe(path: Path) -> Iterator[str]:
-    """The object at `path`, or the experiments and simulations at or under it; what cannot be read starts "failed: ".
+    """Describe the object at `path`, or the experiments and simulations at or below it; failures start "failed: ".
 
     Raises
     ------
     FileError
-        There is no such folder, or it is not of the layout.
+        The folder does not exist, or is not part of the layout.
     """
     if not path.is_dir():
         raise FileError(f"{printable(path)}: no such folder")
@@ -40,7 +34,7 @@ def describe(path: Path) -> Iterator[str]:
     chosen = [part for part in one.parts if part.folder == place or place in part.folder.parents]
     if not chosen:
         raise FileError(
-            f"{printable(path)} holds no experiment and no simulation; expected a folder los, or one above it"
+            f"{printable(path)} holds no experiment and no simulation; pass a folder los or nlos, or one above"
         )
     for part in chosen:
         yield _name(part)
@@ -71,8 +65,8 @@ def _missing(part: Experiment | Simulation) -> Iterator[str]:
 
 
 def _describe(item: Item) -> Iterator[str]:
-    from millisight.io.hdf5 import load, open_capture
-    from millisight.io.mito_layout import read_experiment, read_info, read_published
+    from millisight.io import load, open_capture
+    from millisight.io.mito import read_experiment, read_info, read_published
 
     if item.kind == INFO:
         yield ", ".join(f"{key} {value}" for key, value in read_info(item.path).items())
@@ -86,7 +80,7 @@ def _describe(item: Item) -> Iterator[str]:
 
 
 def _lines(record: Any) -> Iterator[str]:
-    """A record in a line, and what is said of its making."""
+    """Facts about a record, a line each."""
     if isinstance(record, SarImage):
         peak = ", ".join(f"{p:.4f}" for p in record.peak)
         yield f"{' x '.join(map(str, record.grid.shape))} voxels, {box(*record.grid.bounds)}, {record.values.dtype}"

@@ -6,15 +6,10 @@ from typing import Annotated
 
 import typer
 
-from millisight.capture.capture import Capture
-from millisight.capture.radar import Radar
-from millisight.capture.simulate import simulate
-from millisight.capture.trajectory import Trajectory
 from millisight.cli.console import progress, say
-from millisight.cli.grids import around_scene
-from millisight.imaging.form import form_image
-from millisight.imaging.image import SarImage, combine
-from millisight.scene.scene import Scene
+from millisight.data import Capture, Radar, SarImage, Scene, Trajectory
+from millisight.imaging import combine, form_image, grid_around
+from millisight.simulation import simulate
 
 OBJECTS = ("mug", "adjustable_wrench", "cracker_box")
 RADARS = {"77 GHz": "mito-sim-77ghz", "24 GHz": "mito-sim-24ghz"}
@@ -40,10 +35,17 @@ def demo(
 
     Example: millisight demo -o demo && xdg-open demo/index.html
     """
-    from millisight.files import make_folder
-    from millisight.io.hdf5 import save
-    from millisight.viz.page import PageItem, write_page
-    from millisight.viz.plots import plot_projections, plot_range_profiles, plot_sheet, plot_slices, save_figure
+    from millisight.core import PUBLISHED_COLORMAP, make_folder
+    from millisight.io import save
+    from millisight.viz import (
+        PageItem,
+        plot_image,
+        plot_range_profiles,
+        plot_sheet,
+        plot_slices,
+        save_figure,
+        write_page,
+    )
 
     started = time.monotonic()
     make_folder(output)
@@ -54,14 +56,15 @@ def demo(
         for band, radar in RADARS.items():
             capture = _capture(scene, Radar.preset(radar), f"{name}, {band}")
             with progress(f"{name}, {band}: image") as report:
-                image = form_image(capture, around_scene(capture), progress=report)
+                image = form_image(capture, grid_around(capture), progress=report)
             label = f"{name}, {band}"
             sheet[label], meshes[label] = image, scene.mesh
             stem = f"{name}-{band.split()[0]}ghz"
             save(output / f"{stem}.image.h5", image)
             if band == "77 GHz":
                 save(output / f"{stem}.capture.h5", capture)
-                save_figure(plot_projections(image, mesh=scene.mesh, title=label), output / f"{stem}.png")
+                both = plot_image(image, mesh=scene.mesh, colormap=(PUBLISHED_COLORMAP, None), title=label)
+                save_figure(both, output / f"{stem}.png")
                 items.append(
                     PageItem(
                         heading=f"{name.replace('_', ' ')}, seen along three axes at {band}",

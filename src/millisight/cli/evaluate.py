@@ -1,15 +1,214 @@
-"""`millisight evaluate`: tables beside the paper's."""
+"""`millisight evaluate`: the options of `ms.evaluate`, task by task."""
+
+from pathlib import Path
+from typing import Annotated, Any
 
 import typer
 
-from millisight.cli import evaluate_classification, evaluate_segmentation, evaluate_simulator
+from millisight.cli.console import end_with_failures, in_options, length, progress, say, slices
+from millisight.cli.options import Crop, Objects, SamDevice, Sight, Workers, checked_sight
 
 app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
-    help="How well it works: tables of a dataset's images, the paper's figures beside.",
+    help="Evaluate on a dataset: tables beside the paper's.",
 )
-app.command("simulator")(evaluate_simulator.simulator)
-app.command("segmentation")(evaluate_segmentation.segmentation)
-app.command("classification")(evaluate_classification.classification)
+
+Root = Annotated[Path, typer.Argument(metavar="DIR", help="Dataset in the published layout.")]
+Output = Annotated[Path, typer.Option("-o", "--output", metavar="OUT", help="Folder for page, tables and figures.")]
+Transform = Annotated[
+    str | None,
+    typer.Option(
+        help="Camera to radar: by the pose in the file (file), or the constants of the published evaluation "
+        "(published). [default: file for simulated scenes, else published]"
+    ),
+]
+
+
+@app.command()
+def simulator(
+    measured: Annotated[
+        Path, typer.Option("--measured", metavar="DIR", help="Dataset with the measured images, the reference.")
+    ],
+    simulated: Annotated[
+        Path, typer.Option("--simulated", metavar="DIR", help="Dataset with the simulated images; may be the same.")
+    ],
+    output: Output = Path("simulator-evaluation"),
+    objects: Objects = None,
+    sight: Sight = None,
+    radar: Annotated[str, typer.Option(help="77_ghz or 24_ghz.")] = "77_ghz",
+    flat: Annotated[
+        bool | None,
+        typer.Option(
+            help="Compare means along z. [default: at 24 GHz, which does not resolve depth]", show_default=False
+        ),
+    ] = None,
+    threshold: Annotated[
+        float, typer.Option(help="tau_P: points are the voxels above this share of the image's maximum.")
+    ] = 0.3,
+    absolute: Annotated[bool, typer.Option("--absolute", help="tau_P is in the unit of the images.")] = False,
+    within: Annotated[str, typer.Option(help="tau_F: points nearer than this match.")] = "10mm",
+    mode: Annotated[str, typer.Option("--align", help="translation, or rigid: also rotation.")] = "translation",
+    crop: Annotated[
+        str, typer.Option(metavar="LOW,HIGH", help="Slices of measured images to leave out, lowest and highest.")
+    ] = "0,0",
+    fit: Annotated[
+        Path | None, typer.Option("--fit", metavar="FILE.toml", help="Write the weights that fit each object best.")
+    ] = None,
+    clouds: Annotated[
+        str | None, typer.Option(metavar="SUFFIX", help="Also write the compared clouds, as ply or pcd.")
+    ] = None,
+    pictures: Annotated[int, typer.Option(min=0, help="Number of best and worst pairs to plot.")] = 3,
+    workers: Workers = None,
+) -> None:
+    """Compare simulated with measured images: 3D F-scores, beside the paper's.
+
+    For each measured image, the simulated images of the same object and angles are combined with many weights, made
+    into points, aligned and compared; the best combination counts. Writes OUT/index.html, and each table as Markdown
+    and CSV. Run it again to continue after an interruption. A pair that cannot be read does not stop the rest; the exit
+    code is 1 if any failed.
+
+    Example: millisight evaluate simulator --measured bench24 --simulated bench24 -o truth
+    """
+    options = {
+        "simulated": simulated,
+        "radar": radar,
+        "flat": flat,
+        "threshold": threshold,
+        "absolute": absolute,
+        "within": length(within, option="--within"),
+        "mode": mode,
+        "crop": slices(crop, option="--crop"),
+        "fit": fit,
+        "clouds": clouds,
+        "pictures": pictures,
+    }
+    _evaluate("simulator", measured, output, objects, sight, workers, label="compare", **options)
+
+
+@app.command()
+def segmentation(
+    root: Root,
+    output: Output,
+    method: Annotated[
+        list[str] | None,
+        typer.Option("--method", help="Segmenter: wave, classical or sam; repeatable. [default: wave, classical]"),
+    ] = None,
+    sam_model: Annotated[
+        str, typer.Option(help="Of sam: vit-b, vit-l, vit-h, sam2-tiny, sam2-large, or a folder with weights.")
+    ] = "vit-b",
+    device: SamDevice = "cpu",
+    objects: Objects = None,
+    sight: Sight = None,
+    seeds: Annotated[int, typer.Option(min=1, help="Number of random seeds for prompts: 0, 1, 2 and so on.")] = 3,
+    truth: Annotated[
+        str, typer.Option(help="True masks: the camera's (camera), or the exact ones of simulated data (exact).")
+    ] = "camera",
+    transform: Transform = None,
+    support: Annotated[
+        str | None,
+        typer.Option(help="Height of the support's face in the radar frame, such as -30cm. [default: by background]"),
+    ] = None,
+    crop: Crop = "0,0",
+    failures: Annotated[int, typer.Option(min=0, help="Number of worst masks of each segmenter to plot.")] = 6,
+    workers: Workers = None,
+) -> None:
+    """Compare masks of segmenters with true masks: on photos, at 24 GHz, at 77 GHz, and with both.
+
+    Writes OUT/index.html, and each table as Markdown and CSV. Run it again to continue after an interruption. A scene
+    that cannot be read does not stop the rest; the exit code is 1 if any failed.
+
+    Example: millisight evaluate segmentation bench24 -o masks --method wave --method classical
+    """
+    options = {
+        "methods": method or ("wave", "classical"),
+        "options": {"sam": {"model": sam_model, "device": device}},
+        "seeds": seeds,
+        "truth": truth,
+        "transform": transform,
+        "support": None if support is None else length(support, option="--support"),
+        "crop": slices(crop, option="--crop"),
+        "failures": failures,
+    }
+    _evaluate("segmentation", root, output, objects, sight, workers, label="segment", **options)
+
+
+@app.command()
+def classification(
+    root: Root,
+    output: Output,
+    weights: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--weights", metavar="FILE.onnx", help="A trained classifier; repeatable. [default: the shipped one]"
+        ),
+    ] = None,
+    method: Annotated[str, typer.Option(help="Segmenter of the predicted masks: wave or classical.")] = "wave",
+    seed: Annotated[int, typer.Option(min=0, help="Random seed for prompts, where the segmenter takes some.")] = 0,
+    objects: Objects = None,
+    sight: Sight = None,
+    truth: Annotated[
+        str, typer.Option(help="True masks: the camera's (camera), or the exact ones of simulated data (exact).")
+    ] = "camera",
+    transform: Transform = None,
+    crop: Crop = "0,0",
+    mistakes: Annotated[int, typer.Option(min=0, help="Number of mistakes of each classifier to plot.")] = 12,
+    workers: Workers = None,
+) -> None:
+    """Compare predicted with true classes, in predicted and in true masks, on known and on new objects.
+
+    The description beside a classifier's weights says what it was trained on. By it each image is object-closed,
+    object-disjoint, or left out; training and test must share no pose, seed or physics. Writes OUT/index.html, and
+    each table as Markdown and CSV. Run it again to continue after an interruption. A scene that cannot be read does
+    not stop the rest; the exit code is 1 if any failed.
+
+    Example: millisight evaluate classification classes -o named --weights both/classifier.onnx
+    """
+    options = {
+        "weights": weights or (),
+        "method": method,
+        "seed": seed,
+        "truth": truth,
+        "transform": transform,
+        "crop": slices(crop, option="--crop"),
+        "mistakes": mistakes,
+    }
+    _evaluate("classification", root, output, objects, sight, workers, label="classify", **options)
+
+
+def _evaluate(
+    task: str,
+    dataset: Path,
+    output: Path,
+    objects: list[str] | None,
+    sight: str | None,
+    workers: int | None,
+    *,
+    label: str,
+    **options: Any,
+) -> None:
+    """Run a task, print its main tables, and end with its failures."""
+    from millisight.datasets import evaluate
+
+    sight = checked_sight(sight)
+    with progress(label, compiles=False) as report:
+        result = evaluate(
+            task,
+            dataset,
+            output=output,
+            objects=objects or (),
+            sight=sight,
+            workers=workers,
+            progress=report,
+            **options,
+        )
+    if result.cached:
+        say(f"{result.cached} results were there already")
+    for table in result.summary:
+        say(table.markdown() + "\n")
+    if result.rows:
+        say(f"wrote {output / 'index.html'}")
+    for note in result.planned.notes:
+        say(f"note: {note}")
+    end_with_failures([f"{name}: {in_options(reason)}" for name, reason in result.failures])

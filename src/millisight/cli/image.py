@@ -2,23 +2,23 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from millisight.capture.capture import Capture
 from millisight.cli.console import check_outputs, end_with_failures, in_options, progress, say
 from millisight.cli.grids import outline_mesh, parse_grid
 from millisight.cli.options import RadarChoice
 from millisight.cli.sources import Opened, Source, sources
-from millisight.errors import InputError, MillisightError, UnknownNameError
-from millisight.files import make_folder
-from millisight.imaging.form import form_image
-from millisight.imaging.grid import VoxelGrid
-from millisight.imaging.image import SarImage
+from millisight.core import PUBLISHED_COLORMAP, make_folder
+from millisight.core.errors import InputError, MillisightError, UnknownNameError
+from millisight.data import Capture, SarImage, VoxelGrid
+from millisight.imaging import METHODS, WINDOWS, form_image
 
 _CLOCKS = ("given", "report", "apply")
+_FOCUSES = ("none", "rows", "path")
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +28,9 @@ class _Settings:
     grid: str | None
     method: str | None
     window: str | None
+    tolerance: float | None
     clock: str
+    focus: str
     data: Path | None
     background: list[Source]
     outline: str | None
@@ -37,7 +39,9 @@ class _Settings:
     @property
     def asked(self) -> dict[str, Any]:
         """What decides the image's values, as its metadata hold it."""
-        values = {name: getattr(self, name) for name in ("grid", "method", "window", "clock")}
+        values = {name: getattr(self, name) for name in ("grid", "method", "window", "tolerance", "clock")}
+        if self.focus != "none":
+            values["focus"] = self.focus
         return {**values, "background": [source.name for source in self.background]}
 
 
@@ -77,8 +81,8 @@ def image(
     method: Annotated[
         str | None,
         typer.Option(
-            help="fast; backprojection, more accurate; or exact, in float64 and very slow. [default: fast, or as the "
-            "description states]"
+            help="fast; backprojection, more accurate; exact, in float64 and very slow; or sparse, for half or a "
+            "quarter of the rows. [default: fast, or as the description states]"
         ),
     ] = None,
     window: Annotated[
@@ -87,6 +91,10 @@ def image(
             help="none, hann or taylor: lower sidelobes for a wider main lobe. [default: none, or as the description "
             "states]"
         ),
+    ] = None,
+    tolerance: Annotated[
+        float | None,
+        typer.Option(help="Relative error that fast and backprojection may make, from 0.0005 to 0.1. [default: 0.005]"),
     ] = None,
     data: Annotated[
         Path | None, typer.Option(help="Where the files that a description names lie. [default: beside it]")
@@ -103,6 +111,13 @@ def image(
             "clock. apply: and correct them."
         ),
     ] = "given",
+    focus: Annotated[
+        str,
+        typer.Option(
+            help="none: trust the path. rows: find by how many frames each row began late. path: and how the path "
+            "wanders, from the sharpness of the image."
+        ),
+    ] = "none",
     plot: Annotated[
         Path | None,
         typer.Option(
@@ -136,13 +151,17 @@ def image(
     """
     if clock not in _CLOCKS:
         raise UnknownNameError("--clock", clock, _CLOCKS)
+    if focus not in _FOCUSES:
+        raise UnknownNameError("--focus", focus, _FOCUSES)
     if outline is not None and plot is None and slices is None:
         raise InputError("--outline is drawn over pictures, and there is none; add --plot or --slices")
     settings = _Settings(
         grid=grid,
         method=method,
         window=window,
+        tolerance=tolerance,
         clock=clock,
+        focus=focus,
         data=data,
         background=[] if background is None else sources([background], radar),
         outline=outline,
@@ -201,7 +220,7 @@ def _image_all(
 
 
 def _image_one(source: Source, outputs: _Outputs, settings: _Settings, *, label: str) -> None:
-    from millisight.io.hdf5 import save
+    from millisight.io import save
 
     with source.opened(settings.data, f"{label}read") as opened:
         for note in (*opened.notes, *_oddities(opened.capture)):
@@ -211,6 +230,7 @@ def _image_one(source: Source, outputs: _Outputs, settings: _Settings, *, label:
         voxels = parse_grid(settings.grid, capture)
         capture = _on_time(Opened(capture, opened.log), voxels, settings.clock, label)
         say(f"grid: {' x '.join(map(str, voxels.shape))} voxels, {capture.channels} channels")
+        capture = _in_focus(capture, voxels, settings.focus, label)
         formed = _form(capture, voxels, settings, label)
     save(outputs.image, SarImage(grid=formed.grid, values=formed.values, metadata=_told(formed, settings)))
     say(f"peak: {formed.magnitude.max():.4g} at {', '.join(f'{p * 100:.1f}' for p in formed.peak)} cm")
@@ -224,7 +244,7 @@ def _told(formed: SarImage, settings: _Settings) -> dict[str, Any]:
 
 def _done(outputs: _Outputs, settings: _Settings) -> bool:
     """Whether an earlier run made this image with these options; pictures that are missing are drawn from it."""
-    from millisight.io.hdf5 import load
+    from millisight.io import load
 
     if not outputs.image.exists():
         return False
@@ -242,7 +262,7 @@ def _oddities(capture: Capture) -> list[str]:
     frequency, extent = capture.radar.waveform.center_frequency, float(capture.trajectory.extent.max())
     if not 1e8 <= frequency <= 1e12:
         found.append(f"warning: the centre frequency is {frequency:.3g} Hz; is its unit right?")
-    if extent > 10:
+    if extent > 10 and not capture.metadata.get("far_field"):
         found.append(f"warning: the aperture is {extent:.3g} m large; is the unit of the positions right?")
     return found
 
@@ -251,17 +271,23 @@ def _form(capture: Capture, voxels: VoxelGrid, settings: _Settings, label: str) 
     """The image; what the command line leaves open is as the capture's description states it."""
     stated: Any = capture.metadata.get("imaging")
     stated = stated if isinstance(stated, Mapping) else {}
+    for key, known in (("method", METHODS), ("window", ("none", *WINDOWS))):
+        if stated.get(key) and not getattr(settings, key) and stated[key] not in known:
+            raise UnknownNameError(f"{key} in {capture.metadata.get('description')}, [image]:", stated[key], known)
     method = settings.method or str(stated.get("method", "fast"))
     window = settings.window or stated.get("window") or "none"
     with progress(f"{label}image by {method}") as report:
-        return form_image(capture, voxels, method=method, window=None if window == "none" else window, progress=report)
+        return form_image(
+            capture, voxels, method=method, window=None if window == "none" else window,
+            tolerance=settings.tolerance, progress=report,
+        )  # fmt: skip
 
 
 def _without_background(capture: Capture, source: Source, settings: _Settings) -> Capture:
     """The capture less the first frame of the empty scene's, where one is given for its radar."""
     if not settings.background:
         return capture
-    from millisight.capture.calibrate import subtract_background
+    from millisight.calibration import subtract_background
 
     for empty in settings.background:
         if empty.radar == source.radar:
@@ -277,8 +303,8 @@ def _on_time(opened: Opened, voxels: VoxelGrid, clock: str, label: str) -> Captu
         return opened.capture
     if opened.log is None:
         raise InputError(f"--clock {clock} needs a robot's log, and this capture has none: its poses are given")
-    from millisight.capture.clock import retime
-    from millisight.imaging.synchronise import estimate_clock
+    from millisight.calibration import retime
+    from millisight.imaging import estimate_clock
 
     with progress(f"{label}clock") as report:
         found = estimate_clock(opened.capture, opened.log, voxels, progress=report)
@@ -294,12 +320,35 @@ def _on_time(opened: Opened, voxels: VoxelGrid, clock: str, label: str) -> Captu
     return retime(opened.capture, opened.log, found.clock) if clock == "apply" else opened.capture
 
 
+def _in_focus(capture: Capture, voxels: VoxelGrid, focus: str, label: str) -> Capture:
+    """The capture, its path put right by the sharpness of the image where that was asked for."""
+    if focus == "none":
+        return capture
+    from millisight.imaging import autofocus
+
+    with progress(f"{label}focus") as report:
+        found = autofocus(capture, voxels, focus=focus, progress=report)
+    if "rows" in found.applied:
+        worst = float(abs(found.row_offsets).max())
+        say(f"focus: rows began up to {worst:.1f} +- {found.row_uncertainty:.1f} frames early or late")
+    if found.applied:
+        farthest = 1e3 * float((found.displacements**2).sum(axis=1).max()) ** 0.5
+        say(
+            f"focus: poses moved by up to {farthest:.2f} mm, along the line of sight to +- "
+            f"{1e3 * found.uncertainty:.3f} mm; contrast grew by {100 * (found.gain - 1):.0f} %"
+        )
+    if found.reason:
+        say(f"focus: {found.reason}")
+    return found.capture
+
+
 def _draw(formed: SarImage, mesh: Any, outputs: _Outputs, scale: Any) -> None:
     if outputs.plot is None and outputs.slices is None:
         return
-    from millisight.viz.plots import plot_projections, plot_slices, save_figure
+    from millisight.viz import plot_image, plot_slices, save_figure
 
-    for path, draw in ((outputs.plot, plot_projections), (outputs.slices, plot_slices)):
+    both = partial(plot_image, colormap=(PUBLISHED_COLORMAP, None))
+    for path, draw in ((outputs.plot, both), (outputs.slices, plot_slices)):
         if path is not None:
             save_figure(draw(formed, mesh=mesh, scale=scale), path)
             say(f"wrote {path}")

@@ -1,4 +1,4 @@
-"""What the commands on images share: the images that paths lead to, a segmenter by name, one image after the other."""
+"""Shared by the commands on images: finding images, choosing a segmenter, working through a list."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -8,31 +8,31 @@ from typing import Any, TypeVar
 import typer
 
 from millisight.cli.console import end_with_failures, in_options, progress, say
-from millisight.errors import FileError, FormatError, InputError, MillisightError, UnknownNameError
-from millisight.files import check_readable, printable
-from millisight.imaging.image import SarImage
-from millisight.io.mito_names import EMPTY_SCENES, RADARS, SIGHTS, object_of
+from millisight.core import check_readable, printable
+from millisight.core.errors import FileError, FormatError, InputError, MillisightError, UnknownNameError
+from millisight.data import SarImage
+from millisight.io.mito import EMPTY_SCENES, RADARS, SIGHTS, object_of
 from millisight.perception.segmentation import Segmenter, segmenter
 
 MASK_SUFFIX = ".mask.h5"
-"""Of the masks that `millisight segment` writes."""
+"""Suffix of the masks that `millisight segment` writes."""
 
-_PUBLISHED = "processed_image"  # begins the names of images in the published layout
+_PUBLISHED = "processed_image"  # start of image file names in the published layout
 
 T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
 class ImageSource:
-    """One image that a path leads to.
+    """One image found at a path.
 
     Attributes
     ----------
     path : the image's file
-    name : of its outputs, without suffix
+    name : name of the outputs, without suffix
     condition : "los" or "nlos"
-    other : file of the other band's image; None: there is none
-    folder : where its outputs go by default
+    other : image file of the other band; None: no such image
+    folder : default folder of the outputs
     """
 
     path: Path
@@ -42,11 +42,11 @@ class ImageSource:
     folder: Path
 
     def output(self, suffix: str, folder: Path | None = None) -> Path:
-        """What an output is called, in `folder` or where it goes by default."""
+        """Path of an output in `folder`; None: in the default folder."""
         return (self.folder if folder is None else folder) / f"{self.name}{suffix}"
 
     def images(self) -> tuple[SarImage, SarImage | None]:
-        """The image and the other band's; raises FileError, FormatError, DamagedFileError."""
+        """The image and that of the other band. Raises FileError, FormatError, DamagedFileError."""
         return read_as(SarImage, self.path), None if self.other is None else read_as(SarImage, self.other)
 
 
@@ -58,38 +58,36 @@ def image_sources(
     multispectral: bool = False,
     other_band: Path | None = None,
 ) -> list[ImageSource]:
-    """Every image that `paths` lead to, in order; a folder leads to all under it but those of empty scenes.
+    """All images found at `paths`, in order; folders are searched, empty scenes left out.
 
     Parameters
     ----------
-    radar : of experiments only this one, "77_ghz" or "24_ghz"
-    condition : "los" or "nlos"; None: as an experiment's folder is named, or "los"
-    multispectral : of experiments each 77 GHz image, with the 24 GHz image beside it
-    other_band : the other band's image, where there is one image
+    radar : use only this radar of experiments, "77_ghz" or "24_ghz"
+    condition : "los" or "nlos"; None: from the folder name of the experiment, else "los"
+    multispectral : pair each 77 GHz image of an experiment with its 24 GHz image
+    other_band : image of the other band, for a single image
 
     Raises
     ------
     FileError
-        A path does not exist, or leads to no image.
+        A path does not exist, or holds no image.
     InputError, UnknownNameError
-        The options contradict each other, or two images would have one name.
+        The options contradict each other, or two images have the same name.
     """
     if condition is not None and condition not in SIGHTS:
         raise UnknownNameError("--condition", condition, SIGHTS)
     if multispectral and (other_band is not None or radar == "24_ghz"):
-        raise InputError(
-            "--multispectral pairs 77 GHz images with their 24 GHz ones; leave --other-band and --radar out"
-        )
+        raise InputError("--multispectral pairs 77 GHz images with 24 GHz images; remove --other-band and --radar")
     found = [one for path in paths for one in _under(path, radar, condition, multispectral=multispectral)]
     names = [source.name for source in found]
     for name in names:
         if names.count(name) > 1:
-            raise InputError(f"two images would both be called {name}; name them one by one, with --output")
+            raise InputError(f"two images have the same name {name}; process them one by one with --output")
     return found if other_band is None else [replace(one, other=other_band) for one in found]
 
 
 def check_single(found: Sequence[ImageSource], **options: object) -> None:
-    """Refuse options that belong to one image where there are several; their names with _ for -.
+    """Refuse options of a single image if there are several images.
 
     Raises
     ------
@@ -97,7 +95,7 @@ def check_single(found: Sequence[ImageSource], **options: object) -> None:
     """
     if len(found) > 1 and any(value is not None for value in options.values()):
         names = " and ".join(f"--{name.replace('_', '-')}" for name in options)
-        raise InputError(f"{names} belong to one image, and there are {len(found)}; pass one")
+        raise InputError(f"{names} work with a single image, and {len(found)} were given; pass one image")
 
 
 def one_by_one(
@@ -108,14 +106,14 @@ def one_by_one(
     past: str,
     tell: Callable[[str], None] = say,
 ) -> None:
-    """Every image after the other; one that fails does not stop the rest, and what failed is said again at the end.
+    """Process images one by one; a failure does not stop the rest and is repeated at the end.
 
     Parameters
     ----------
     found : images
-    work : what is done with each
-    verb, past : what it is called, "segment" and "segmented"
-    tell : how many did not fail
+    work : function called with each image
+    verb, past : verb for messages, such as "segment" and "segmented"
+    tell : prints the number of images processed
 
     Raises
     ------
@@ -153,14 +151,14 @@ def named_segmenter(method: str, **options: Any) -> Segmenter:
 
 
 def read_as(kind: type[T], path: Path) -> T:
-    """A record of ours, or of the published dataset, that must be of this kind.
+    """Read an HDF5 file or a pickle of the published dataset; the record must be a `kind`.
 
     Raises
     ------
     FileError, FormatError, DamagedFileError
     """
-    from millisight.io.hdf5 import load
-    from millisight.io.mito_layout import read_published
+    from millisight.io import load
+    from millisight.io.mito import read_published
 
     record = read_published(path).record if path.suffix.lower() == ".pkl" else load(path)
     if not isinstance(record, kind):
@@ -169,12 +167,12 @@ def read_as(kind: type[T], path: Path) -> T:
 
 
 def _under(path: Path, radar: str | None, condition: str | None, *, multispectral: bool) -> list[ImageSource]:
-    """The images that a path leads to.
+    """Images at a path.
 
     Raises
     ------
     FileError
-        There is no such path, or no image under it.
+        The path does not exist, or holds no image.
     """
     if not path.is_dir():
         path = check_readable(path)
@@ -195,7 +193,7 @@ def _under(path: Path, radar: str | None, condition: str | None, *, multispectra
 
 
 def _passed_over(file: Path) -> bool:
-    """Whether it is still being made, in a hidden folder, or is of the published layout's empty scenes: no object."""
+    """Whether a file is in a hidden folder (still being written) or belongs to an empty scene."""
     if any(part.startswith(".") for part in file.parts):
         return True
     folders = map(object_of, file.parent.parts if file.name.startswith(_PUBLISHED) else ())

@@ -1,32 +1,16 @@
-"""`millisight info`: what a file holds, in a few lines."""
+"""`millisight info`: describe files."""
 
 import math
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from millisight.capture.capture import Capture
-from millisight.capture.radar import Radar, Waveform
 from millisight.cli.console import in_options, say
-from millisight.errors import FileError, InputError, MillisightError
-from millisight.files import check_readable
-from millisight.imaging.image import SarImage
-from millisight.records import box
-
-
-@dataclass(frozen=True, slots=True)
-class _Declared:
-    """What the options say of raw DCA1000 files."""
-
-    samples: int | None
-    receivers: int | None
-    chirps: int | None
-    order: str | None
-    sample_swap: bool | None
-    config: Path | None
+from millisight.core import check_readable
+from millisight.core.errors import FileError, InputError, MillisightError
+from millisight.data import RawScan
 
 
 def info(
@@ -34,35 +18,38 @@ def info(
         list[Path],
         typer.Argument(
             metavar="FILE",
-            help="HDF5 files of millisight; raw radar files (DCA1000 .bin, TI .cfg, Position2Go .txt); arrays (.npy, "
-            ".npz, .mat, .csv, .pkl); descriptions (.toml); mesh files.",
+            help="HDF5 files of millisight; raw radar files (DCA1000 .bin and .pcap, TI .cfg, Position2Go .txt); "
+            "arrays (.npy, .npz, .mat, .csv, .pkl, .s2p); descriptions (.toml); mesh files.",
         ),
     ],
-    samples: Annotated[int | None, typer.Option(help="Of .bin files: samples of a chirp and receiver.")] = None,
-    receivers: Annotated[int | None, typer.Option(help="Of .bin files: receivers.")] = None,
-    chirps: Annotated[int | None, typer.Option(help="Of .bin files: chirps of a frame.")] = None,
+    samples: Annotated[int | None, typer.Option(help="For .bin files: samples per chirp.")] = None,
+    receivers: Annotated[int | None, typer.Option(help="For .bin files: number of receivers.")] = None,
+    chirps: Annotated[int | None, typer.Option(help="For .bin files: chirps per frame.")] = None,
     order: Annotated[
         str | None,
-        typer.Option(help="Of .bin files: the order that is declared: four-lane, two-lane or two-lane interleaved."),
+        typer.Option(help="For .bin files: sample order: four-lane, two-lane or two-lane interleaved."),
     ] = None,
     sample_swap: Annotated[
-        bool | None, typer.Option("--q-first/--i-first", help="Of .bin files: which part of a sample stands first.")
+        bool | None, typer.Option("--q-first/--i-first", help="For .bin files: which part of a sample comes first.")
     ] = None,
     config: Annotated[
-        Path | None, typer.Option(help="Of .bin files: the TI .cfg they were recorded with. [default: one beside it]")
+        Path | None, typer.Option(help="For .bin files: TI .cfg of the recording. [default: one in the same folder]")
     ] = None,
     data: Annotated[
-        Path | None, typer.Option(help="Where the files that a description names lie. [default: beside it]")
+        Path | None, typer.Option(help="Folder of the files named in a description. [default: its own folder]")
     ] = None,
 ) -> None:
-    """Say what files hold: record, size, radar, provenance; of raw radar files their order, found out from the data.
+    """Describe files: record, size, radar, provenance; for raw radar files also the sample order found in the data.
 
-    Settings of a .bin file that no option gives come from a .cfg or .json beside it, or from the data itself; what
-    does not fit the data is warned of.
+    Settings of a .bin file that are not given as options come from a .cfg or .json in its folder, or from the data.
+    Settings that do not fit the data cause a warning.
 
     Example: millisight info mug.capture.h5 mug.stl adc_data.bin
     """
-    declared = _Declared(samples, receivers, chirps, order, sample_swap, config)
+    declared = {
+        "samples": samples, "receivers": receivers, "chirps": chirps, "order": order, "sample_swap": sample_swap,
+        "config": config,
+    }  # fmt: skip
     failed = False
     for path in files:
         try:
@@ -78,27 +65,19 @@ def info(
         raise typer.Exit(1)
 
 
-def _describe(path: Path, declared: _Declared, data: Path | None) -> list[str]:
+def _describe(path: Path, declared: dict[str, Any], data: Path | None) -> list[str]:
     if path.is_dir():
         return _folder_lines(path, data)
     path = check_readable(path)
-    from millisight.scene.load import FORMATS
+    from millisight.meshes import FORMATS
 
     suffix = path.suffix.lower().removeprefix(".")
     if suffix in FORMATS:
         return _mesh_lines(path)
-    if suffix == "bin":
-        from millisight.io.dca1000_report import describe_raw
+    if suffix in ("bin", "pcap"):
+        from millisight.io.raw import describe_raw
 
-        return describe_raw(
-            path,
-            samples=declared.samples,
-            receivers=declared.receivers,
-            chirps=declared.chirps,
-            order=declared.order,
-            sample_swap=declared.sample_swap,
-            config=declared.config,
-        )
+        return describe_raw(path, **declared)
     if suffix in _READERS:
         return _READERS[suffix](path)
     if suffix == "toml":
@@ -119,7 +98,7 @@ def _folder_lines(folder: Path, data: Path | None) -> list[str]:
 
 
 def _mesh_lines(path: Path) -> list[str]:
-    from millisight.scene.load import load_mesh
+    from millisight.meshes import load_mesh
 
     mesh = load_mesh(path, unit="m")
     extent = " x ".join(f"{e:.4g}" for e in mesh.extent)
@@ -127,8 +106,9 @@ def _mesh_lines(path: Path) -> list[str]:
 
 
 def _description_lines(path: Path, data: Path | None) -> list[str]:
-    """What a description leads to, positions or not."""
+    """A description of raw data, with positions or without."""
     from millisight.io.description import read, read_frames
+    from millisight.viz import radar_facts
 
     try:
         content = read(path, data=data)
@@ -138,15 +118,21 @@ def _description_lines(path: Path, data: Path | None) -> list[str]:
         return [
             f"description: {frames.shape[0]} frames x {frames.shape[1]} TX x {frames.shape[2]} RX, "
             f"{frames.shape[3]} samples, without positions: it cannot be imaged",
-            _radar_line(radar),
+            f"radar: {radar_facts(radar)}",
         ]
-    if isinstance(content, Capture):
-        return [f"description: of {content.metadata.get('source', path.name)}", *_capture_lines(content)]
+    if not isinstance(content, RawScan):
+        from millisight.cli.phase_sign import sign_line
+
+        capture = content.to_capture()
+        odd = (f"note: {note}" for note in capture.metadata.get("notes", ()))
+        line = sign_line(capture)
+        name = capture.metadata.get("source", path.name)
+        return [f"description: of {name}", *_lines(capture), *odd, *([] if line is None else [line])]
     times, log = [row.times for row in content.rows], content.log.times
     return [
         f"description: {len(content.rows)} rows, {sum(map(len, times))} frames, to be placed by a log of "
         f"{len(content.log)} poses",
-        _radar_line(content.radar),
+        f"radar: {radar_facts(content.radar)}",
         f"clocks: frames from {min(t[0] for t in times):.6g} to {max(t[-1] for t in times):.6g} s, log from "
         f"{log[0]:.6g} to {log[-1]:.6g} s",
     ]
@@ -166,16 +152,27 @@ def _array_lines(path: Path) -> list[str]:
 
 
 def _table_lines(path: Path) -> list[str]:
-    from millisight.io.text_table import read_table
+    from millisight.io.arrays import read_table
 
     table = read_table(path)
     rows, columns = table.values.shape
     return [f"table: {rows} rows x {columns} columns" + (f": {', '.join(table.names)}" if table.names else "")]
 
 
+def _touchstone_lines(path: Path) -> list[str]:
+    from millisight.io.arrays import read_touchstone
+
+    arrays = read_touchstone(path)
+    frequencies = arrays.pop("f")
+    return [
+        f"Touchstone: {', '.join(arrays)} at {len(frequencies)} frequencies, {frequencies[0] / 1e9:.6g} to "
+        f"{frequencies[-1] / 1e9:.6g} GHz"
+    ]
+
+
 def _pickle_lines(path: Path) -> list[str]:
-    """What a pickle holds; nothing in it is run."""
-    from millisight.io.pickles import read_pickle
+    """The contents of a pickle; no code in it is executed."""
+    from millisight.io.arrays import read_pickle
 
     content = read_pickle(path)
     if not isinstance(content, dict):
@@ -188,12 +185,13 @@ def _pickle_lines(path: Path) -> list[str]:
 
 
 def _config_lines(path: Path) -> list[str]:
-    from millisight.io.ti_config import read_ti_config
+    from millisight.io.raw import read_ti_config
+    from millisight.viz import band_of
 
     config = read_ti_config(path)
     frames = "until stopped" if not config.frames else f"{config.frames}"
     return [
-        f"TI configuration: {_band(config.waveform)}, {config.waveform.samples_per_chirp} samples at "
+        f"TI configuration: {band_of(config.waveform)}, {config.waveform.samples_per_chirp} samples at "
         f"{config.waveform.sample_rate / 1e6:g} MHz",
         f"frames: {frames}, every {config.frame_period * 1e3:g} ms, {config.chirps_per_frame} chirps each, "
         f"{config.receivers} RX",
@@ -202,7 +200,7 @@ def _config_lines(path: Path) -> list[str]:
 
 
 def _position2go_lines(path: Path) -> list[str]:
-    from millisight.io.position2go import read_position2go
+    from millisight.io.raw import read_position2go
 
     try:
         frames, chirps, receivers, samples = read_position2go(path).samples.shape
@@ -224,11 +222,12 @@ _READERS = {
     "cfg": _config_lines,
     "txt": _position2go_lines,
     "pkl": _pickle_lines,
+    **{f"s{ports}p": _touchstone_lines for ports in range(1, 10)},
 }
 
 
 def _record_lines(path: Path) -> list[str]:
-    from millisight.io.hdf5 import load, open_capture, provenance
+    from millisight.io import load, open_capture, provenance
 
     origin = provenance(path)
     by = f"millisight {origin['code_version']}, schema {origin['schema_version']}"
@@ -237,50 +236,11 @@ def _record_lines(path: Path) -> list[str]:
         made = [f"made: by {by}"]
     if origin["record"] == "Capture":
         with open_capture(path) as capture:
-            return [*_capture_lines(capture), *made]
-    record = load(path)
-    lines = _image_lines(record) if isinstance(record, SarImage) else [f"record: {origin['record']}"]
-    return [*lines, *made]
+            return [*_lines(capture), *made]
+    return [*_lines(load(path)), *made]
 
 
-def _capture_lines(capture: Capture) -> list[str]:
-    waveform, array = capture.radar.waveform, capture.radar.array
-    lower, upper = capture.trajectory.positions.min(axis=0), capture.trajectory.positions.max(axis=0)
-    return [
-        f"record: Capture, {capture.channels} channels = {len(capture.trajectory)} poses "
-        f"x {len(array.tx_positions)} TX x {len(array.rx_positions)} RX, {waveform.samples_per_chirp} samples",
-        _radar_line(capture.radar),
-        f"aperture: {box(lower, upper)}",
-        *_history(capture.metadata),
-    ]
+def _lines(record: Any) -> list[str]:
+    from millisight.viz import facts_of
 
-
-def _radar_line(radar: Radar) -> str:
-    resolution = radar.waveform.range_resolution * 100
-    return (
-        f"radar: {radar.name}, {_band(radar.waveform)}, range resolution {resolution:.3g} cm, "
-        f"path offset {radar.path_offset:g} m"
-    )
-
-
-def _band(waveform: Waveform) -> str:
-    first, last = waveform.frequencies[[0, -1]]
-    return f"{first / 1e9:.4f} to {last / 1e9:.4f} GHz"
-
-
-def _image_lines(image: SarImage) -> list[str]:
-    grid = image.grid
-    return [
-        f"record: SarImage, {' x '.join(map(str, grid.shape))} voxels",
-        f"grid: {box(*grid.bounds)}",
-        f"peak: {image.magnitude.max():.4g} at {', '.join(f'{p:.4f}' for p in image.peak)} m",
-        *_history(image.metadata),
-    ]
-
-
-def _history(metadata: Any) -> list[str]:
-    steps = []
-    for entry in metadata.get("history", ()):
-        settings = ", ".join(f"{k}={v}" for k, v in entry.items() if k not in ("step", "edge"))
-        steps.append(f"step: {entry.get('step', 'unknown')}({settings})")
-    return steps
+    return [f"{name}: {fact}" for name, fact in facts_of(record)]

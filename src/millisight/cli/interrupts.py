@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM: one exception for both, from the first moment on. It imports next to nothing."""
+"""Ctrl-C and SIGTERM raise one exception, from the first moment on. Imports little, so that it starts early."""
 
 import signal
 import sys
@@ -17,7 +17,7 @@ class Interrupted(BaseException):
 
 
 def listen() -> None:
-    """From now on the two signals raise `Interrupted`; one that the parent had us ignore stays ignored."""
+    """Raise `Interrupted` on both signals; a signal that the parent process ignores stays ignored."""
     for number in _NUMBERS:
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _interrupt)
@@ -25,18 +25,18 @@ def listen() -> None:
 
 
 def stop_listening() -> None:
-    """The end has begun: another signal must not disturb it."""
+    """Ignore further signals while the program ends."""
     for number in _NUMBERS:
         signal.signal(number, signal.SIG_IGN)
 
 
 def received() -> int:
-    """The number of the last signal that came, 0 for none."""
+    """Number of the last signal received; 0: none."""
     return _received
 
 
 def check() -> None:
-    """Raise `Interrupted` where a signal came and its exception was lost: in a call-back from C, say.
+    """Raise `Interrupted` if a signal was received and its exception lost, as in a call-back from C.
 
     Raises
     ------
@@ -53,6 +53,6 @@ def _interrupt(number: int, _frame: FrameType | None) -> None:
 
 
 def _unraisable(report: Any) -> None:
-    """Python's own report of an exception that it cannot raise, less ours: `check` will raise it."""
+    """Report an exception that Python cannot raise, unless it is `Interrupted`: `check` raises that one."""
     if not isinstance(report.exc_value, Interrupted):
         sys.__unraisablehook__(report)

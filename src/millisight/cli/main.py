@@ -5,14 +5,14 @@ import sys
 from millisight.cli import interrupts
 
 GO_ON = (
-    "dataset convert", "dataset download", "evaluate classification", "evaluate segmentation", "generate",
-    "train classifier", "train segmenter",
+    "dataset convert", "dataset download", "evaluate classification", "evaluate segmentation", "evaluate simulator",
+    "generate", "train classifier", "train segmenter",
 )  # fmt: skip
-"""Commands that keep what is done for their next run."""
+"""Commands whose next run continues where this one stopped."""
 
 
 def run() -> None:
-    """Run the command line; every error of ours is one line and exit code 1, Ctrl-C is 130, SIGTERM 143."""
+    """Run the command line. Exit codes: 1 for an error, printed on one line; 130 for Ctrl-C; 143 for SIGTERM."""
     try:
         interrupts.listen()  # before anything else, since imports take half a second
         from millisight.cli.app import app
@@ -28,15 +28,15 @@ def run() -> None:
 
 
 def _ending(error: BaseException) -> tuple[str, int]:
-    """The line that tells of an error and the exit code; no line where it is no error, or none that we know."""
+    """The line to print for an exception, and the exit code; an empty line: raise it."""
     if interrupts.received() and not isinstance(error, SystemExit):
         # Whatever was raised: an interrupted import, for one, may end in an ImportError.
-        line = "interrupted; files that were being written are left as they were before"
+        line = "interrupted; unfinished files were discarded, earlier files are unchanged"
         if " ".join(sys.argv[1:3]).startswith(GO_ON):
-            line += "; the same command goes on from here"
+            line += "; run the same command again to continue"
         return line, 128 + interrupts.received()
     from millisight.cli.console import in_options
-    from millisight.errors import MillisightError
+    from millisight.core.errors import MillisightError
 
     if isinstance(error, MillisightError):
         return in_options(str(error)), 1

@@ -1,44 +1,46 @@
-"""Options that several commands have, each written once."""
+"""Options that several commands share."""
 
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from millisight.errors import UnknownNameError
-from millisight.io.mito_names import SIGHTS
+from millisight.core.errors import UnknownNameError
+from millisight.io.mito import SIGHTS
 
-# Of commands on images or captures
+# Commands on images or captures
 
 Images = Annotated[
     list[Path],
     typer.Argument(
         metavar="IMAGE",
-        help="What `millisight image` or `ms.save` wrote (HDF5), or processed_image*.pkl of the published dataset; "
-        "experiments of it, or any folder above them or above HDF5 images.",
+        help="Image files: HDF5 as written by `millisight image`, or processed_image*.pkl of the published dataset; "
+        "or folders, which are searched for both.",
     ),
 ]
-RadarChoice = Annotated[str | None, typer.Option(help="Of experiments only this one: 77_ghz or 24_ghz.")]
+RadarChoice = Annotated[str | None, typer.Option(help="Use only this radar of each experiment: 77_ghz or 24_ghz.")]
 Multispectral = Annotated[
-    bool, typer.Option("--multispectral", help="Of experiments: each 77 GHz image, with the 24 GHz image beside it.")
+    bool, typer.Option("--multispectral", help="Pair each 77 GHz image of an experiment with its 24 GHz image.")
 ]
-SamDevice = Annotated[str, typer.Option(help="Of sam: cpu or cuda.")]
+SamDevice = Annotated[str, typer.Option(help="Device for --method sam: cpu or cuda.")]
 
-# Of commands on a dataset
+# Commands on a dataset
 
 Objects = Annotated[
     list[str] | None,
-    typer.Option("--object", metavar="NAME", help="Only this object: id, name or folder, such as 004; repeatable."),
+    typer.Option(
+        "--object", metavar="NAME", help="Use only this object (id, name or folder, such as 004). Repeatable."
+    ),
 ]
-Sight = Annotated[str | None, typer.Option(help="Only experiments in line of sight (los), or not (nlos).")]
+Sight = Annotated[str | None, typer.Option(help="Use only experiments in line of sight (los) or out of it (nlos).")]
 Crop = Annotated[
-    str, typer.Option(metavar="LOW,HIGH", help="Slices of 77 GHz images to leave out, lowest and highest.")
+    str, typer.Option(metavar="LOW,HIGH", help="Number of lowest and highest slices to drop from 77 GHz images.")
 ]
-Workers = Annotated[int | None, typer.Option(min=1, help="Processes. [default: one a core, eight at most]")]
+Workers = Annotated[int | None, typer.Option(min=1, help="Number of processes. [default: one per core, at most eight]")]
 
 
 def checked_sight(sight: str | None) -> str | None:
-    """What --sight names, or None.
+    """Return `sight` if it is valid or None.
 
     Raises
     ------

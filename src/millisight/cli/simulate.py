@@ -1,36 +1,65 @@
 """`millisight simulate`: from a mesh to a capture."""
 
+import inspect
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
-import numpy as np
 import typer
 
-from millisight.capture.capture import Capture
-from millisight.capture.noise import add_noise, check_noise
-from millisight.capture.radar import Radar
-from millisight.capture.scattering import MODELS, ScatteringModel
-from millisight.capture.simulate import simulate as simulate_capture
-from millisight.capture.trajectory import Trajectory
 from millisight.cli.console import check_outputs, length, progress, say, size
-from millisight.errors import CoverageError, InputError, UnknownNameError
-from millisight.imaging.image import combine
-from millisight.scene.scene import Scene
+from millisight.core.errors import InputError, UnknownNameError
+from millisight.data import Capture, Radar, Scene, Trajectory, radar_names
+from millisight.imaging import combine
+from millisight.simulation import (
+    SCATTERING_MODELS,
+    ScatteringModel,
+    add_noise,
+    aperture_over,
+    check_coverage,
+    check_noise,
+    parameters_of,
+    scattering_model,
+)
+from millisight.simulation import simulate as simulate_capture
 
-# Around an object the default aperture stands out by this much on every side [m].
-_MARGIN = 0.05
+_COMBINED = ("specular", "edge")
 
 
+def _with_parameters(function: Callable) -> Callable:
+    """The command with one option more for each parameter of each scattering model, after --height."""
+    signature = inspect.signature(function)
+    own = [p for p in signature.parameters.values() if p.kind is not p.VAR_KEYWORD]
+    options = {}
+    for model in SCATTERING_MODELS:
+        try:
+            fields = parameters_of(SCATTERING_MODELS[model])
+        except InputError:  # a plug-in that cannot be loaded: told when it is asked for
+            continue
+        for name, field in fields.items():
+            option, about = f"--{name.replace('_', '-')}", field.metadata.get("about", f"Of the model {model}.")
+            default = "" if isinstance(field.default, bool) else f" [default: {field.default:g}]"
+            kind = Annotated[type(field.default) | None, typer.Option(option, help=about + default)]
+            options.setdefault(
+                name, inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=kind)
+            )
+    place = [p.name for p in own].index("height") + 1
+    own[place:place] = options.values()
+    function.__signature__ = signature.replace(parameters=[p.replace(kind=p.KEYWORD_ONLY) for p in own])  # type: ignore[attr-defined]
+    function.__annotations__ |= {name: option.annotation for name, option in options.items()}
+    return function
+
+
+@_with_parameters
 def simulate(
     mesh: Annotated[str, typer.Argument(help="A mesh file (STL, OBJ, PLY, OFF, GLB) or a catalogue name such as mug.")],
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Capture to write (HDF5). [default: NAME.capture.h5]")
     ] = None,
-    radar: Annotated[
-        str, typer.Option(help="Radar preset: mito-sim-77ghz, mito-sim-24ghz, iwr1443 or position2go.")
-    ] = "mito-sim-77ghz",
+    radar: Annotated[str, typer.Option(help=f"Radar preset: {', '.join(radar_names())}.")] = "mito-sim-77ghz",
     model: Annotated[
-        str, typer.Option(help="specular, edge, diffuse, or combined: specular and edge weighted by --alpha.")
+        str,
+        typer.Option(help=f"{', '.join(SCATTERING_MODELS)}, or combined: specular and edge weighted by --alpha."),
     ] = "combined",
     alpha: Annotated[
         tuple[float, float] | None,
@@ -65,19 +94,17 @@ def simulate(
         str | None, typer.Option(help="Distance of neighbouring positions, such as 2mm. [default: half a wavelength]")
     ] = None,
     height: Annotated[str, typer.Option(help="Of the aperture above the object's centre.")] = "20cm",
-    tau_deg: Annotated[float, typer.Option(help="Specular: largest angle off the normal [degrees].")] = 5.0,
-    edge_deg: Annotated[float, typer.Option(help="Edge: faces further apart make an edge [degrees].")] = 20.0,
-    two_sided: Annotated[bool, typer.Option("--two-sided", help="Specular: opposite normals count too.")] = False,
     spreading: Annotated[str, typer.Option(help="Amplitude over path length: none, as in the paper, or 1/d.")] = "none",
     snr_db: Annotated[float | None, typer.Option(help="Add white noise at this signal-to-noise ratio [dB].")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the noise.")] = 0,
     plot: Annotated[Path | None, typer.Option(help="Write a picture of the range profiles (PNG, SVG, PDF).")] = None,
+    **parameters: Any,
 ) -> None:
     """Simulate what a radar measures of a mesh.
 
     Example: millisight simulate mug --radar mito-sim-77ghz --aperture 30x22cm --step 2mm -o mug.capture.h5
     """
-    from millisight.io.hdf5 import save
+    from millisight.io import save
 
     if alpha is not None and model != "combined":
         raise InputError(f"--alpha weighs specular against edge and has no meaning for --model {model}; leave one out")
@@ -86,27 +113,24 @@ def simulate(
     if snr_db is not None:
         check_noise(snr_db, seed)
     chosen = Radar.preset(radar)
-    _check_model(model, tau_deg, edge_deg)
-    _trajectory(aperture, step, height, chosen, np.zeros(3))  # what is wrong is said now, not after the mesh's work
+    models = _models(model, {name: value for name, value in parameters.items() if value is not None})
+    where = _Aperture(aperture, step, height, chosen)  # what is wrong is said now, not after the mesh's work
     with progress("mesh"):
         scene = Scene.from_mesh(mesh, unit=unit, vertices=vertices or None, rotate_deg=rotate, material=material)
     extent = scene.mesh.extent
     say(f"object: {scene.objects[0].name}, {' x '.join(f'{e * 100:.1f}' for e in extent)} cm, "
         f"{len(scene.mesh.vertices)} vertices, {scene.objects[0].material.name}")  # fmt: skip
-    trajectory = _trajectory(aperture, step, height, chosen, extent)
-    check_coverage(trajectory, extent, trajectory.positions[0, 2])
+    trajectory = where.over(scene)
+    check_coverage(scene, trajectory)
     say(f"aperture: {len(trajectory)} positions over "
         f"{' x '.join(f'{e * 100:.1f}' for e in trajectory.extent[:2])} cm, {chosen.name}")  # fmt: skip
 
     captures = []
-    for name in ("specular", "edge") if model == "combined" else (model,):
-        with progress(f"simulate {name}") as report:
+    for scattering in models:
+        with progress(f"simulate {scattering.name}") as report:
             captures.append(
-                simulate_capture(
-                    scene, chosen, trajectory, model=name, tau_deg=tau_deg, edge_deg=edge_deg, two_sided=two_sided,
-                    spreading=spreading, progress=report,
-                )
-            )  # fmt: skip
+                simulate_capture(scene, chosen, trajectory, model=scattering, spreading=spreading, progress=report)
+            )
     capture = captures[0] if len(captures) == 1 else combine(captures[0], captures[1], alpha or scene.alpha)
     # How the mesh was placed, for who wants to draw it over the image.
     placed = {"unit": unit, "rotate_deg": rotate}
@@ -122,47 +146,37 @@ def simulate(
     save(output, capture)
     say(f"wrote {output}: {capture.channels} channels of {chosen.waveform.samples_per_chirp} samples")
     if plot is not None:
-        from millisight.viz.plots import plot_range_profiles, save_figure
+        from millisight.viz import plot_range_profiles, save_figure
 
         save_figure(plot_range_profiles(capture), plot)
         say(f"wrote {plot}")
 
 
-def _check_model(model: str, tau_deg: float, edge_deg: float) -> None:
-    """Refuse before the work a model that is none, and angles that are none of its own."""
-    if model not in (*MODELS, "combined"):
-        raise UnknownNameError("scattering model", model, (*MODELS, "combined"))
-    ScatteringModel(tau_deg=tau_deg, edge_deg=edge_deg)
+def _models(model: str, parameters: dict[str, Any]) -> list[ScatteringModel]:
+    """The scattering models to simulate, refused before the work where they cannot be."""
+    if model != "combined" and model not in SCATTERING_MODELS:
+        raise UnknownNameError("scattering model", model, (*SCATTERING_MODELS, "combined"))
+    return [scattering_model(name, **parameters) for name in (_COMBINED if model == "combined" else (model,))]
 
 
-def _trajectory(aperture: str | None, step: str | None, height: str, radar: Radar, extent: np.ndarray) -> Trajectory:
-    """The raster asked for, around an object of this (3,) extent [m] where no aperture is."""
-    center = (0.0, 0.0, length(height, option="--height"))
-    if aperture == "published":
-        if step is not None:
+class _Aperture:
+    """The raster that the options ask for."""
+
+    def __init__(self, aperture: str | None, step: str | None, height: str, radar: Radar):
+        self._radar = radar
+        self._height = length(height, option="--height")
+        self._published = aperture == "published"
+        if self._published and step is not None:
             raise InputError("--aperture published has its own step, a quarter wavelength; leave --step out")
-        published = Trajectory.published(radar.waveform.start_frequency)
-        return Trajectory(times=published.times, positions=published.positions - [0, 0, 0.2] + center)
-    spacing = length(step, option="--step") if step is not None else radar.waveform.wavelength / 2
-    area = size(aperture, option="--aperture") if aperture is not None else tuple(extent[:2] + 2 * _MARGIN)
-    return Trajectory.raster(size=area, step=spacing, center=center)
+        self._size = None if aperture is None or self._published else size(aperture, option="--aperture")
+        self._step = None if step is None else length(step, option="--step")
+        Trajectory.raster(size=self._size or (0.0, 0.0), step=1.0 if self._step is None else self._step)
 
-
-def check_coverage(trajectory: Trajectory, extent, height: float) -> None:
-    """Refuse an aperture that the object outgrows, in width or in height.
-
-    Raises
-    ------
-    CoverageError
-    """
-    for name, wide, covered in zip("xy", extent, trajectory.extent, strict=False):
-        if wide > covered + 1e-9:
-            raise CoverageError(
-                f"the object is {wide * 100:.1f} cm wide along {name}, the aperture only {covered * 100:.1f} cm; "
-                "pass a larger --aperture, --rotate the object, or check the mesh's --unit"
-            )
-    if extent[2] / 2 >= height:
-        raise CoverageError(
-            f"the object reaches {extent[2] / 2 * 100:.1f} cm above its centre, the aperture hangs at "
-            f"{height * 100:.1f} cm; pass a larger --height or --rotate the object"
-        )
+    def over(self, scene: Scene) -> Trajectory:
+        """The positions; around the scene where no size was said."""
+        if self._published:
+            published = Trajectory.published(self._radar.waveform.start_frequency)
+            positions = published.positions - (0.0, 0.0, 0.2) + (0.0, 0.0, self._height)
+            return Trajectory(times=published.times, positions=positions)
+        origin = (0.0, 0.0, 0.0)  # where the mesh was centred before its vertices were resampled
+        return aperture_over(scene, self._radar, size=self._size, step=self._step, height=self._height, center=origin)

@@ -1,24 +1,22 @@
-"""What the paths on a command line lead to: captures of ours, descriptions, experiments of the published layout."""
+"""Captures given on the command line: HDF5 files, descriptions, experiments in the published layout."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from millisight.capture.capture import Capture
-from millisight.capture.scan import RawScan
-from millisight.capture.trajectory import Trajectory
 from millisight.cli.console import progress
-from millisight.errors import FileError, InputError
-from millisight.files import check_readable
+from millisight.core import check_readable
+from millisight.core.errors import FileError, InputError
+from millisight.data import Capture, RawScan, Trajectory
 
-# What is read by a description: one of the user's, or one shipped that knows the arrays.
+# Read with a description: the user's own, or a shipped one that fits the arrays.
 _DESCRIBED = (".toml", ".npz", ".npy", ".mat")
 
 
 @dataclass(frozen=True, slots=True)
 class Opened:
-    """A capture, the robot's log where its poses come from one, and what is odd about the files."""
+    """A capture, the robot log its poses come from (None: no log), and notes on the files."""
 
     capture: Capture
     log: Trajectory | None = None
@@ -27,14 +25,14 @@ class Opened:
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """One capture that a path leads to.
+    """One capture found at a path.
 
     Attributes
     ----------
     path : a file, or a folder of the published layout
-    name : of its outputs, without suffix
-    radar : folder name of an experiment's radar, "77_ghz" or "24_ghz"; None: not an experiment
-    folder : where its outputs go by default
+    name : name of the outputs, without suffix
+    radar : radar folder of an experiment, "77_ghz" or "24_ghz"; None: not an experiment
+    folder : default folder of the outputs
     """
 
     path: Path
@@ -44,25 +42,25 @@ class Source:
 
     @contextmanager
     def opened(self, data: Path | None, label: str = "read") -> Iterator[Opened]:
-        """The capture, while the `with` block runs; one of ours stays on disk.
+        """Open the capture for a `with` block; the frames of an HDF5 capture stay on disk.
 
         Parameters
         ----------
-        data : where the files lie that a description names; None: beside it
-        label : of the progress shown while raw files are read
+        data : folder of the files named in a description; None: the folder of the description
+        label : progress label while raw files are read
 
         Raises
         ------
         FileError, InputError, UnknownNameError
-            As the readers do.
+            The file cannot be read: see the readers.
         """
         if self.radar is not None:
-            from millisight.io.mito_layout import read_experiment
+            from millisight.io.mito import read_experiment
 
             yield _placed(read_experiment(self.path, self.radar), label)
             return
         if self.path.suffix.lower() not in _DESCRIBED:
-            from millisight.io.hdf5 import open_capture
+            from millisight.io import open_capture
 
             with open_capture(self.path) as capture:
                 yield Opened(capture, _log_beside(self.path))
@@ -71,20 +69,24 @@ class Source:
 
         with progress(label, compiles=False) as report:
             content = read(self.path, data=data, progress=report)
-        yield _placed(content, label) if isinstance(content, RawScan) else Opened(content, notes=_notes(content))
+        if isinstance(content, RawScan):
+            yield _placed(content, label)
+        else:
+            capture = content.to_capture()
+            yield Opened(capture, notes=_notes(capture))
 
 
 def sources(paths: list[Path], radar: str | None = None) -> list[Source]:
-    """Every capture that `paths` lead to, in order; a folder of the published layout leads to all under it.
+    """All captures found at `paths`, in order; a folder of the published layout is searched.
 
     Parameters
     ----------
-    radar : of experiments only this one, "77_ghz" or "24_ghz"
+    radar : use only this radar of experiments, "77_ghz" or "24_ghz"
 
     Raises
     ------
     FileError
-        A path does not exist, or leads to nothing that can be imaged.
+        A path does not exist, or holds nothing that can be imaged.
     """
     found: list[Source] = []
     for path in paths:
@@ -92,7 +94,7 @@ def sources(paths: list[Path], radar: str | None = None) -> list[Source]:
     names = [source.name for source in found]
     for name in names:
         if names.count(name) > 1:
-            raise InputError(f"two captures would both be called {name}; image them one by one, with --output")
+            raise InputError(f"two captures have the same name {name}; image them one by one with --output")
     return found
 
 
@@ -101,7 +103,7 @@ def _under(path: Path, radar: str | None) -> list[Source]:
         path = check_readable(path)
         stem = path.name.removesuffix(".h5").removesuffix(".capture") if path.suffix == ".h5" else path.stem
         return [Source(path, stem, None, path.parent)]
-    from millisight.datasets.mito import experiments_under
+    from millisight.datasets import experiments_under
     from millisight.io.description import description_in
 
     described = description_in(path)
@@ -113,15 +115,15 @@ def _under(path: Path, radar: str | None) -> list[Source]:
     if not found:
         wanted = "" if not experiments else f" of the {radar} radar"
         raise FileError(
-            f"{path} holds no capture{wanted}: no description (*.toml), and no experiment of the published layout "
-            "with raw radar data; pass a file, or a folder with one of these"
+            f"{path} holds no capture{wanted}: neither a description (*.toml) nor an experiment of the published "
+            "layout with raw radar data; pass a file, or a folder that holds one of them"
         )
     return found
 
 
 def _converted(folder: Path, radar: str | None) -> list[Source]:
-    """The captures that `millisight dataset convert` made of raw experiments, at or under a folder."""
-    from millisight.io.mito_names import RAW_CAPTURE
+    """Captures that `millisight dataset convert` wrote, at or below a folder."""
+    from millisight.io.mito import RAW_CAPTURE
 
     found = []
     for path in sorted(folder.rglob(RAW_CAPTURE)):
@@ -133,29 +135,29 @@ def _converted(folder: Path, radar: str | None) -> list[Source]:
 
 
 def _placed(scan: RawScan, label: str) -> Opened:
-    """The scan's frames at the poses of the robot's log."""
+    """Place the frames of a scan at the poses of the robot log."""
     with progress(label, compiles=False) as report:
         capture = scan.to_capture(progress=report)
     placing = next(step for step in reversed(capture.metadata["history"]) if step["step"] == "place_frames")
     left_out = {
         "lost": placing["lost"],
-        "outside the robot's log": placing["outside_log"],
+        "outside the robot log": placing["outside_log"],
         "repeats": placing["repeats"],
     }
-    told = ", ".join(f"{count} {why}" for why, count in left_out.items() if count)
-    kept = f"kept {placing['kept']} of {placing['frames']} frames" + (f": {told}" if told else "")
+    reasons = ", ".join(f"{count} {why}" for why, count in left_out.items() if count)
+    kept = f"kept {placing['kept']} of {placing['frames']} frames" + (f": {reasons}" if reasons else "")
     return Opened(capture, scan.log, (kept, *_notes(scan)))
 
 
 def _notes(record: Capture | RawScan) -> tuple[str, ...]:
-    """What the reader found odd, as it stands in the metadata."""
+    """Warnings of the reader, from the metadata."""
     return tuple(f"warning: {note}" for name in ("left_out", "notes") for note in record.metadata.get(name, ()))
 
 
 def _log_beside(path: Path) -> Trajectory | None:
-    """The robot's log of a converted capture."""
-    from millisight.io.hdf5 import load
-    from millisight.io.mito_names import RAW_CAPTURE, RAW_LOG
+    """Robot log beside a converted capture."""
+    from millisight.io import load
+    from millisight.io.mito import RAW_CAPTURE, RAW_LOG
 
     log = path.with_name(RAW_LOG)
     return load(log) if path.name == RAW_CAPTURE and log.is_file() else None

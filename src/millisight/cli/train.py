@@ -1,100 +1,119 @@
 """`millisight train`: the weights of networks from recipes."""
 
 import dataclasses
-from collections.abc import Mapping
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from millisight.cli.console import progress, say
 
-app = typer.Typer(no_args_is_help=True, help="Train networks on simulated images: weights from a recipe.")
-
+Recipe = Annotated[Path, typer.Argument(metavar="RECIPE.toml", help="Scenes, network and schedule.")]
 Output = Annotated[
     Path | None,
-    typer.Option("-o", "--output", metavar="DIR", help="Where weights go. [default: the recipe's name, here]"),
+    typer.Option("-o", "--output", metavar="DIR", help="Folder for the weights. [default: the recipe's name, here]"),
 ]
-Device = Annotated[str, typer.Option(help="Of the training: cpu, or cuda where there is a GPU.")]
-Tensorboard = Annotated[bool, typer.Option(help="Log to DIR/tensorboard as well.")]
+SceneFolder = Annotated[
+    Path | None,
+    typer.Option(metavar="DIR", help="Folder for the scenes; several trainings may share it. [default: DIR/scenes]"),
+]
+Device = Annotated[str, typer.Option(help="Device to train on: cpu, or cuda where there is a GPU.")]
+Tensorboard = Annotated[bool, typer.Option(help="Also log to DIR/tensorboard.")]
+
+
+class _Recipes(TyperGroup):
+    """The commands below, and one for each recipe that a plug-in adds."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        plugins = {point.name for point in entry_points(group="millisight.recipes")}
+        return [*super().list_commands(ctx), *sorted(plugins)]
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        if cmd_name in self.commands or cmd_name not in self.list_commands(ctx):
+            return super().get_command(ctx, cmd_name)
+        plugin = typer.Typer(add_completion=False)
+
+        @plugin.command(cmd_name, help=f"Train {cmd_name}, a recipe of a plug-in.")
+        def command(
+            recipe: Recipe,
+            output: Output = None,
+            scenes: SceneFolder = None,
+            device: Device = "cpu",
+            tensorboard: Tensorboard = False,
+        ) -> None:
+            _train(cmd_name, recipe, output, scenes, device=device, tensorboard=tensorboard)
+
+        return typer.main.get_command(plugin)
+
+
+app = typer.Typer(cls=_Recipes, no_args_is_help=True, help="Train networks on simulated images: weights from a recipe.")
 
 
 @app.command("segmenter")
 def segmenter(
-    recipe: Annotated[Path, typer.Argument(metavar="RECIPE.toml", help="Scenes, network and schedule.")],
+    recipe: Recipe,
     output: Output = None,
+    scenes: SceneFolder = None,
     device: Device = "cpu",
     tensorboard: Tensorboard = False,
 ) -> None:
-    """Train the wave segmenter on scenes that the paper's simulator makes, and on nothing else.
+    """Train the segmenter "wave" on simulated scenes.
 
-    DIR keeps the scenes, a checkpoint after each epoch, and in the end wave.onnx with its description wave.json. Run it
-    again to go on after an interruption: the weights are those of a run that was never interrupted.
+    Writes the scenes, a checkpoint after each epoch, and in the end wave.onnx with its description wave.json. If it is
+    interrupted, run it again: it goes on, and the weights are the same.
 
     Example: millisight train segmenter examples/training/segmenter.toml -o wave
     """
-    from millisight.datasets.recipefile import record_from_file
-    from millisight.perception.training import check_installed
-    from millisight.perception.training_wave import SegmenterRecipe, make_scenes, train_segmenter
-
-    described = record_from_file(SegmenterRecipe, recipe)
-    check_installed()  # before scenes are made, which takes long
-    folder = output or Path(described.name)
-    with progress("make scenes") as report:
-        scenes = make_scenes(described, folder, progress=report)
-    with progress("train", compiles=False) as report:
-        done = train_segmenter(described, scenes, folder, device=device, tensorboard=tensorboard, progress=report)
-    told = done.description
-    say(f"{_epochs(told)}; F1 on the validation scenes {max(told['validation']['mean F1 by cut'].values()):.3f}")
-    say(f"weights: {done.weights}")
+    _train("segmenter", recipe, output, scenes, device=device, tensorboard=tensorboard)
 
 
 @app.command("classifier")
 def classifier(
-    recipe: Annotated[Path, typer.Argument(metavar="RECIPE.toml", help="Classes, scenes, network and schedule.")],
+    recipe: Recipe,
     output: Output = None,
-    scenes: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="Where scenes are kept, for several trainings. [default: DIR/scenes]"),
-    ] = None,
+    scenes: SceneFolder = None,
     parts: Annotated[
-        str | None, typer.Option(help="both, edge or specular: of the simulator's images; in the recipe's place.")
+        str | None,
+        typer.Option(help="Simulated images to train with: both, edge or specular. [default: the recipe's]"),
     ] = None,
-    network: Annotated[str | None, typer.Option(help="small, or paper: in the recipe's place.")] = None,
+    network: Annotated[
+        str | None, typer.Option(help="Network to train: small or paper. [default: the recipe's]")
+    ] = None,
     all_objects: Annotated[
-        bool,
-        typer.Option("--all-objects", help="Train with the recipe's `tests`, too: to test on known objects."),
+        bool, typer.Option("--all-objects", help="Also train with the recipe's `tests`, to test on known objects.")
     ] = False,
     device: Device = "cpu",
     tensorboard: Tensorboard = False,
 ) -> None:
-    """Train a classifier on scenes that the paper's simulator makes, and on nothing else.
+    """Train a classifier on simulated scenes.
 
-    DIR keeps the scenes, a checkpoint after each epoch, and in the end classifier.onnx with its description
-    classifier.json. Run it again to go on after an interruption: the weights are those of a run that was never
-    interrupted.
+    Writes the scenes, a checkpoint after each epoch, and in the end classifier.onnx with its description
+    classifier.json. If it is interrupted, run it again: it goes on, and the weights are the same.
 
     Example: millisight train classifier examples/training/classifier.toml -o classifier
     """
-    from millisight.datasets.recipefile import record_from_file
-    from millisight.perception.classifier_recipe import ClassifierRecipe, make_examples
-    from millisight.perception.training import check_installed
-    from millisight.perception.training_classifier import train_classifier
-
-    described = record_from_file(ClassifierRecipe, recipe)
     changes = {"parts": parts, "network": network, "tests": () if all_objects else None}
-    described = dataclasses.replace(described, **{key: value for key, value in changes.items() if value is not None})
+    _train("classifier", recipe, output, scenes, device=device, tensorboard=tensorboard, **changes)
+
+
+def _train(
+    kind: str, path: Path, output: Path | None, scenes: Path | None, *, device: str, tensorboard: bool, **changes: Any
+) -> None:
+    """Train what the registry has under this name; `changes` take the place of the recipe's keys, but for None."""
+    from millisight.datasets.generation import record_from_file
+    from millisight.perception.training import RECIPES, check_installed, make_scenes, train
+
+    recipe = record_from_file(RECIPES[kind], path)
+    recipe = dataclasses.replace(recipe, **{key: value for key, value in changes.items() if value is not None})
     check_installed()  # before scenes are made, which takes long
-    folder = output or Path(described.name)
+    folder = output or Path(recipe.name)
     with progress("make scenes") as report:
-        examples = make_examples(described, scenes or folder / "scenes", progress=report)
+        made = make_scenes(recipe, scenes or folder / "scenes", progress=report)
     with progress("train", compiles=False) as report:
-        done = train_classifier(described, examples, folder, device=device, tensorboard=tensorboard, progress=report)
-    told = done.description
-    say(f"{_epochs(told)}; {100 * told['validation']['accuracy']:.1f} % of the validation scenes right, "
-        f"by chance {100 / len(told['class_names']):.1f} %")  # fmt: skip
+        done = train(recipe, made, folder, device=device, tensorboard=tensorboard, progress=report)
+    count, best = done.description["epochs"], done.description["best_epoch"]
+    epochs = "1 epoch" if count == 1 else f"{count} epochs, the best of them {best}"
+    say(f"{epochs}; {recipe.summary(done.description)}")
     say(f"weights: {done.weights}")
-
-
-def _epochs(told: Mapping[str, Any]) -> str:
-    return "1 epoch" if told["epochs"] == 1 else f"{told['epochs']} epochs, the best of them {told['best_epoch']}"

@@ -1,4 +1,4 @@
-"""`millisight view`: images in the browser, to turn, slice and compare."""
+"""`millisight view`: show images in the browser."""
 
 import signal
 import sys
@@ -10,7 +10,8 @@ import typer
 
 from millisight.cli import interrupts
 from millisight.cli.console import check_outputs, progress, say
-from millisight.errors import InputError
+from millisight.core import colormap_in_use
+from millisight.core.errors import InputError
 
 
 def view(
@@ -18,50 +19,46 @@ def view(
         list[Path],
         typer.Argument(
             metavar="FILE",
-            help="Images, and what belongs around them: captures, robot logs, masks, meshes and scenes (HDF5 of "
-            "millisight); processed_image*.pkl and radar_masks*.pkl of the published dataset; mesh files (STL, OBJ, "
-            "PLY, OFF, GLB). What a file is, its content tells.",
+            help="Images, captures, robot logs, masks, meshes and scenes (HDF5 of millisight); processed_image*.pkl "
+            "and radar_masks*.pkl of the published dataset; mesh files (STL, OBJ, PLY, OFF, GLB).",
         ),
     ],
-    threshold: Annotated[float, typer.Option(help="Hide what is weaker [dB under the maximum].")] = -15.0,
-    range_db: Annotated[float, typer.Option("--range", help="How far down the colours reach [dB].")] = 30.0,
-    colormap: Annotated[str, typer.Option(help="Matplotlib's name, such as inferno, viridis or jet.")] = "inferno",
-    slices: Annotated[bool, typer.Option("--slices", help="Begin with three planes instead of points.")] = False,
-    volume: Annotated[bool, typer.Option("--volume", help="Begin with all slices, half transparent.")] = False,
+    threshold: Annotated[float, typer.Option(help="Hide weaker voxels [dB relative to the maximum].")] = -15.0,
+    range_db: Annotated[float, typer.Option("--range", help="Dynamic range of the colours [dB].")] = 30.0,
+    colormap: Annotated[str | None, typer.Option(help="Colour map, such as viridis or jet. [default: inferno]")] = None,
+    slices: Annotated[bool, typer.Option("--slices", help="Start with three slices instead of points.")] = False,
+    volume: Annotated[bool, typer.Option("--volume", help="Start with all slices, half transparent.")] = False,
     common: Annotated[
-        bool, typer.Option("--common-scale", help="dB under the strongest image's maximum, not each one's own.")
+        bool, typer.Option("--common-scale", help="Scale all images to the maximum of the strongest.")
     ] = False,
     alpha: Annotated[
         tuple[float, float],
         typer.Option(
             metavar="A1 A2",
-            help="Weights at first of the specular and the edge image of one simulation, which become one picture "
-            "with a slider.",
+            help="Initial weights of the specular and the edge image of one simulation; a slider changes them.",
         ),
     ] = (0.5, 0.5),
-    separate: Annotated[
-        bool, typer.Option("--separate", help="Show specular and edge images side by side instead.")
-    ] = False,
+    separate: Annotated[bool, typer.Option("--separate", help="Show specular and edge images side by side.")] = False,
     unit: Annotated[str | None, typer.Option(help="Unit of mesh files: m, cm, mm or in.")] = None,
     host: Annotated[
-        str, typer.Option(help="Address to listen at; 0.0.0.0 lets other machines look, without a password.")
+        str, typer.Option(help="Address to listen on; 0.0.0.0 gives other machines access, without a password.")
     ] = "127.0.0.1",
     port: Annotated[int | None, typer.Option(min=1, max=65535, help="[default: 8080, or the next free one]")] = None,
-    no_browser: Annotated[bool, typer.Option("--no-browser", help="Serve, and open no window.")] = False,
+    no_browser: Annotated[bool, typer.Option("--no-browser", help="Do not open a browser window.")] = False,
     screenshot: Annotated[
         Path | None,
-        typer.Option(help="Write a picture (PNG) of the start view and end; needs Chromium or Chrome, but no display."),
+        typer.Option(help="Write a screenshot (PNG) and exit; needs Chromium or Chrome, but no display."),
     ] = None,
     html: Annotated[
         Path | None,
-        typer.Option(help="Write one HTML file that opens anywhere, without network or millisight, and end."),
+        typer.Option(help="Write one HTML file that opens in any browser without network, and exit."),
     ] = None,
 ) -> None:
-    """Look at images in the browser: as points, slices or volume, several side by side, all turned alike.
+    """Show images in the browser as points, slices or a volume; several images side by side turn together.
 
-    Drag turns, the wheel zooms, the right button shifts. The panel has threshold, colours, slices, weights, and
-    buttons for a screenshot and for a page to share. Ctrl-C ends it. On a machine without a display, pass
-    --no-browser and reach it by `ssh -L 8080:localhost:8080`, or write --screenshot or --html.
+    Drag to rotate, scroll to zoom, drag with the right button to pan. The panel sets threshold, colours, slices and
+    weights, takes a screenshot and saves a page to share. Press Ctrl-C to stop. Without a display, use --no-browser
+    and `ssh -L 8080:localhost:8080`, or write --screenshot or --html.
 
     Example: millisight view mug.image.h5 mug.capture.h5 mug.stl
 
@@ -75,8 +72,7 @@ def view(
     for option, path, suffix in (("--screenshot", screenshot, ".png"), ("--html", html, ".html")):
         if path is not None and path.suffix.lower() != suffix:
             raise InputError(f"{option} is {path}; expected a name that ends in {suffix}")
-    from millisight.viz.viewer.contents import gather
-    from millisight.viz.viewer.session import Viewer, first_settings
+    from millisight.viz.viewer import Viewer, first_settings, gather
 
     with progress("read", compiles=False):
         contents = gather(files, combine=not separate, alpha=alpha, unit=unit)
@@ -84,17 +80,17 @@ def view(
         raise InputError("--alpha weighs the specular and the edge image of one simulation; give both, not --separate")
     settings = first_settings(
         contents, points=not (slices or volume), slices=slices, volume=volume, threshold_db=threshold,
-        range_db=range_db, colormap=colormap, common=common,
+        range_db=range_db, common=common, colormap=colormap or colormap_in_use(),
     )  # fmt: skip
     for exhibit in contents.exhibits:
         say(f"showing {exhibit.title}")
     for note in contents.notes:
         say(f"note: {note}")
     if html is not None:
-        from millisight.viz.viewer.share import write_page
+        from millisight.viz.viewer import write_page
 
         write_page(html, contents, settings)
-        say(f"wrote {html}: {html.stat().st_size / 1e6:.1f} MB, opens from the disk in any browser")
+        say(f"wrote {html}: {html.stat().st_size / 1e6:.1f} MB, opens in any browser")
     if html is not None and screenshot is None:
         return
     with Viewer(contents, settings, host=host, port=port) as viewer:
@@ -106,13 +102,13 @@ def view(
 
 
 def _serve(url: str, no_browser: bool) -> None:
-    """Tell where the viewer is, and wait for Ctrl-C."""
-    from millisight.viz.local_page import open_browser
+    """Print the viewer's address and wait for Ctrl-C."""
+    from millisight.viz import open_browser
 
     try:
         opened = not no_browser and open_browser(url)
         say(f"viewer: {url}" + ("" if opened else " (open it in a browser)"))
-        say("Ctrl-C ends it")
+        say("press Ctrl-C to stop")
         sys.stdout.flush()
         while True:
             time.sleep(3600)

@@ -1,0 +1,5 @@
+"""Folders of many experiments: list, open, verify, convert, download."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

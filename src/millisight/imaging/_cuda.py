@@ -6,20 +6,21 @@ range profile side by side; both come out of the first-level cache, and nothing 
 
 Floor of direct backprojection, per voxel-channel pair with 4 RX a TX, in instructions of a thread:
 
-    to TX        a quarter of 3 reads, 6 arithmetic, 1 square root
-    to RX        3 reads, 6 arithmetic, 1 square root, 1 sum
-    profile      1 place, 1 entry and 1 back to float, 1 part, 1 address, 4 reads, 4 interpolation
-    phase        1 product, 1 floor, 1 difference, 12 sine and cosine
+    to TX        a quarter of 6 reads, 7 arithmetic, 1 square root, 1 comparison
+    to RX        6 reads, 7 arithmetic, 1 square root, 1 comparison, 1 sum
+    profile      2 place, 2 kept inside, 1 entry and 1 back to float, 1 part, 1 address, 4 reads, 4 interpolation
+    phase        1 sum, 1 product and sum, 1 floor, 1 difference, 12 sine and cosine
     sum          4 products and sums fused
 
-that is 46: PAIR_INSTRUCTIONS. A Hopper multiprocessor issues 128 a clock, so that 132 of them at 1.755 GHz come to
-6.4e11 pairs a second. Next are the conversions and roots (4 1/4 of 16 a clock: 8.7e11), then the reads (8 of 32 a
-clock: 9e11). Sine and cosine by the special-function units would spare 9 instructions and cost 2 more of these 16.
+that is 56: PAIR_INSTRUCTIONS. A Hopper multiprocessor issues 128 a clock, so that 132 of them at 1.755 GHz come to
+5.3e11 pairs a second. Next are the reads (11.5 of 32 a clock: 6.4e11), then the conversions and roots (4 1/4 of 16 a
+clock: 8.7e11). Sine and cosine by the special-function units would spare 9 instructions and cost 2 more of these 16.
+Antennas more than EXACT_CYCLES waves off cost six instructions and a division more each.
 """
 
 import numpy as np
 
-from millisight.gpu import (
+from millisight.core.gpu import (
     cosine,
     cuda,
     distance32,
@@ -34,33 +35,49 @@ from millisight.gpu import (
     wrapped,
     zeros,
 )
+from millisight.imaging._lengths import EXACT_CYCLES, rows_of_pairs
 
 __all__ = [
     "backproject", "empty", "interpolate_middle", "leaf_fields", "merge", "product", "to_device", "to_host", "zeros",
 ]  # fmt: skip
 
-PAIR_INSTRUCTIONS = 46
+PAIR_INSTRUCTIONS = 56
 """Instructions a thread must issue for one voxel-channel pair of direct backprojection: see the module's text."""
 
 # Poses that are summed by themselves before they are added to the whole sum, against float32's rounding.
 _CHUNK = 64
 
 
-def _pose(profiles, p, nearest, per_metre, carrier, tx, rx, x, y, z, reference):
-    """Sum over the antennas of pose p of P(d) exp(+i 2 pi carrier (d - reference)) at one voxel; float32."""
+def _beyond(x, y, z, ends, i, exact):
+    """|v - e| - |e| for a voxel v and row i of `ends`, (n, 6) rows of `antenna_rows`: see `_kernels`."""
+    ex, ey, ez, far = ends[i, 0], ends[i, 1], ends[i, 2], ends[i, 3]
+    dx, dy, dz = x - ex, y - ey, z - ez
+    away = np.float32(distance32(dx, dy, dz))
+    if far < exact:
+        return away - far
+    return (x * (dx - ex) + y * (dy - ey) + z * (dz - ez)) / (away + far)
+
+
+_beyond = inline(_beyond, fastmath=True)
+
+
+def _pose(profiles, p, per_metre, carrier, exact, tx, rx, x, y, z, removed):
+    """Sum over the antennas of pose p of P(d) exp(+i 2 pi carrier (d - removed)) at one voxel; float32."""
     total_re, total_im = np.float32(0.0), np.float32(0.0)
+    last = np.float32(profiles.shape[3] - 2)
     for t in range(tx.shape[1]):
-        to = distance32(x - tx[p, t, 0], y - tx[p, t, 1], z - tx[p, t, 2])
+        to = _beyond(x, y, z, tx[p], t, exact)
         for r in range(rx.shape[1]):
-            d = to + distance32(x - rx[p, r, 0], y - rx[p, r, 1], z - rx[p, r, 2])
-            place = (d - nearest) * per_metre
-            # Unsigned: a signed index would be checked for counting from the end, at every read.
-            entry = np.uint32(place)
+            d = to + _beyond(x, y, z, rx[p], r, exact)
+            place = tx[p, t, 4] + rx[p, r, 4] + d * per_metre
+            # Nothing outside of a profile is read, whatever the rounding. Unsigned: a signed index would be checked
+            # for counting from the end, at every read.
+            entry = np.uint32(min(max(place, np.float32(0.0)), last))
             part = place - np.float32(entry)
             low, high = profiles[p, t, r, entry], profiles[p, t, r, entry + np.uint32(1)]
             real = low.real + part * (high.real - low.real)
             imag = low.imag + part * (high.imag - low.imag)
-            turn = wrapped((d - reference) * carrier)
+            turn = wrapped(tx[p, t, 5] + rx[p, r, 5] + (d - removed) * carrier)
             cos, sin = cosine(turn), sine(turn)
             total_re = total_re + real * cos - imag * sin
             total_im = total_im + real * sin + imag * cos
@@ -71,7 +88,7 @@ _pose = inline(_pose, fastmath=True)
 
 
 @kernel(fastmath=True)
-def _backproject(profiles, nearest, per_metre, carrier, tx, rx, x, y, z, sum_re, sum_im):
+def _backproject(profiles, per_metre, carrier, exact, tx, rx, x, y, z, sum_re, sum_im):
     v = cuda.grid(1)
     if v >= x.shape[0]:
         return
@@ -80,7 +97,7 @@ def _backproject(profiles, nearest, per_metre, carrier, tx, rx, x, y, z, sum_re,
     for first in range(0, profiles.shape[0], _CHUNK):
         part_re, part_im = np.float32(0.0), np.float32(0.0)
         for p in range(first, min(first + _CHUNK, profiles.shape[0])):
-            re, im = _pose(profiles, p, nearest, per_metre, carrier, tx, rx, vx, vy, vz, np.float32(0.0))
+            re, im = _pose(profiles, p, per_metre, carrier, exact, tx, rx, vx, vy, vz, np.float32(0.0))
             part_re += re
             part_im += im
         total_re += part_re
@@ -90,17 +107,16 @@ def _backproject(profiles, nearest, per_metre, carrier, tx, rx, x, y, z, sum_re,
 
 
 @kernel(fastmath=True)
-def _leaf_fields(profiles, nearest, per_metre, carrier, tx, rx, members, starts, centers, x, y, z, out_re, out_im):
+def _leaf_fields(profiles, per_metre, carrier, exact, tx, rx, members, starts, centers, x, y, z, out_re, out_im):
     v = cuda.grid(1)
     if v >= x.shape[0]:
         return
     vx, vy, vz = x[v], y[v], z[v]
     for s in range(cuda.blockIdx.y, starts.shape[0] - 1, cuda.gridDim.y):
-        away = distance32(vx - centers[s, 0], vy - centers[s, 1], vz - centers[s, 2])
-        reference = np.float32(2.0) * np.float32(away)
+        removed = np.float32(2.0) * _beyond(vx, vy, vz, centers, s, exact)
         total_re, total_im = np.float32(0.0), np.float32(0.0)
         for n in range(starts[s], starts[s + 1]):
-            re, im = _pose(profiles, members[n], nearest, per_metre, carrier, tx, rx, vx, vy, vz, reference)
+            re, im = _pose(profiles, members[n], per_metre, carrier, exact, tx, rx, vx, vy, vz, removed)
             total_re += re
             total_im += im
         out_re[s, v] = total_re
@@ -125,7 +141,22 @@ def _interpolate_middle(field, base, weights, out):
 
 @kernel(fastmath=True)
 def _merge(
-    field_re, field_im, children, starts, centers, parents, has_parents, carrier, base, weights, x, y, z, out_re, out_im
+    field_re,
+    field_im,
+    children,
+    starts,
+    centers,
+    parents,
+    has_parents,
+    carrier,
+    exact,
+    base,
+    weights,
+    x,
+    y,
+    z,
+    out_re,
+    out_im,
 ):
     q = cuda.grid(1)
     rows, depth = x.shape[0], z.shape[0]
@@ -139,7 +170,7 @@ def _merge(
         vx, first = x[i], base[i]
         removed = np.float32(0.0)
         if has_parents:
-            removed = np.float32(distance32(vx - parents[s, 0], vy - parents[s, 1], vz - parents[s, 2]))
+            removed = _beyond(vx, vy, vz, parents, s, exact)
         total_re, total_im = np.float32(0.0), np.float32(0.0)
         for n in range(starts[s], starts[s + 1]):
             child = children[n]
@@ -147,8 +178,7 @@ def _merge(
             for tap in range(8):
                 re += weights[i, tap] * field_re[child, first + tap, j, k]
                 im += weights[i, tap] * field_im[child, first + tap, j, k]
-            away = distance32(vx - centers[child, 0], vy - centers[child, 1], vz - centers[child, 2])
-            turn = wrapped((np.float32(away) - removed) * twice)
+            turn = wrapped((_beyond(vx, vy, vz, centers, child, exact) - removed) * twice)
             cos, sin = cosine(turn), sine(turn)
             total_re += re * cos - im * sin
             total_im += re * sin + im * cos
@@ -156,18 +186,25 @@ def _merge(
         out_im[s, i, j, k] += total_im
 
 
+def _exact_within(carrier):
+    """Distance [m] up to which the difference of two float32 lengths keeps the phase."""
+    return np.float32(EXACT_CYCLES / float(carrier))
+
+
 def backproject(profiles, nearest, per_metre, carrier, tx, rx, x, y, z, sum_re, sum_im):
     """See `_kernels.backproject`."""
+    tx, rx = rows_of_pairs(tx, rx, nearest, per_metre, carrier)
     launch(
-        _backproject, (x.shape[0], 1), profiles, nearest, per_metre, carrier, tx, rx, x, y, z, out=(sum_re, sum_im)
+        _backproject, (x.shape[0], 1), profiles, np.float32(per_metre), np.float32(carrier), _exact_within(carrier),
+        tx, rx, x, y, z, out=(sum_re, sum_im),
     )  # fmt: skip
 
 
-def leaf_fields(profiles, nearest, per_metre, carrier, tx, rx, members, starts, centers, x, y, z, out_re, out_im):
+def leaf_fields(profiles, per_metre, carrier, tx, rx, members, starts, centers, x, y, z, out_re, out_im):
     """See `_kernels.leaf_fields`."""
     launch(
-        _leaf_fields, (x.shape[0], starts.shape[0] - 1), profiles, nearest, per_metre, carrier, tx, rx,
-        members, starts, centers, x, y, z, out=(out_re, out_im),
+        _leaf_fields, (x.shape[0], starts.shape[0] - 1), profiles, per_metre, carrier, _exact_within(carrier),
+        tx, rx, members, starts, centers, x, y, z, out=(out_re, out_im),
     )  # fmt: skip
 
 
@@ -183,6 +220,6 @@ def merge(
     """See `_kernels.merge`."""
     launch(
         _merge, (y.shape[0] * z.shape[0], (starts.shape[0] - 1) * x.shape[0]),
-        field_re, field_im, children, starts, centers, parents, has_parents, carrier, base, weights, x, y, z,
-        out=(out_re, out_im),
+        field_re, field_im, children, starts, centers, parents, has_parents, carrier, _exact_within(carrier),
+        base, weights, x, y, z, out=(out_re, out_im),
     )  # fmt: skip

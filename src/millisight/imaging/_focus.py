@@ -4,15 +4,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from millisight.capture.capture import Capture
-from millisight.capture.clock import ClockCorrection
-from millisight.capture.trajectory import Trajectory
-from millisight.constants import SPEED_OF_LIGHT
+from millisight.core import SPEED_OF_LIGHT, product
+from millisight.data import Capture, ClockCorrection, Trajectory, VoxelGrid
+from millisight.imaging._backprojection import OVERSAMPLING, path_bounds, range_steering
+from millisight.imaging._form import form_image
 from millisight.imaging._kernels import backproject
-from millisight.imaging.backprojection import OVERSAMPLING, path_bounds, range_steering
-from millisight.imaging.form import form_image
-from millisight.imaging.grid import VoxelGrid
-from millisight.matrix import product
 
 BLOCK = 2000  # frames read at a time
 _PAIRS = 1e9  # voxel-channel pairs of all parts' images together
@@ -82,7 +78,8 @@ class Focus(NamedTuple):
         ways = self.ways(clock.robot_times(self.times)).astype(np.float32)
         tx, rx = (ways[np.arange(len(ways)), antenna][:, None] for antenna in self.antennas.T)
         sums = np.zeros((2, self.points.shape[1]), dtype=np.float32)
-        backproject(self.profiles, *self.scale, tx, rx, *self.points, sums[0], sums[1])
+        (nearest, per_metre, carrier), (x, y, z) = self.scale, self.points
+        backproject(self.profiles, nearest, per_metre, carrier, tx, rx, x, y, z, sums[0], sums[1])
         return sums[0] + np.complex64(1j) * sums[1]
 
 

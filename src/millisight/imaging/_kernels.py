@@ -10,15 +10,15 @@ from functools import partial
 import numpy as np
 from numba import prange
 
-from millisight import wave
-from millisight.compiled import inline, kernel, subroutine
-from millisight.matrix import product as product
+from millisight.core import inline, kernel, phase, serial, subroutine
+from millisight.core import product as product
+from millisight.imaging._lengths import EXACT_CYCLES, rows_of_pairs
 
-_distance = inline(wave.distance)
-_distance32 = inline(wave.distance, fastmath=True)
-_wrapped = inline(wave.wrapped, fastmath=True)
-_cosine = inline(wave.cosine, fastmath=True)
-_sine = inline(wave.sine, fastmath=True)
+_distance = inline(phase.distance)
+_distance32 = inline(phase.distance, fastmath=True)
+_wrapped = inline(phase.wrapped, fastmath=True)
+_cosine = inline(phase.cosine, fastmath=True)
+_sine = inline(phase.sine, fastmath=True)
 
 # What the drivers do with arrays, under the names that `_cuda` has for it: here all lie in NumPy.
 empty = partial(np.empty, dtype=np.float32)
@@ -42,7 +42,7 @@ def exact_any(frames, tx, rx, wavenumbers, points, path_offset, sums):
                 for r in range(receivers):
                     cycles = to + _path(points, v, rx, p, r) + path_offset
                     for j in range(samples):
-                        angle = wave.TAU * (wavenumbers[j] * cycles)
+                        angle = phase.TAU * (wavenumbers[j] * cycles)
                         total += frames[p, t, r, j] * complex(math.cos(angle), math.sin(angle))
         sums[v] += total
 
@@ -67,7 +67,7 @@ def exact_even(frames, tx, rx, wavenumbers, points, path_offset, sums):
                 for r in range(receivers):
                     for i in range(count):
                         path[i] = _path(points, first + i, tx, p, t) + _path(points, first + i, rx, p, r) + path_offset
-                        angle = wave.TAU * (step * path[i])
+                        angle = phase.TAU * (step * path[i])
                         turn_re[i], turn_im[i] = math.cos(angle), math.sin(angle)
                         sum_re[i] = frames[p, t, r, samples - 1].real
                         sum_im[i] = frames[p, t, r, samples - 1].imag
@@ -78,7 +78,7 @@ def exact_even(frames, tx, rx, wavenumbers, points, path_offset, sums):
                             sum_im[i] = sum_re[i] * turn_im[i] + sum_im[i] * turn_re[i] + sample.imag
                             sum_re[i] = real
                     for i in range(count):
-                        angle = wave.TAU * (wavenumbers[0] * path[i])
+                        angle = phase.TAU * (wavenumbers[0] * path[i])
                         sums[first + i] += complex(sum_re[i], sum_im[i]) * complex(math.cos(angle), math.sin(angle))
 
 
@@ -90,29 +90,50 @@ def _path(points, v, antennas, p, a):
 
 
 @subroutine
-def _gather(profiles, nearest, per_metre, carrier, tx, rx, poses, x, y, z, reference, total_re, total_im):
-    """total[v] += sum over `poses` and antennas of P(d) exp(+i 2 pi carrier (d - reference[v])), for one tile.
+def _beyond(x, y, z, end, exact, out):
+    """out[i] = |v_i - e| - |e| for voxels v and an antenna, or a sub-aperture's centre, e = end[:3] with |e| = end[3].
 
-    Everything is float32. Three loops a channel rather than one: the first and the last become vector code, which
-    the gathers in the middle would prevent.
+    All is float32. Further than `exact` off, the difference of two lengths would lose the phase: there it is
+    v . (v - 2 e) / (|v - e| + |e|), whose error grows with |v| alone.
+    """
+    ex, ey, ez, far = end[0], end[1], end[2], end[3]
+    if far < exact:
+        for i in range(len(x)):
+            out[i] = _distance32(x[i] - ex, y[i] - ey, z[i] - ez) - far
+    else:
+        for i in range(len(x)):
+            dx, dy, dz = x[i] - ex, y[i] - ey, z[i] - ez
+            dot = x[i] * (dx - ex) + y[i] * (dy - ey) + z[i] * (dz - ez)
+            out[i] = dot / (_distance32(dx, dy, dz) + far)
+
+
+@subroutine
+def _gather(profiles, per_metre, carrier, tx, rx, poses, x, y, z, removed, total_re, total_im):
+    """total[v] += sum over `poses` and antennas of P(d) exp(+i 2 pi carrier (d - removed[v])), for one tile.
+
+    Everything is float32; d counts from the path over the origin, whose place in the profile and whose phase the
+    antennas' rows bring along. Three loops a channel rather than one: the first and the last become vector code,
+    which the gathers in the middle would prevent.
     """
     count = len(x)
-    to, path, part = np.empty(_TILE, np.float32), np.empty(_TILE, np.float32), np.empty(_TILE, np.float32)
-    entry = np.empty(_TILE, np.int32)
-    low_re, low_im = np.empty(_TILE, np.float32), np.empty(_TILE, np.float32)
-    high_re, high_im = np.empty(_TILE, np.float32), np.empty(_TILE, np.float32)
+    exact = np.float32(EXACT_CYCLES) / carrier
+    to, back, path = np.empty(count, np.float32), np.empty(count, np.float32), np.empty(count, np.float32)
+    part, entry = np.empty(count, np.float32), np.empty(count, np.int32)
+    low_re, low_im = np.empty(count, np.float32), np.empty(count, np.float32)
+    high_re, high_im = np.empty(count, np.float32), np.empty(count, np.float32)
+    last = np.int32(profiles.shape[3] - 2)
     for p in poses:
         for t in range(tx.shape[1]):
-            ax, ay, az = tx[p, t, 0], tx[p, t, 1], tx[p, t, 2]
-            for i in range(count):
-                to[i] = _distance32(x[i] - ax, y[i] - ay, z[i] - az)
+            _beyond(x, y, z, tx[p, t], exact, to)
             for r in range(rx.shape[1]):
-                bx, by, bz = rx[p, r, 0], rx[p, r, 1], rx[p, r, 2]
+                _beyond(x, y, z, rx[p, r], exact, back)
+                start, turned = tx[p, t, 4] + rx[p, r, 4], tx[p, t, 5] + rx[p, r, 5]
                 for i in range(count):
-                    d = to[i] + _distance32(x[i] - bx, y[i] - by, z[i] - bz)
-                    place = (d - nearest) * per_metre
-                    path[i] = d - reference[i]
-                    entry[i] = np.int32(place)
+                    d = to[i] + back[i]
+                    place = start + d * per_metre
+                    path[i] = d - removed[i]
+                    # Nothing outside of a profile is read, whatever the rounding.
+                    entry[i] = min(max(np.int32(place), np.int32(0)), last)
                     part[i] = place - np.float32(entry[i])
                 for i in range(count):
                     low, high = profiles[p, t, r, entry[i]], profiles[p, t, r, entry[i] + 1]
@@ -121,32 +142,38 @@ def _gather(profiles, nearest, per_metre, carrier, tx, rx, poses, x, y, z, refer
                 for i in range(count):
                     real = low_re[i] + part[i] * (high_re[i] - low_re[i])
                     imag = low_im[i] + part[i] * (high_im[i] - low_im[i])
-                    turn = _wrapped(path[i] * carrier)
+                    turn = _wrapped(turned + path[i] * carrier)
                     cosine, sine = _cosine(turn), _sine(turn)
                     total_re[i] += real * cosine - imag * sine
                     total_im[i] += real * sine + imag * cosine
 
 
-@kernel(fastmath=True, error_model="numpy")
 def backproject(profiles, nearest, per_metre, carrier, tx, rx, x, y, z, sum_re, sum_im):
-    """sum[v] += sum over channels of P_k(d_k(v)) exp(+i 2 pi carrier d_k(v)) (primer 8), all in float32.
+    """sum[v] += sum over channels of P_k(d_k(v)) exp(+i 2 pi carrier d_k(v)) (primer 8).
 
     Parameters
     ----------
     profiles : (P, T, R, M) complex64, range profile of each channel less the carrier's phase
-    nearest, per_metre : path length of entry 0 [m], entries per metre of path length
+    nearest, per_metre : path length of entry 0 [m], one for all, or the parts of it that are the transmitters' (P, T)
+        and the receivers' (P, R); entries per metre of path length
     carrier : centre frequency over c [1/m]
-    tx, rx : (P, T, 3), (P, R, 3) float32 [m]
-    x, y, z : (V,) float32 voxel centres [m]
+    tx, rx : (P, T, 3), (P, R, 3) [m]; as float64 where they are far off
+    x, y, z : (V,) float32 voxel centres [m], counted from near their middle: lengths beyond it are float32
     sum_re, sum_im : (V,) float32, added to
     """
+    tx, rx = rows_of_pairs(tx, rx, nearest, per_metre, carrier)
+    _backproject(profiles, np.float32(per_metre), np.float32(carrier), tx, rx, x, y, z, sum_re, sum_im)
+
+
+@kernel(fastmath=True, error_model="numpy")
+def _backproject(profiles, per_metre, carrier, tx, rx, x, y, z, sum_re, sum_im):
     poses = np.arange(len(profiles))
     for tile in prange((len(x) + _TILE - 1) // _TILE):
         first = tile * _TILE
         last = min(first + _TILE, len(x))
         total_re, total_im = np.zeros(_TILE, np.float32), np.zeros(_TILE, np.float32)
         _gather(
-            profiles, nearest, per_metre, carrier, tx, rx, poses, x[first:last], y[first:last], z[first:last],
+            profiles, per_metre, carrier, tx, rx, poses, x[first:last], y[first:last], z[first:last],
             np.zeros(_TILE, np.float32), total_re, total_im,
         )  # fmt: skip
         for i in range(last - first):
@@ -155,24 +182,26 @@ def backproject(profiles, nearest, per_metre, carrier, tx, rx, x, y, z, sum_re, 
 
 
 @kernel(fastmath=True, error_model="numpy")
-def leaf_fields(profiles, nearest, per_metre, carrier, tx, rx, members, starts, centers, x, y, z, out_re, out_im):
+def leaf_fields(profiles, per_metre, carrier, tx, rx, members, starts, centers, x, y, z, out_re, out_im):
     """The field of each smallest sub-aperture on its coarse grid, less the phase of its centre (primer 16).
 
     out[s, v] = sum over the channels of poses members[starts[s]:starts[s + 1]] of
-    P(d) exp(+i 2 pi carrier (d - 2 |v - centers[s]|)), over the grid's points v = (x, y, z)[v], as they lie in memory.
+    P(d) exp(+i 2 pi carrier (d - 2 (|v - c_s| - |c_s|))), over the grid's points v = (x, y, z)[v], as they lie in
+    memory. tx, rx and the centres (S, 6) are rows of `antenna_rows`.
     """
     tiles = (len(x) + _TILE - 1) // _TILE
+    exact = np.float32(EXACT_CYCLES) / carrier
     for job in prange((len(starts) - 1) * tiles):
         s, first = job // tiles, (job % tiles) * _TILE
         last = min(first + _TILE, len(x))
         vx, vy, vz = x[first:last], y[first:last], z[first:last]
-        cx, cy, cz = centers[s, 0], centers[s, 1], centers[s, 2]
-        reference = np.empty(_TILE, np.float32)
+        removed = np.empty(_TILE, np.float32)
+        _beyond(vx, vy, vz, centers[s], exact, removed)
         for i in range(last - first):
-            reference[i] = np.float32(2.0) * _distance32(vx[i] - cx, vy[i] - cy, vz[i] - cz)
+            removed[i] *= np.float32(2.0)
         total_re, total_im = np.zeros(_TILE, np.float32), np.zeros(_TILE, np.float32)
         _gather(
-            profiles, nearest, per_metre, carrier, tx, rx, members[starts[s] : starts[s + 1]], vx, vy, vz, reference,
+            profiles, per_metre, carrier, tx, rx, members[starts[s] : starts[s + 1]], vx, vy, vz, removed,
             total_re, total_im,
         )  # fmt: skip
         out_re[s, first:last] = total_re[: last - first]
@@ -204,24 +233,24 @@ def merge(
     """Carry the fields of sub-apertures over to a finer grid and the phase of their parents' centres, and add them up.
 
     out[s, i] += sum over c in children[starts[s]:starts[s + 1]] of the field of c, interpolated by eight taps along
-    its first axis, times exp(+i 2 pi carrier (2 |v - centers[c]| - 2 |v - parents[s]|)). Without parents, in the
-    last step, the whole phase of the centre is put back: out is the image.
+    its first axis, times exp(+i 2 pi carrier 2 (b_c(v) - b_s(v))), b_c(v) = |v - c| - |c| of the centres, which are
+    rows of `antenna_rows`. Without parents, in the last step, all of b_c is put back: out is the image.
     """
     wide = len(y) * len(z)
     twice = np.float32(2.0) * carrier
+    exact = np.float32(EXACT_CYCLES) / carrier
     for job in prange((len(starts) - 1) * len(x)):
         s, i = job // len(x), job % len(x)
         sum_re, sum_im = out_re[s, i].reshape(-1), out_im[s, i].reshape(-1)
         re, im = np.empty(wide, np.float32), np.empty(wide, np.float32)
         cosine, sine = np.empty(wide, np.float32), np.empty(wide, np.float32)
-        vy, vz, removed = np.empty(wide, np.float32), np.empty(wide, np.float32), np.zeros(wide, np.float32)
+        vx, vy, vz = np.full(wide, x[i], np.float32), np.empty(wide, np.float32), np.empty(wide, np.float32)
+        away, removed = np.empty(wide, np.float32), np.zeros(wide, np.float32)
         for j in range(len(y)):
             for k in range(len(z)):
                 vy[j * len(z) + k], vz[j * len(z) + k] = y[j], z[k]
         if has_parents:
-            dx, py, pz = x[i] - parents[s, 0], parents[s, 1], parents[s, 2]
-            for q in range(wide):
-                removed[q] = _distance32(dx, vy[q] - py, vz[q] - pz)
+            _beyond(vx, vy, vz, parents[s], exact, removed)
         first = base[i]
         a, b, c, d = weights[i, 0], weights[i, 1], weights[i, 2], weights[i, 3]
         e, g, h, w = weights[i, 4], weights[i, 5], weights[i, 6], weights[i, 7]
@@ -239,12 +268,42 @@ def merge(
                 im[q] = (a * f[q] + b * f[q + wide] + c * f[q + 2 * wide] + d * f[q + 3 * wide]) + (
                     e * f[q + 4 * wide] + g * f[q + 5 * wide] + h * f[q + 6 * wide] + w * f[q + 7 * wide]
                 )
-            dx, cy, cz = x[i] - centers[child, 0], centers[child, 1], centers[child, 2]
+            _beyond(vx, vy, vz, centers[child], exact, away)
             for q in range(wide):
-                turn = _wrapped((_distance32(dx, vy[q] - cy, vz[q] - cz) - removed[q]) * twice)
+                turn = _wrapped((away[q] - removed[q]) * twice)
                 cosine[q] = _cosine(turn)
                 sine[q] = _sine(turn)
             for q in range(wide):
                 sum_re[q] += re[q] * cosine[q] - im[q] * sine[q]
             for q in range(wide):
                 sum_im[q] += re[q] * sine[q] + im[q] * cosine[q]
+
+
+@serial()
+def interpolation_errors(points, tx, rx, centers, waves, carrier, axis, coarse, base, weights, squares):
+    """squares[i] = |sum over eight taps of weights[i, t] w(x_t) / w(x) - 1|^2 in float64 for the field of one channel,
+    w(x) = exp(+i 2 pi (waves[i] (|x - tx[i]| + |x - rx[i]|) - carrier 2 |x - centers[i]|)), at x = points[i].
+
+    The taps lie on the line through points[i] along `axis`, at coarse[base[i]:base[i] + 8]. It is too little work for
+    threads to meet over.
+    """
+    for i in range(len(points)):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        here = _turns(x, y, z, tx[i], rx[i], centers[i], waves[i], carrier)
+        re, im = -1.0, 0.0
+        for t in range(8):
+            place = coarse[base[i] + t]
+            if axis == 0:
+                turns = _turns(place, y, z, tx[i], rx[i], centers[i], waves[i], carrier)
+            else:
+                turns = _turns(x, place, z, tx[i], rx[i], centers[i], waves[i], carrier)
+            angle = phase.TAU * (turns - here)
+            re += weights[i, t] * math.cos(angle)
+            im += weights[i, t] * math.sin(angle)
+        squares[i] = re * re + im * im
+
+
+@inline
+def _turns(x, y, z, tx, rx, center, cycles, carrier):
+    path = _distance(x - tx[0], y - tx[1], z - tx[2]) + _distance(x - rx[0], y - rx[1], z - rx[2])
+    return cycles * path - 2.0 * carrier * _distance(x - center[0], y - center[1], z - center[2])

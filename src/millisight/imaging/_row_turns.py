@@ -10,12 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from millisight.capture.capture import Capture
-from millisight.capture.trajectory import Trajectory
-from millisight.constants import SPEED_OF_LIGHT
+from millisight.core import SPEED_OF_LIGHT, product
+from millisight.data import Capture, Trajectory
+from millisight.imaging._backprojection import range_steering
 from millisight.imaging._focus import BLOCK, pick
-from millisight.imaging.backprojection import range_steering
-from millisight.matrix import product
 
 _BINS = 12  # range bins that make up the pattern
 _BRIGHT = 0.1  # of the strongest bin's power: where the scene lies

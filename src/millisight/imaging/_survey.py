@@ -4,10 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from millisight.capture.capture import Capture
-from millisight.capture.clock import ClockCorrection, spans
-from millisight.capture.trajectory import Trajectory
-from millisight.errors import InputError
+from millisight.core.errors import InputError
+from millisight.data import Capture, ClockCorrection, Trajectory, spans
 from millisight.imaging._row_turns import Row, rows_of
 
 _LEAST_FRAMES = 300  # thirty for each of the ten sets whose answers are compared

@@ -1,0 +1,5 @@
+"""Recording with real or virtual hardware: protocols and the recorder."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,5 @@
+"""A rig in software, with physics other than the simulator's."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

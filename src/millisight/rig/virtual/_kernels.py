@@ -20,13 +20,12 @@ import math
 import numpy as np
 from numba import prange
 
-from millisight import wave
-from millisight.compiled import inline, kernel
+from millisight.core import inline, kernel, phase
 
-_distance = inline(wave.distance)
-_wrapped = inline(wave.wrapped)
-_cosine = inline(wave.cosine, fastmath=True)
-_sine = inline(wave.sine, fastmath=True)
+_distance = inline(phase.distance)
+_wrapped = inline(phase.wrapped)
+_cosine = inline(phase.cosine, fastmath=True)
+_sine = inline(phase.sine, fastmath=True)
 
 ORDER = 7
 """Terms of a bin's series: for |q| up to 0.9 they are good to 1e-4."""

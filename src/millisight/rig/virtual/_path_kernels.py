@@ -5,14 +5,13 @@ import math
 import numpy as np
 from numba import prange
 
-from millisight import wave
-from millisight.compiled import inline, kernel
+from millisight.core import inline, kernel, phase
 from millisight.rig.virtual._kernels import FULL, ORDER, form_factor, polynomial
 
-_distance = inline(wave.distance)
-_wrapped = inline(wave.wrapped)
-_cosine = inline(wave.cosine)
-_sine = inline(wave.sine)
+_distance = inline(phase.distance)
+_wrapped = inline(phase.wrapped)
+_cosine = inline(phase.cosine)
+_sine = inline(phase.sine)
 
 FULL_SLOPE, NO_SLOPE = 0.4, 0.8
 """Slope of the path over the second face up to which a double bounce counts in full, and from which not at all."""

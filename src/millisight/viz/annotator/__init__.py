@@ -1,12 +1,9 @@
 """The annotator: a page on which a person tells a segmenter by clicks what belongs to the object.
 
-`subject` opens what is annotated, `session` answers what the page asks and saves (`coarse`: at the speed of clicks),
-`server` carries it to the browser;
-`page.html`, `page.css`, `page.js` and `drawing.js` are the page.
+`_subject` opens what is annotated, `_annotation` answers what the page asks and saves,
+`_server` carries it to the browser; `page.html`, `page.css`, `page.js` and `drawing.js` are the page.
 """
 
-from millisight.viz.annotator.server import AnnotatorServer as AnnotatorServer
-from millisight.viz.annotator.session import Session as Session
-from millisight.viz.annotator.session import segmenters_for as segmenters_for
-from millisight.viz.annotator.subject import Subject as Subject
-from millisight.viz.annotator.subject import open_subject as open_subject
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

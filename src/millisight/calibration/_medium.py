@@ -1,0 +1,177 @@
+"""What lies between antennas and scene is not air: a medium all around, plane layers; or waves that go one way only.
+
+The imagers know straight paths through air there and back. Each step here turns a capture into one that has them: its
+frequencies, its path offset and the places of its antennas are such that the phase 2 pi f d / c is the same.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from millisight.calibration._calibrate import remade
+from millisight.core import checked_array, checked_number, checked_numbers, checked_record, with_step
+from millisight.core.errors import InputError
+from millisight.data import Capture, Trajectory, Waveform
+
+_TELL = 1 / 16  # of a wavelength: an error of a path that is told
+_RAYS = 400
+
+
+def set_medium(capture: Capture, permittivity: float) -> Capture:
+    """The capture of a scene inside a homogeneous medium, as air would give it.
+
+    A path d in the medium turns the phase by 2 pi f n d / c, n the root of the permittivity. So the frequencies are
+    times n, which is what the wavelengths in the medium say, and the path offset, which lies in cables, is over n.
+
+    Parameters
+    ----------
+    permittivity : relative, real
+
+    Raises
+    ------
+    InputError
+        The permittivity is no number above 0.
+    """
+    checked_record(capture, Capture, name="capture")
+    permittivity = checked_number(permittivity, name="permittivity", above=0)
+    index = float(np.sqrt(permittivity))
+    radar = capture.radar
+    changed = replace(radar, waveform=_scaled(radar.waveform, index), path_offset=radar.path_offset / index)
+    settings = {"permittivity": permittivity, "frequencies_times": index}
+    return remade(capture, "set_medium", settings, radar=changed)
+
+
+def set_one_way(capture: Capture) -> Capture:
+    """The capture of waves that go one way only, from the scene to the receivers, as there and back would give it.
+
+    The scene itself sends, or what lights it is everywhere at the same time. Each receiver becomes a pose of its own,
+    with a transmitter in its place, and the frequencies are halved: 2 pi (f / 2) 2 d / c is the phase of one way d.
+
+    Raises
+    ------
+    InputError
+        There are several transmitters.
+    """
+    checked_record(capture, Capture, name="capture")
+    poses, transmitters, receivers, samples = capture.frames.shape
+    if transmitters != 1:
+        raise InputError(f"one way has no transmitters, and the frames are of {transmitters}; expected one")
+    radar = capture.radar
+    changed = replace(radar, waveform=_scaled(radar.waveform, 0.5), path_offset=2 * radar.path_offset)
+    if receivers == 1:
+        places = capture.rx_positions
+        return replace(
+            remade(capture, "set_one_way", {"frequencies_times": 0.5}, radar=changed),
+            tx_points=places,
+            rx_points=places,
+        )
+    places = capture.rx_positions.reshape(-1, 1, 3)
+    poses = capture.trajectory
+    turned = None if poses.orientations is None else np.repeat(poses.orientations, receivers, axis=0)
+    array = replace(radar.array, tx_positions=np.zeros((1, 3)), rx_positions=np.zeros((1, 3)))
+    return Capture(
+        radar=replace(changed, array=array),
+        trajectory=Trajectory(times=np.repeat(poses.times, receivers), positions=places[:, 0], orientations=turned),
+        frames=capture.frames_of(slice(None)).reshape(-1, 1, 1, samples),
+        metadata=with_step(capture.metadata, "set_one_way", frequencies_times=0.5, receivers=receivers),
+        tx_points=places,
+        rx_points=places,
+    )
+
+
+def see_through(
+    capture: Capture,
+    layers: Sequence[tuple[float, float]],
+    *,
+    towards: Sequence[float] = (0.0, 0.0, -1.0),
+    permittivity: float = 1.0,
+    max_angle: float | None = None,
+    reach: tuple[float, float] | None = None,
+) -> Capture:
+    """The capture of a scene behind plane layers, as if there were only what the scene lies in.
+
+    A ray at the angle a behind the layers goes by Snell's law through a layer of thickness t and relative index m,
+    and its path as seen from behind is t sqrt(m^2 - sin^2 a) longer (with the sideways part taken off). Instead of
+    the layers, straight rays start at an antenna moved along `towards` and with a path offset, b cos a + o, both
+    chosen to fit best up to `max_angle`. The error that remains is of fourth order in the angle, is the same for
+    every voxel under that angle, and is stated in the history (`path_error`, of both ways together). It is noted as
+    a warning where it exceeds a sixteenth of the wavelength.
+
+    Parameters
+    ----------
+    layers : (thickness [m], relative permittivity) of each; in any order, since only their sum counts. They lie
+        wholly between antennas and scene; where, does not matter
+    towards : (3,) from the antennas to the scene, normal to the layers
+    permittivity : of what the scene lies in, behind the layers
+    max_angle : that rays make with `towards`, in the scene [rad]; less where the layers reflect all beyond. None: as
+        `reach` says, or else 45 degrees
+    reach : (across, depth) from antenna to voxel, the longest and the shortest [m]
+
+    Raises
+    ------
+    InputError
+        A number cannot be right.
+    """
+    checked_record(capture, Capture, name="capture")
+    normal = checked_array(towards, name="towards", shape=(3,))
+    if not np.linalg.norm(normal) > 0:
+        raise InputError("towards is 0, 0, 0; expected the direction from the antennas to the scene")
+    normal = normal / np.linalg.norm(normal)
+    index = np.sqrt(checked_number(permittivity, name="permittivity", above=0))
+    if not len(layers):
+        raise InputError("layers is empty; expected (thickness, permittivity) of each")
+    pairs = [checked_numbers(layer, name="a layer", count=2, above=0) for layer in layers]
+    thickness, relative = np.array(pairs).T
+    relative = np.sqrt(relative) / index
+    widest = 0.98 * min(1.0, relative.min())
+    if max_angle is not None:
+        widest = min(widest, np.sin(min(checked_number(max_angle, name="max_angle", unit="rad", above=0), np.pi / 2)))
+    elif reach is None:
+        widest = min(widest, np.sqrt(0.5))
+    else:
+        widest = _widest_sine(widest, thickness, relative, reach)
+    sines = np.linspace(0, widest, _RAYS)
+    cosines = np.sqrt(1 - sines**2)
+    lengths = (thickness * np.sqrt(relative**2 - sines[:, None] ** 2)).sum(axis=1)
+    fitted = np.stack([cosines, np.ones(_RAYS)], axis=1)
+    (straight, offset), *_ = np.linalg.lstsq(fitted, lengths, rcond=None)
+    error = 2 * float(np.abs(fitted @ [straight, offset] - lengths).max())
+
+    moved = (thickness.sum() - straight) * normal
+    inside = set_medium(capture, permittivity) if permittivity != 1 else capture
+    radar = replace(inside.radar, path_offset=inside.radar.path_offset + 2 * float(offset))
+    told = {
+        "layers": [list(pair) for pair in pairs], "towards": normal.tolist(), "moved": moved.tolist(),
+        "path_offset": 2 * float(offset), "max_angle": float(np.arcsin(sines[-1])), "path_error": error,
+    }  # fmt: skip
+    metadata = dict(inside.metadata)
+    if error > _TELL * radar.waveform.wavelength:
+        metadata["notes"] = [
+            *metadata.get("notes", ()),
+            f"refraction by the layers is right to {error * 1e3:.2g} mm of path, "
+            f"{error / radar.waveform.wavelength:.2f} wavelengths, up to {np.degrees(told['max_angle']):.0f} degrees; "
+            "images may be out of focus",
+        ]
+    shifted = {
+        name: points + moved for name in ("tx_points", "rx_points") if (points := getattr(inside, name)) is not None
+    }
+    poses = replace(inside.trajectory, positions=inside.trajectory.positions + moved)
+    return replace(
+        inside, radar=radar, trajectory=poses, metadata=with_step(metadata, "see_through", **told), **shifted
+    )
+
+
+def _widest_sine(limit: float, thickness: np.ndarray, relative: np.ndarray, reach: tuple[float, float]) -> float:
+    """The sine, behind the layers, of the ray that goes `reach` across and deep, by Snell's law; `limit` at most."""
+    across, depth = checked_numbers(reach, name="reach", count=2, minimum=0)
+    behind = max(depth - thickness.sum(), 0.0)
+    sines = np.linspace(0, limit, 4 * _RAYS)[:, None]
+    ways = behind * (sines / np.sqrt(1 - sines**2))[:, 0] + (thickness * sines / np.sqrt(relative**2 - sines**2)).sum(
+        axis=1
+    )
+    return float(np.interp(across, ways, sines[:, 0]))
+
+
+def _scaled(waveform: Waveform, factor: float) -> Waveform:
+    return replace(waveform, start_frequency=factor * waveform.start_frequency, slope=factor * waveform.slope)

@@ -1,0 +1,88 @@
+"""Calibrations as data: the steps that a description asks for, and what a description leads to, calibrated."""
+
+import os
+from collections.abc import Callable, Iterable, Mapping
+
+from millisight.calibration._calibrate import (
+    add_phase,
+    crop_samples,
+    divide_gains,
+    divide_reference,
+    subtract_background,
+    subtract_mean,
+)
+from millisight.calibration._medium import see_through, set_medium, set_one_way
+from millisight.core import checked_record, printable
+from millisight.core.errors import FormatError, InputError, UnknownNameError
+from millisight.data import CalibrationStep, Capture, ClockCorrection, RawScan
+
+STEPS: Mapping[str, Callable[..., Capture]] = {
+    step.__name__: step
+    for step in (
+        subtract_background, subtract_mean, divide_gains, divide_reference, add_phase, crop_samples,
+        set_one_way, set_medium, see_through,
+    )
+}  # fmt: skip
+"""The steps that a calibration can have, by name."""
+
+
+def calibrate(capture: Capture, steps: Iterable[CalibrationStep]) -> Capture:
+    """The capture after each of the `steps`, in their order.
+
+    Raises
+    ------
+    UnknownNameError
+        A step is not known.
+    FormatError, InputError
+        A step does not fit the capture; FormatError names the place where the step is written, if it has one.
+    """
+    for step in steps:
+        checked_record(step, CalibrationStep, name="a step")
+        if step.name not in STEPS:
+            raise UnknownNameError("calibration step", step.name, STEPS)
+        try:
+            capture = STEPS[step.name](capture, **step.settings)
+        except InputError as error:
+            if not step.source:
+                raise
+            raise FormatError(f"{step.source}: {error}") from error
+    return capture
+
+
+def read_capture(
+    path: str | os.PathLike[str],
+    *,
+    data: str | os.PathLike[str] | None = None,
+    clock: ClockCorrection | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Capture:
+    """A capture from raw files, as a description in TOML says.
+
+    Parameters
+    ----------
+    path : the description; or a folder with one; or a file that a shipped description knows by its arrays
+    data : the folder where the files lie that the description names; None: that of the description
+    clock : correction from the radar's clock to the robot's, where the positions come from the robot's log
+    progress : called with (files read, files in all)
+
+    Returns
+    -------
+    Capture
+        Of the phase sign inside millisight, calibrated as the description says. `metadata["image_grid"]` and
+        `metadata["imaging"]` hold what it says of the image.
+
+    Raises
+    ------
+    FileError, UnknownNameError
+        A file is missing or damaged, or a description cannot be right: the message names file, table and key.
+    InputError
+        The description has no positions, without which nothing can be imaged; or has no log for `clock` to correct.
+    """
+    from millisight.io.description import read
+
+    content = read(path, data=data, progress=progress)
+    if isinstance(content, RawScan):
+        return content.to_capture(clock=clock, progress=progress)
+    if clock is not None:
+        raise InputError(f"{printable(path)} names no log of a robot, so there is no clock to correct; leave clock out")
+    return content.to_capture()

@@ -1,0 +1,5 @@
+"""What every room stands on: errors, checked records, files, the phase law, and what compiles kernels."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,48 @@
+"""Which devices there are, and a clear error where one asked for is not there."""
+
+from importlib.util import find_spec
+
+from millisight.core.errors import DeviceError, UnknownNameError
+
+DEVICES = ("cpu", "cuda")
+
+
+def check_device(name: str) -> None:
+    """Refuse a device that cannot do the work: never a silent fall back.
+
+    Raises
+    ------
+    UnknownNameError
+        There is no device of this name.
+    DeviceError
+        "cuda" without numba-cuda, or without a GPU that it can use.
+
+    Examples
+    --------
+    >>> check_device("cpu")
+    >>> check_device("gpu")
+    Traceback (most recent call last):
+        ...
+    millisight.core.errors.UnknownNameError: unknown device 'gpu'. Did you mean 'cpu'? Known: cpu, cuda.
+    """
+    if name not in DEVICES:
+        raise UnknownNameError("device", name, DEVICES)
+    if name == "cpu":
+        return
+    if find_spec("numba_cuda") is None:
+        raise DeviceError(
+            'device="cuda" needs numba-cuda, which is not installed: run pip install "millisight[cuda]", '
+            'or use device="cpu"'
+        )
+    try:
+        from numba import cuda
+
+        available, reason = cuda.is_available(), cuda.cuda_error()
+    except ImportError as error:
+        available, reason = False, error
+    if not available:
+        why = " ".join(str(reason or "CUDA's compiler library NVVM is missing").split())
+        raise DeviceError(
+            f'device="cuda" found no GPU that it can use ({why}): check that `nvidia-smi` lists one and that '
+            'pip install "millisight[cuda]" was run, or use device="cpu"'
+        )

@@ -1,0 +1,205 @@
+"""Writing files so that a reader never meets half of one.
+
+Whoever writes a file writes it to a temporary name beside its place and renames it when it is whole: a full
+disk, a read-only folder, or Ctrl-C in the middle leaves what was there before, and nothing else.
+"""
+
+import os
+import secrets
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from millisight.core.errors import FileError, FormatError
+
+FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
+"""What figures are written as; here, so that the command line can refuse others before it loads Matplotlib."""
+
+_LARGEST_TOML = 1 << 20  # bytes
+
+
+@contextmanager
+def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Yield a temporary path beside `path`; rename it to `path` on success, remove it on any failure.
+
+    The temporary name keeps the suffix, since libraries choose the format by it. A symbolic link is followed, and
+    the permissions of an older file are kept.
+
+    Raises
+    ------
+    FileError
+        The folder is missing or cannot be written to, or the disk is full.
+    """
+    path = checked_path(path)
+    temporary, target = _claim(path)
+    try:
+        yield temporary
+        with open(temporary, "rb") as written:
+            os.fsync(written.fileno())
+        os.replace(temporary, target)
+    except FileError:
+        raise
+    except OSError as error:
+        raise FileError(f"cannot write {printable(path)}: {error.strerror or error}; nothing was changed") from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def check_writable(path: str | os.PathLike[str]) -> None:
+    """Raise before long work what `atomic_path` would raise after it.
+
+    Raises
+    ------
+    FileError
+        The folder is missing or cannot be written to.
+    """
+    _claim(checked_path(path))[0].unlink()
+
+
+def checked_path(path: object) -> Path:
+    """`path` as a Path, where it can be one.
+
+    Raises
+    ------
+    FileError
+        It is no text and no Path, is empty, or holds a NUL.
+    """
+    if not isinstance(path, str | Path | os.PathLike) or not isinstance(text := os.fspath(path), str):
+        raise FileError(f"path is of type {type(path).__name__}; expected a str or a Path")
+    if not text or "\0" in text:
+        raise FileError(f"path is {text!r}; expected the name of a file, not empty and without NUL characters")
+    return Path(text)
+
+
+def check_readable(path: object) -> Path:
+    """`path` as the Path of a file that can be opened.
+
+    Raises
+    ------
+    FileError
+        There is no such file, it is a folder, or may not be read.
+    """
+    path = checked_path(path)
+    if os.path.isdir(path):
+        raise FileError(f"{printable(path)} is a folder; expected a file")
+    if os.path.exists(path) and not os.path.isfile(path):
+        raise FileError(f"{printable(path)} is a device or a pipe; expected a file")
+    try:
+        open(path, "rb").close()
+    except FileNotFoundError as error:
+        raise FileError(f"{printable(path)}: no such file") from error
+    except OSError as error:
+        raise FileError(f"cannot read {printable(path)}: {error.strerror}; check its name and permissions") from error
+    return path
+
+
+def same_file(a: Path, b: Path) -> bool:
+    """Whether two paths lead to one place, by links or by name."""
+    try:
+        return os.path.samefile(a, b)
+    except OSError:  # one of them is not there yet
+        return os.path.realpath(a) == os.path.realpath(b)
+
+
+def printable(text: object) -> str:
+    """A text, such as a file's name in another encoding, as any terminal and any file can hold it."""
+    return str(text).encode("utf-8", "backslashreplace").decode("utf-8")
+
+
+def _claim(path: Path) -> tuple[Path, Path]:
+    """An empty temporary file, and the place it is for: a plain error now rather than a library's own later."""
+    name = printable(path)
+    target = Path(os.path.realpath(path))
+    try:
+        mode = target.stat().st_mode
+    except FileNotFoundError:
+        mode = None
+    except OSError as error:
+        raise FileError(f"cannot write {name}: {error.strerror}; choose another name") from error
+    if mode is not None and stat.S_ISDIR(mode):
+        raise FileError(f"{name} is a folder; expected the name of a file to write")
+    if mode is not None and not stat.S_ISREG(mode):
+        raise FileError(f"{name} is a device or a pipe; expected the name of a file to write")
+    if not os.path.isdir(target.parent):
+        raise FileError(f"cannot write {name}: there is no folder {printable(path.parent)}; make it or choose another")
+    temporary = target.with_name(f".{target.stem[:40]}.{secrets.token_hex(4)}.part{target.suffix}")
+    try:
+        os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+        if mode is not None:
+            temporary.chmod(stat.S_IMODE(mode))
+    except OSError as error:
+        raise FileError(f"cannot write {name}: {error.strerror}; choose another folder or free this one") from error
+    return temporary, target
+
+
+def write_text(path: str | os.PathLike[str], text: str) -> None:
+    """Write `text` to `path` as UTF-8, atomically."""
+    with atomic_path(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def make_folder(path: str | os.PathLike[str]) -> Path:
+    """The folder `path`, made with its parents where it is missing.
+
+    Raises
+    ------
+    FileError
+        It cannot be made, or a file is in its place.
+    """
+    path = checked_path(path)
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FileError(f"cannot make the folder {printable(path)}: {error.strerror}; choose another name") from error
+    return path
+
+
+def check_folder(path: str | os.PathLike[str]) -> None:
+    """Raise before long work what `make_folder`, or the first file in it, would raise after it; nothing is left.
+
+    Raises
+    ------
+    FileError
+        The folder cannot be made or written to, or a file is in its place.
+    """
+    path = checked_path(path)
+    there = next(place for place in (path.absolute(), *path.absolute().parents) if os.path.lexists(place))
+    trial = there / f".{secrets.token_hex(4)}.part"
+    try:
+        trial.mkdir()
+        trial.rmdir()
+    except OSError as error:
+        verb = "write to" if there == path.absolute() else "make"
+        raise FileError(
+            f"cannot {verb} the folder {printable(path)}: {error.strerror}; choose another folder or free this one"
+        ) from error
+
+
+def read_toml(path: str | os.PathLike[str], what: str) -> dict[str, Any]:
+    """The content of a TOML file of under a mebibyte.
+
+    Parameters
+    ----------
+    path : the file
+    what : what it is expected to be, for messages: "a recipe"
+
+    Raises
+    ------
+    FileError
+        It cannot be read.
+    FormatError
+        It is too large, or no TOML.
+    """
+    import tomllib
+
+    path = check_readable(path)
+    if path.stat().st_size > _LARGEST_TOML:
+        raise FormatError(
+            f"{printable(path)} has {path.stat().st_size} bytes; expected {what} of under {_LARGEST_TOML}"
+        )
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
+        raise FormatError(f"{printable(path)} is no TOML: {error}") from error

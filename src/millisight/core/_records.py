@@ -1,0 +1,250 @@
+"""What every record shares: fields are checked once, in `__post_init__`, and never change after.
+
+A record is a frozen, keyword-only dataclass with slots and without `==` (comparing arrays has no one meaning).
+Its arrays are read-only NumPy; its metadata is a read-only tree of what JSON can hold.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import Any, NoReturn, TypeVar, dataclass_transform
+
+import numpy as np
+from numpy.typing import ArrayLike, DTypeLike
+
+from millisight.core.errors import InputError
+
+Metadata = Mapping[str, Any]
+T = TypeVar("T")
+
+
+@dataclass_transform(frozen_default=True, kw_only_default=True, eq_default=False)
+def record(cls):
+    """Make `cls` a record: a frozen, keyword-only dataclass with slots and identity equality."""
+    made = dataclass(frozen=True, slots=True, kw_only=True, eq=False)(cls)
+    made.__reduce__ = _reduced
+    return made
+
+
+def _reduced(self: Any) -> tuple:
+    """For pickle and copy: made anew by its constructor, so checked again and its arrays read-only again."""
+    return _made, (type(self), {field.name: getattr(self, field.name) for field in fields(self)})
+
+
+def _made(cls: type, values: dict[str, Any]) -> Any:
+    return cls(**values)
+
+
+def put(owner: object, **fields: Any) -> None:
+    """Set fields of a frozen record: only for its own `__post_init__`."""
+    for name, value in fields.items():
+        object.__setattr__(owner, name, value)
+
+
+def checked_array(
+    value: ArrayLike, *, name: str, shape: tuple[int | str, ...], dtype: DTypeLike = np.float64, unit: str = ""
+) -> np.ndarray:
+    """`value` as a read-only array of `dtype` that nobody else can write to: `as_array`, copied where need be.
+
+    Raises
+    ------
+    InputError
+        As `as_array`.
+    """
+    array = as_array(value, name=name, shape=shape, dtype=dtype, unit=unit)
+    # What may be somebody else's is copied, so that nobody can write to it later; a read-only one is taken as it is.
+    ours = array is not value and array.base is None and isinstance(value, np.ndarray | list | tuple)
+    if not ours and _writeable(array):
+        array = array.copy()
+    array.flags.writeable = False
+    return array
+
+
+def _writeable(array: Any) -> bool:
+    """Whether the array, or one that it is a view of, can be written to."""
+    while isinstance(array, np.ndarray):
+        if array.flags.writeable:
+            return True
+        array = array.base
+    return False
+
+
+def as_array(
+    value: ArrayLike, *, name: str, shape: tuple[int | str, ...], dtype: DTypeLike = np.float64, unit: str = ""
+) -> np.ndarray:
+    """`value` as an array of `dtype`, perhaps itself, its shape and finiteness checked.
+
+    A string in `shape` names a free dimension of at least one entry, an integer fixes it.
+
+    Raises
+    ------
+    InputError
+        The shape does not fit, the values cannot be converted, or some are NaN or infinite.
+    """
+    unit = f" [{unit}]" if unit else ""
+    dtype = np.dtype(dtype)
+    try:
+        given = np.asarray(value)
+        if given.dtype.kind == "c" and dtype.kind != "c":
+            raise TypeError("it holds complex values")
+        with np.errstate(over="ignore", invalid="ignore"):
+            array = np.asarray(given, dtype=dtype)
+        if given.dtype.kind == "f" and dtype.kind in "iu" and not np.array_equal(given, array):
+            raise TypeError("it holds values that are not whole")
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InputError(f"{name} cannot be read as an array of {dtype}: {error}") from error
+    check_shape(array.shape, name=name, shape=shape)
+    if array.dtype.kind in "fc" and not np.isfinite(array).all():
+        where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
+        count = int((~np.isfinite(array)).sum())
+        raise InputError(
+            f"{name}{unit} has {count} values that are NaN or infinite, the first at {where}; remove or mend them"
+        )
+    return array
+
+
+def check_shape(actual: tuple[int, ...], *, name: str, shape: tuple[int | str, ...]) -> None:
+    """Raise `InputError` unless `actual` has the dimensions of `shape` (a string: any size of at least 1)."""
+    fits = len(actual) == len(shape) and all(
+        (a >= 1 if isinstance(s, str) else a == s) for a, s in zip(actual, shape, strict=True)
+    )
+    if not fits:
+        expected = ", ".join(map(str, shape)) + ("," if len(shape) == 1 else "")
+        raise InputError(f"{name} has shape {actual}; expected ({expected}), no dimension empty")
+
+
+def checked_number(
+    value: float, *, name: str, unit: str = "", minimum: float | None = None, above: float | None = None
+) -> float:
+    """`value` as a finite float, at least `minimum` and greater than `above`.
+
+    Raises
+    ------
+    InputError
+        It is no number, not finite, or out of range.
+    """
+    unit = f" {unit}" if unit else ""
+    try:
+        if np.ndim(value):
+            raise TypeError("not a single number")
+        number = float(value)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InputError(f"{name} is {value!r}; expected a number{f' in{unit}' if unit else ''}") from error
+    if not np.isfinite(number):
+        raise InputError(f"{name} is {number}; expected a finite number{f' in{unit}' if unit else ''}")
+    if above is not None and not number > above:
+        raise InputError(f"{name} is {number:g}{unit}; expected more than {above:g}{unit}")
+    if minimum is not None and not number >= minimum:
+        raise InputError(f"{name} is {number:g}{unit}; expected at least {minimum:g}{unit}")
+    return number
+
+
+def checked_numbers(
+    value: Any,
+    *,
+    name: str,
+    count: int,
+    repeat: bool = False,
+    unit: str = "",
+    minimum: float | None = None,
+    above: float | None = None,
+) -> tuple[float, ...]:
+    """`count` numbers, each as `checked_number` takes it; with `repeat`, a single one stands for all.
+
+    Raises
+    ------
+    InputError
+        They are of another number, or one of them cannot be right.
+    """
+    if repeat and isinstance(value, int | float | np.number):
+        value = [value] * count
+    if not isinstance(value, Sequence | np.ndarray) or isinstance(value, str | bytes) or not np.ndim(value):
+        raise InputError(f"{name} is {value!r}; expected {count} numbers{', or one' if repeat else ''}")
+    numbers = list(value)
+    if len(numbers) != count:
+        raise InputError(f"{name} has {len(numbers)} numbers; expected {count}{', or one' if repeat else ''}")
+    return tuple(checked_number(n, name=name, unit=unit, minimum=minimum, above=above) for n in numbers)
+
+
+def checked_integer(value: Any, *, name: str, minimum: int = 1) -> int:
+    """`value` as an int of at least `minimum`; 4.0 is whole, "4" and True are no numbers.
+
+    Raises
+    ------
+    InputError
+        It is not whole, or below `minimum`.
+    """
+    whole = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+    if not whole or not np.isfinite(value) or int(value) != value or value < minimum:
+        raise InputError(f"{name} is {value!r}; expected a whole number of at least {minimum}")
+    return int(value)
+
+
+def checked_record(value: Any, cls: type[T], *, name: str) -> T:
+    """`value`, which must be a `cls`.
+
+    Raises
+    ------
+    InputError
+        It is something else.
+    """
+    if not isinstance(value, cls):
+        raise InputError(f"{name} is of type {type(value).__name__}; expected {cls.__name__}")
+    return value
+
+
+def checked_metadata(value: Metadata) -> Metadata:
+    """`value` as a read-only dictionary, its lists and dictionaries too; refused where JSON cannot hold it.
+
+    Raises
+    ------
+    InputError
+        It is no mapping, or holds what JSON cannot, or its `history` is no list of steps.
+    """
+    try:
+        plain = json.loads(json.dumps(dict(value), allow_nan=False))
+    except (TypeError, ValueError, RecursionError) as error:
+        raise InputError(f"metadata must be a mapping of plain values that JSON can hold: {error}") from error
+    history = plain.get("history", [])
+    if not isinstance(history, list) or not all(isinstance(entry, dict) for entry in history):
+        raise InputError("metadata's history must be a list of mappings, one for each step, as `with_step` adds them")
+    return _frozen(plain)
+
+
+def _refuse(self: Any, *_: Any, **__: Any) -> NoReturn:
+    raise TypeError("metadata is read-only; make a new record with other metadata")
+
+
+class _Dict(dict):
+    """A dictionary that cannot be changed, and otherwise is one: for JSON, for pickle, for `==`."""
+
+    __setitem__ = __delitem__ = __ior__ = clear = pop = popitem = setdefault = update = _refuse
+
+    def __reduce__(self) -> tuple:
+        return _Dict, (dict(self),)
+
+
+class _List(list):
+    """A list that cannot be changed, and otherwise is one."""
+
+    __setitem__ = __delitem__ = __iadd__ = __imul__ = _refuse
+    append = clear = extend = insert = pop = remove = reverse = sort = _refuse
+
+    def __reduce__(self) -> tuple:
+        return _List, (list(self),)
+
+
+def _frozen(value: Any) -> Any:
+    if isinstance(value, dict):
+        return _Dict({key: _frozen(item) for key, item in value.items()})
+    return _List(map(_frozen, value)) if isinstance(value, list) else value
+
+
+def box(lower: np.ndarray, upper: np.ndarray) -> str:
+    """The box from (3,) `lower` to (3,) `upper` [m], in words."""
+    return ", ".join(f"{name} {a:.4g} to {b:.4g} m" for name, a, b in zip("xyz", lower, upper, strict=True))
+
+
+def with_step(metadata: Metadata, step: str, **settings: Any) -> dict[str, Any]:
+    """`metadata` with one more entry in its `history`: what was done, with which settings."""
+    return {**metadata, "history": [*metadata.get("history", ()), {"step": step, **settings}]}

@@ -1,0 +1,121 @@
+"""Where an image is wanted: voxel grids and pixel grids."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from millisight.core import box, checked_array, checked_numbers, put, record
+from millisight.core.errors import InputError
+
+_MOST_VOXELS = 1e11  # 800 GB of complex64
+
+
+def _coordinates(value: np.ndarray, name: str) -> np.ndarray:
+    coordinates = checked_array(value, name=name, shape=(name.upper(),), unit="m")
+    if not (np.diff(coordinates) > 0).all():
+        raise InputError(f"grid coordinates {name} must increase strictly; sort them and drop repeats")
+    return coordinates
+
+
+@record
+class PixelGrid:
+    """Where a picture's pixels are.
+
+    Attributes
+    ----------
+    x, y : (X,) and (Y,) coordinates of their centres, increasing [m]
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+
+    def __post_init__(self) -> None:
+        put(self, x=_coordinates(self.x, "x"), y=_coordinates(self.y, "y"))
+
+    def __repr__(self) -> str:
+        ends = ", ".join(f"{name} {c[0]:.4g} to {c[-1]:.4g} m" for name, c in (("x", self.x), ("y", self.y)))
+        return f"PixelGrid({len(self.x)} x {len(self.y)} pixels, {ends})"
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(X, Y) pixels along each axis."""
+        return len(self.x), len(self.y)
+
+
+@record
+class VoxelGrid:
+    """Where an image's voxels are.
+
+    Attributes
+    ----------
+    x, y, z : (X,), (Y,) and (Z,) coordinates of their centres in the world frame, increasing [m]
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    z: np.ndarray
+
+    def __post_init__(self) -> None:
+        put(self, x=_coordinates(self.x, "x"), y=_coordinates(self.y, "y"), z=_coordinates(self.z, "z"))
+
+    def __repr__(self) -> str:
+        return f"VoxelGrid({' x '.join(map(str, self.shape))} voxels, {box(*self.bounds)})"
+
+    @classmethod
+    def regular(
+        cls,
+        lower: Sequence[float] | np.ndarray,
+        upper: Sequence[float] | np.ndarray,
+        spacing: float | Sequence[float] | np.ndarray,
+    ) -> "VoxelGrid":
+        """Voxels from `lower` on, `spacing` apart, up to `upper` where whole steps reach it [m].
+
+        Raises
+        ------
+        InputError
+            A spacing is not positive, `upper` lies below `lower`, or the voxels are too many for any memory.
+
+        Examples
+        --------
+        >>> VoxelGrid.regular((0, 0, 0), (0.1, 0.05, 0), 0.01).shape
+        (11, 6, 1)
+        """
+        starts = checked_numbers(lower, name="lower", count=3, unit="m")
+        stops = checked_numbers(upper, name="upper", count=3, unit="m")
+        steps = checked_numbers(spacing, name="spacing", count=3, repeat=True, unit="m", above=0)
+        for name, start, stop in zip("xyz", starts, stops, strict=True):
+            if stop < start:
+                raise InputError(f"grid along {name} runs from {start:g} to {stop:g} m; expected upper >= lower")
+        counts = np.floor((np.array(stops) - starts) / steps * (1 + 1e-9)) + 1
+        if not counts.prod() <= _MOST_VOXELS:
+            raise InputError(
+                f"the grid would have {' x '.join(f'{n:.3g}' for n in counts)} = {counts.prod():.3g} voxels; expected "
+                f"{_MOST_VOXELS:.0e} at most: choose a coarser spacing or a smaller box"
+            )
+        axes = [start + step * np.arange(int(n)) for start, step, n in zip(starts, steps, counts, strict=True)]
+        return cls(x=axes[0], y=axes[1], z=axes[2])
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """(X, Y, Z) voxels along each axis."""
+        return len(self.x), len(self.y), len(self.z)
+
+    @property
+    def size(self) -> int:
+        """Number of voxels."""
+        return len(self.x) * len(self.y) * len(self.z)
+
+    @property
+    def points(self) -> np.ndarray:
+        """(X Y Z, 3) voxel centres [m], z running fastest."""
+        return np.stack(np.meshgrid(self.x, self.y, self.z, indexing="ij"), axis=-1).reshape(-1, 3)
+
+    @property
+    def bounds(self) -> np.ndarray:
+        """(2, 3) first and last voxel centre along each axis [m]."""
+        return np.array([[a[0], a[-1]] for a in (self.x, self.y, self.z)]).T
+
+    @property
+    def xy(self) -> PixelGrid:
+        """The grid seen along z."""
+        return PixelGrid(x=self.x, y=self.y)

@@ -1,0 +1,41 @@
+"""Masks: which pixels of an image belong to the object."""
+
+from typing import Any
+
+import numpy as np
+
+from millisight.core import checked_array, late, put, record
+from millisight.data._grid import PixelGrid
+
+
+@record
+class Mask:
+    """Which pixels of an image seen along z belong to the object.
+
+    Attributes
+    ----------
+    grid_xy : PixelGrid
+    inside : (X, Y) bool
+    """
+
+    grid_xy: PixelGrid
+    inside: np.ndarray
+
+    def __post_init__(self) -> None:
+        put(self, inside=checked_array(self.inside, name="inside", shape=self.grid_xy.shape, dtype=np.bool_))
+
+    def __repr__(self) -> str:
+        return f"Mask({len(self.grid_xy.x)} x {len(self.grid_xy.y)} pixels, {100 * self.inside.mean():.1f} % inside)"
+
+    def plot(self, **settings: Any) -> Any:
+        """The mask seen along z, as a figure.
+
+        Parameters
+        ----------
+        settings : of `millisight.viz.plot_mask`
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+        """
+        return late("millisight.viz", "plot_mask")(self, **settings)

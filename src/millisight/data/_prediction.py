@@ -1,0 +1,59 @@
+"""Predictions: the probability of each class."""
+
+import numpy as np
+
+from millisight.core import checked_array, checked_number, put, record
+from millisight.core.errors import InputError
+
+NOT_SURE = "not sure"
+
+
+@record
+class Prediction:
+    """The probability that an object is of each class.
+
+    Attributes
+    ----------
+    probabilities : (C,) float64, not negative, of sum 1
+    class_names : (C,) names
+    threshold : the answer is "not sure" where no probability reaches it
+    """
+
+    probabilities: np.ndarray
+    class_names: tuple[str, ...]
+    threshold: float = 0.0
+
+    def __post_init__(self) -> None:
+        names = tuple(str(name) for name in self.class_names)
+        probabilities = checked_array(self.probabilities, name="probabilities", shape=(len(names),))
+        if probabilities.min() < 0 or abs(probabilities.sum() - 1) > 1e-6:
+            raise InputError(
+                f"probabilities run from {probabilities.min():g} and add up to {probabilities.sum():g}; "
+                "expected none below 0 and a sum of 1"
+            )
+        threshold = checked_number(self.threshold, name="threshold", minimum=0)
+        put(self, probabilities=probabilities, class_names=names, threshold=threshold)
+
+    def __repr__(self) -> str:
+        sure = "" if self.sure else f", not sure below {self.threshold:.2f}"
+        return f"Prediction({self.label} {self.confidence:.2f} of {len(self.class_names)} classes{sure})"
+
+    @property
+    def label(self) -> str:
+        """The most probable class."""
+        return self.class_names[int(np.argmax(self.probabilities))]
+
+    @property
+    def confidence(self) -> float:
+        """The probability of the most probable class."""
+        return float(self.probabilities.max())
+
+    @property
+    def sure(self) -> bool:
+        """Whether the confidence reaches the threshold."""
+        return self.confidence >= self.threshold
+
+    @property
+    def answer(self) -> str:
+        """The most probable class, or "not sure"."""
+        return self.label if self.sure else NOT_SURE

@@ -1,0 +1,214 @@
+"""Radars: waveform, antennas, and the presets of the published set-up."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from millisight.core import (
+    SPEED_OF_LIGHT,
+    Registry,
+    checked_array,
+    checked_integer,
+    checked_number,
+    checked_record,
+    put,
+    record,
+    record_from_file,
+)
+from millisight.core.errors import InputError
+
+
+@record
+class Waveform:
+    """A linear chirp, sampled: frequencies f_0 + j slope / sample_rate (primer 1).
+
+    Attributes
+    ----------
+    start_frequency : f_0 [Hz], of the first sample
+    slope : [Hz/s]
+    sample_rate : [Hz]
+    samples_per_chirp : N
+    """
+
+    start_frequency: float
+    slope: float
+    sample_rate: float
+    samples_per_chirp: int
+
+    def __post_init__(self) -> None:
+        samples = checked_integer(self.samples_per_chirp, name="samples_per_chirp")
+        put(
+            self,
+            start_frequency=checked_number(self.start_frequency, name="start_frequency", unit="Hz", above=0),
+            slope=checked_number(self.slope, name="slope", unit="Hz/s", minimum=0),
+            sample_rate=checked_number(self.sample_rate, name="sample_rate", unit="Hz", above=0),
+            samples_per_chirp=samples,
+        )
+        if samples > 1 and not self.slope > 0:
+            raise InputError(f"slope is 0 Hz/s with {samples} samples; expected a rising chirp, or a single sample")
+
+    @classmethod
+    def stepped(cls, start_frequency: float, step: float, count: int) -> "Waveform":
+        """A stepped-frequency sweep: `count` frequencies, `step` [Hz] apart. Its sample rate is nominal, 1 Hz."""
+        return cls(start_frequency=start_frequency, slope=step, sample_rate=1.0, samples_per_chirp=count)
+
+    @property
+    def frequency_step(self) -> float:
+        """slope / sample_rate [Hz]."""
+        return self.slope / self.sample_rate
+
+    @property
+    def frequencies(self) -> np.ndarray:
+        """(N,) frequency of each sample [Hz]."""
+        return self.start_frequency + self.frequency_step * np.arange(self.samples_per_chirp)
+
+    @property
+    def bandwidth(self) -> float:
+        """B = N slope / sample_rate [Hz]."""
+        return self.samples_per_chirp * self.frequency_step
+
+    @property
+    def center_frequency(self) -> float:
+        """Mean of the samples' frequencies [Hz]."""
+        return self.start_frequency + self.frequency_step * (self.samples_per_chirp - 1) / 2
+
+    @property
+    def wavelength(self) -> float:
+        """At the centre frequency [m]."""
+        return SPEED_OF_LIGHT / self.center_frequency
+
+    @property
+    def range_resolution(self) -> float:
+        """c / (2B) [m] (primer 5); infinite for a single frequency."""
+        return SPEED_OF_LIGHT / (2 * self.bandwidth) if self.bandwidth else float("inf")
+
+
+@record
+class AntennaArray:
+    """Where a radar's antennas are; every pair of a transmitter and a receiver is one channel.
+
+    Attributes
+    ----------
+    tx_positions : (T, 3) transmitters in the radar's own frame [m]
+    rx_positions : (R, 3) receivers in the radar's own frame [m]
+    """
+
+    tx_positions: np.ndarray
+    rx_positions: np.ndarray
+
+    def __post_init__(self) -> None:
+        put(
+            self,
+            tx_positions=checked_array(self.tx_positions, name="tx_positions", shape=("T", 3), unit="m"),
+            rx_positions=checked_array(self.rx_positions, name="rx_positions", shape=("R", 3), unit="m"),
+        )
+
+    @classmethod
+    def monostatic(cls) -> "AntennaArray":
+        """One transmitter and one receiver, both at the radar's origin."""
+        return cls(tx_positions=np.zeros((1, 3)), rx_positions=np.zeros((1, 3)))
+
+
+@record
+class Radar:
+    """A radar: what it sends, from where, and the electrical path it adds.
+
+    Attributes
+    ----------
+    name : str
+    waveform : Waveform
+    array : AntennaArray
+    path_offset : constant path in cables and front end, added to every path length [m] (primer 2)
+    """
+
+    name: str
+    waveform: Waveform
+    array: AntennaArray
+    path_offset: float = 0.0
+
+    def __post_init__(self) -> None:
+        checked_record(self.name, str, name="name")
+        checked_record(self.waveform, Waveform, name="waveform")
+        checked_record(self.array, AntennaArray, name="array")
+        put(self, path_offset=checked_number(self.path_offset, name="path_offset", unit="m"))
+
+    @classmethod
+    def preset(cls, name: str, *, rx_axis: str | None = None) -> "Radar":
+        """A radar by name: one of the published set-up's, or of an installed plug-in; see `radar_names()`.
+
+        Parameters
+        ----------
+        name : "iwr1443" | "position2go" | "mito-sim-77ghz" | "mito-sim-24ghz"
+        rx_axis : "x" or "y", the axis of the row of receivers; default as in the preset's file
+
+        Raises
+        ------
+        UnknownNameError, InputError
+
+        Examples
+        --------
+        >>> radar = Radar.preset("iwr1443", rx_axis="y")
+        >>> f"{radar.waveform.bandwidth / 1e9:.3f} GHz, {len(radar.array.rx_positions)} RX"
+        '3.001 GHz, 4 RX'
+        """
+        if rx_axis not in (None, "x", "y"):
+            raise InputError(f"rx_axis is {rx_axis!r}; expected 'x' or 'y'")
+        entry = RADAR_PRESETS[name]
+        if isinstance(entry, str | Path):
+            return record_from_file(_Preset, entry, "a radar").radar(name, rx_axis)
+        if isinstance(entry, Radar):
+            if rx_axis is not None:
+                raise InputError(f"the receivers of the radar {name!r} lie as they do; leave rx_axis={rx_axis!r} out")
+            return entry
+        return checked_record(entry(**({"rx_axis": rx_axis} if rx_axis else {})), Radar, name=f"radar {name!r}")
+
+
+@record
+class _Preset:
+    """A radar's file: its receivers in a row beside the transmitter.
+
+    Attributes
+    ----------
+    waveform : Waveform
+    rx_axis : "x" or "y", along which the receivers lie where nothing is said
+    rx_offsets : from the transmitter [m]
+    path_offset : see Radar [m]
+    """
+
+    waveform: Waveform
+    rx_axis: str
+    rx_offsets: tuple[float, ...]
+    path_offset: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.rx_axis not in ("x", "y") or not self.rx_offsets:
+            raise InputError(
+                f"rx_axis is {self.rx_axis!r} with {len(self.rx_offsets)} rx_offsets; expected 'x' or 'y', and some"
+            )
+
+    def radar(self, name: str, rx_axis: str | None) -> Radar:
+        """The radar, its receivers along `rx_axis`."""
+        receivers = np.zeros((len(self.rx_offsets), 3))
+        receivers[:, "xy".index(rx_axis or self.rx_axis)] = self.rx_offsets
+        array = AntennaArray(tx_positions=np.zeros((1, 3)), rx_positions=receivers)
+        return Radar(name=name, waveform=self.waveform, array=array, path_offset=self.path_offset)
+
+
+def _check_preset(name: str, entry: Any) -> None:
+    if not (isinstance(entry, str | Path | Radar) or callable(entry)):
+        raise InputError(f"radar {name!r} is {entry!r}; expected a Radar, a TOML file's path, or a function")
+
+
+RADAR_PRESETS: Registry[Any] = Registry("radar", "millisight.radars", check=_check_preset)
+"""Radars by name: the path of a TOML file, a `Radar`, or a function that returns one and may take `rx_axis`.
+
+A file of the folder `presets` is one; other packages add theirs by entry points "millisight.radars".
+"""
+for _file in sorted(Path(__file__).with_name("presets").glob("*.toml")):
+    RADAR_PRESETS.add(_file.stem, _file)
+
+
+def radar_names() -> tuple[str, ...]:
+    """The names that `Radar.preset` knows."""
+    return RADAR_PRESETS.names()

@@ -1,0 +1,294 @@
+"""From the published layout to our own files: once, in parallel, and resumable at any point.
+
+Every item becomes one file at the same place, `.h5` for `.pkl`; a folder of raw files becomes a capture and the robot's
+log in it. What the files hold follows from the sources and the settings alone, so that equal sources give equal bytes.
+"""
+
+import hashlib
+import json
+import os
+import shutil
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from millisight.core import atomic_path, checked_number, make_folder, printable, record, same_file, write_text
+from millisight.core.errors import FileError, InputError
+from millisight.datasets import _mito
+from millisight.datasets._inventory import Dataset, Item
+from millisight.datasets._manifest import Entry, Manifest, Source, checksum, read_manifest, write_manifest
+from millisight.datasets._workers import each
+from millisight.io import SCHEMA_VERSION, save
+from millisight.io.mito import (
+    INFO,
+    INFO_NAME,
+    RADAR_MASK,
+    RAW,
+    RAW_CAPTURE,
+    RAW_LOG,
+    image_beside,
+    read_experiment,
+    read_info,
+    read_published,
+)
+
+_VERSION = 1  # of the conversion: another one, and everything is converted anew
+_CACHE_NAME = ".checksums.json"
+_PARTIAL_NAME = ".partial"
+_SECONDS = 2.0  # between two writes of the manifest
+
+Checksums = dict[str, tuple[int, int, str]]
+"""By path relative to the dataset: size [bytes], modification time [ns], SHA-256."""
+
+
+@record
+class Converted:
+    """What came of a conversion.
+
+    Attributes
+    ----------
+    manifest : of all that is in the converted dataset now
+    made, kept : how many items were converted, and how many were already
+    notes : (path, what is odd about it), of all items
+    failures : (path, why it was not converted)
+    """
+
+    manifest: Manifest
+    made: int
+    kept: int
+    notes: tuple[tuple[str, str], ...]
+    failures: tuple[tuple[str, str], ...]
+
+
+class _Job(NamedTuple):
+    """What a process needs to convert an item; it opens nothing else."""
+
+    item: Item
+    root: Path
+    out: Path
+    before: tuple[Entry, ...]
+    known: Checksums
+    min_distance: float | None
+
+
+class _Done(NamedTuple):
+    entries: tuple[Entry, ...]
+    known: Checksums
+    kept: bool
+
+
+def convert(
+    root: str | os.PathLike[str] | Dataset,
+    out: str | os.PathLike[str],
+    *,
+    min_distance: float | None = None,
+    workers: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Converted:
+    """Convert a dataset of the published layout into `out`; what is there already and still right is kept.
+
+    An item is kept when its file, its sources by their checksums, the settings and the schema are those of the
+    manifest. One that cannot be converted stops no other. Interrupted at any point, a further call finishes the work
+    with the same bytes as one that was never interrupted.
+
+    Parameters
+    ----------
+    root : the dataset, or some of its objects: `ms.datasets.open(root).only(["004"])`
+    out : a folder, made where it is missing; `manifest.jsonl` in it lists the files and their checksums
+    min_distance : of the frames of raw captures, as of `RawScan.to_capture` [m]
+    workers : processes; None: one a core, eight at most; a raw item needs some hundred megabytes in each
+    progress : called with (items done, items in all)
+
+    Raises
+    ------
+    FileError, FormatError, DamagedFileError
+        There is no dataset, `out` cannot be written to, or its manifest is damaged.
+    InputError
+        `out` is the dataset itself, or that is converted already.
+    """
+    dataset = root if isinstance(root, Dataset) else _mito.open(root)
+    items = [item for item in dataset.items if not item.converted]
+    if all(item.kind == INFO for item in items):
+        raise InputError(f"{printable(dataset.root)} holds nothing that is not converted already")
+    if min_distance is not None:
+        min_distance = checked_number(min_distance, name="min_distance", unit="m", minimum=0)
+    out = make_folder(out)
+    if same_file(out, dataset.root):
+        raise InputError(f"{printable(out)} is the dataset itself; choose another folder to convert it into")
+    settings = {"conversion": _VERSION, "schema": SCHEMA_VERSION, "min_distance": min_distance}
+    kept, notes, failures = 0, [], []
+    with _Ledger(out, settings) as ledger:
+        jobs = [ledger.job(item, dataset.root) for item in items]
+        with closing(each(_convert, jobs, workers=workers)) as outcomes:
+            for count, outcome in enumerate(outcomes, 1):
+                path = _relative(items[outcome.number].path, dataset.root)
+                if outcome.failure:
+                    failures.append((path, dataset.message(outcome.failure, path)))
+                else:
+                    done: _Done = outcome.result
+                    ledger.add(path, done)
+                    kept += done.kept
+                    notes += [(path, note) for note in done.entries[0].notes]
+                if progress is not None:
+                    progress(count, len(jobs))
+    return Converted(
+        manifest=ledger.manifest,
+        made=len(items) - kept - len(failures),
+        kept=kept,
+        notes=tuple(sorted(notes)),
+        failures=tuple(sorted(failures)),
+    )
+
+
+class _Ledger:
+    """The manifest as it grows, and the checksums of sources, kept so that a resumed run need not read them again."""
+
+    def __init__(self, out: Path, settings: dict[str, Any]):
+        self._out = out
+        before = read_manifest(out)
+        entries = before.entries if before is not None and before.settings == settings else {}
+        self.manifest = Manifest(settings=settings, entries=entries)
+        self._known: dict[str, Checksums] = _read_cache(out / _CACHE_NAME)
+        self._written = 0.0
+
+    def job(self, item: Item, root: Path) -> _Job:
+        path = _relative(item.path, root)
+        before = tuple(e for name in _outputs(item, root) if (e := self.manifest.entries.get(name)) is not None)
+        min_distance = self.manifest.settings["min_distance"]
+        return _Job(item, root, self._out, before, self._known.get(path, {}), min_distance)
+
+    def add(self, path: str, done: _Done) -> None:
+        self.manifest = self.manifest.updated(done.entries)
+        self._known[path] = done.known
+        if time.monotonic() - self._written > _SECONDS:
+            self._write()
+
+    def _write(self) -> None:
+        write_manifest(self._out, self.manifest)
+        write_text(self._out / _CACHE_NAME, json.dumps(self._known, sort_keys=True))
+        self._written = time.monotonic()
+
+    def __enter__(self) -> "_Ledger":
+        shutil.rmtree(self._out / _PARTIAL_NAME, ignore_errors=True)
+        make_folder(self._out / _PARTIAL_NAME)
+        self._write()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._write()
+        shutil.rmtree(self._out / _PARTIAL_NAME, ignore_errors=True)
+
+
+def _read_cache(path: Path) -> dict[str, Checksums]:
+    """The checksums that an earlier run left; none where they cannot be read: they are worked out again."""
+    try:
+        cache = json.loads(path.read_bytes())
+        return {
+            item: {name: (int(size), int(changed), str(sha256)) for name, (size, changed, sha256) in known.items()}
+            for item, known in cache.items()
+        }
+    except (OSError, ValueError, TypeError, AttributeError, RecursionError):
+        return {}
+
+
+def _convert(job: _Job) -> _Done:
+    """Convert one item, or find that it was converted before."""
+    known: Checksums = {}
+    sources = tuple(_source(path, files, job, known) for path, files in _sources_of(job.item))
+    outputs = _outputs(job.item, job.root)
+    if [entry.path for entry in job.before] == outputs and all(
+        entry.sources == sources and _size(job.out / entry.path) == entry.size for entry in job.before
+    ):
+        return _Done(job.before, known, True)
+    entries = []
+    partial = job.out / _PARTIAL_NAME / f"{os.getpid()}{Path(outputs[0]).suffix}"
+    for output, (write, notes) in zip(outputs, _contents(job), strict=True):
+        # Written where a killed run's remains are swept up, and moved to its place when it is whole.
+        write(partial)
+        target = job.out / output
+        make_folder(target.parent)
+        entry = Entry(output, job.item.kind, partial.stat().st_size, checksum(partial), sources, tuple(notes))
+        os.replace(partial, target)
+        entries.append(entry)
+    return _Done(tuple(entries), known, False)
+
+
+def _contents(job: _Job) -> Iterator[tuple[Callable[[Path], None], list[str]]]:
+    """What writes each output of an item, and what is odd about the item."""
+    item = job.item
+    if item.kind == INFO:
+        read_info(item.path)
+        yield lambda path: _copy(item.path, path), []
+    elif item.kind == RAW:
+        scan = read_experiment(item.path, item.radar)
+        notes = [str(note) for name in ("left_out", "notes") for note in scan.metadata[name]]
+        yield lambda path: save(path, scan.to_capture(min_distance=job.min_distance), reproducible=True), notes
+        yield lambda path: save(path, scan.log, reproducible=True), notes
+    else:
+        published = read_published(item.path)
+        yield lambda path: save(path, published.record, extras=published.extras, reproducible=True), []
+
+
+def _copy(source: Path, path: Path) -> None:
+    with atomic_path(path) as temporary:
+        shutil.copyfile(source, temporary)
+
+
+def _outputs(item: Item, root: Path) -> list[str]:
+    """Where in the converted dataset an item goes."""
+    place = Path(_relative(item.path, root))
+    if item.kind == INFO:
+        return [place.as_posix()]
+    if item.kind == RAW:
+        return [(place / name).as_posix() for name in (RAW_CAPTURE, RAW_LOG)]
+    return [place.with_suffix(".h5").as_posix()]
+
+
+def _sources_of(item: Item) -> Iterator[tuple[Path, list[Path]]]:
+    """What an item is made of: a file or a folder, and the files of it that matter."""
+    if item.kind == RAW:
+        files = [*item.path.glob("radar_data/*"), *item.path.glob("antenna*.npz"), *item.path.glob("continuous*.pkl")]
+        yield item.path, sorted(file for file in files if file.is_file())
+        info = item.path.parents[3] / INFO_NAME
+        yield info, [info] if info.is_file() else []
+    else:
+        yield item.path, [item.path]
+        if item.kind == RADAR_MASK and (image := image_beside(item.path)).is_file():
+            yield image, [image]
+
+
+def _source(path: Path, files: Iterable[Path], job: _Job, known: Checksums) -> Source:
+    """A source as the manifest names it; `known` takes what was learned of its files."""
+    lines = []
+    size = 0
+    for file in files:
+        try:
+            status = file.stat()
+        except OSError as error:
+            raise FileError(f"cannot read {printable(file)}: {error.strerror}") from error
+        name = _relative(file, job.root)
+        before = job.known.get(name)
+        same = before is not None and before[:2] == (status.st_size, status.st_mtime_ns)
+        sha256 = before[2] if before is not None and same else checksum(file)
+        known[name] = (status.st_size, status.st_mtime_ns, sha256)
+        size += status.st_size
+        lines.append((sha256, file))
+    if [file for _, file in lines] == [path]:
+        return Source(_relative(path, job.root), size, lines[0][0])
+    listing = "".join(f"{sha256}  {file.relative_to(path).as_posix()}\n" for sha256, file in lines)
+    digest = hashlib.sha256(listing.encode("utf-8", "surrogateescape")).hexdigest()
+    return Source(_relative(path, job.root), size, digest, len(lines))
+
+
+def _size(path: Path) -> int:
+    """In bytes; -1 where there is no such file."""
+    try:
+        return path.stat().st_size
+    except OSError:
+        return -1
+
+
+def _relative(path: Path, root: Path) -> str:
+    return path.relative_to(root).as_posix()

@@ -1,0 +1,153 @@
+"""The objects of a recipe: drawn by the catalogue, scanned, or one's own; each with its mesh in the dataset."""
+
+import hashlib
+import os
+from itertools import permutations, product
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from millisight.core import atomic_path, make_folder
+from millisight.core.errors import MillisightError
+from millisight.data import TriangleMesh
+from millisight.datasets._manifest import checksum
+from millisight.datasets.generation import MeshFile, Recipe, catalogue_name
+from millisight.meshes import CATALOGUE, build_object, find_scans, load_mesh
+
+MESH_NAME = "nontextured.stl"
+"""Of an object's mesh in the published layout; here in metres, turned as at the angles 0, 0, 0, its middle at 0."""
+
+_COMPARED = 1500  # points on either surface
+_ALIKE = 1e-9  # squared distances that differ by less are the same [m²]
+
+
+class DatasetObject(NamedTuple):
+    """An object as a dataset holds it.
+
+    Attributes
+    ----------
+    name : of the catalogue, or of its file
+    folder : `<id>_<name>` in the dataset
+    shape_class, category : of the catalogue; "other", "own" of a file
+    source : "built" by the catalogue, "scan" of the real one, or "file"
+    material : all of it; "" for a built one, whose parts have theirs
+    mesh : [m]
+    sha256 : of its mesh file
+    """
+
+    name: str
+    folder: str
+    shape_class: str
+    category: str
+    source: str
+    material: str
+    mesh: TriangleMesh
+    sha256: str
+
+    @property
+    def path(self) -> str:
+        """Of its mesh file, relative to the dataset."""
+        return f"{self.folder}/{MESH_NAME}"
+
+    def write(self, root: Path) -> None:
+        """Its mesh file into a dataset's folder, where it is not there already."""
+        path = make_folder(root / self.folder) / MESH_NAME
+        if not path.exists() or checksum(path) != self.sha256:
+            with atomic_path(path) as temporary:
+                temporary.write_bytes(_stl(self.mesh))
+
+
+def prepare_objects(recipe: Recipe, *, meshes: str | os.PathLike[str] | None = None) -> dict[str, DatasetObject]:
+    """All objects of a recipe, by name.
+
+    Parameters
+    ----------
+    meshes : folder of real scans, which take the places of the shapes that the catalogue builds
+
+    Raises
+    ------
+    FileError, MeshError
+        A mesh cannot be read, or the folder holds no scan; the message names it.
+    """
+    scans = find_scans(meshes) if meshes is not None else {}
+    files = {file.name: file for file in recipe.files}
+    in_scenes = [placed.object for scene in recipe.scenes for placed in scene.objects]
+    wanted = {*recipe.objects.chosen, *(catalogue_name(name) for name in in_scenes if name not in files)}
+    names = [*(name for name in CATALOGUE if name in wanted), *files]
+    return {
+        name: _own(files[name], recipe.folder) if name in files else _catalogued(name, scans.get(name))
+        for name in names
+    }
+
+
+def _catalogued(name: str, scan: Path | None) -> DatasetObject:
+    entry = CATALOGUE[name]
+    mesh = build_object(name)
+    if scan is not None:
+        mesh = lying_like(load_mesh(scan, unit="m"), mesh)
+    source, material = ("built", "") if scan is None else ("scan", entry.material)
+    return DatasetObject(name, entry.ycb_id, entry.shape_class, entry.category, source, material, mesh, _sha256(mesh))
+
+
+def _own(file: MeshFile, folder: str) -> DatasetObject:
+    try:
+        mesh = load_mesh(Path(folder) / file.path, unit=file.unit)
+    except MillisightError as error:
+        raise type(error)(f"files: {error}") from error
+    mesh = mesh.moved(translation=-mesh.bounds.mean(axis=0))
+    folder = f"000_{file.name}"
+    return DatasetObject(file.name, folder, file.shape_class, "own", "file", file.material, mesh, _sha256(mesh))
+
+
+def _sha256(mesh: TriangleMesh) -> str:
+    return hashlib.sha256(_stl(mesh)).hexdigest()
+
+
+def _stl(mesh: TriangleMesh) -> bytes:
+    """The mesh as binary STL [m]."""
+    from trimesh import Trimesh
+    from trimesh.exchange.stl import export_stl
+
+    return export_stl(Trimesh(mesh.vertices, mesh.faces, process=False))
+
+
+def lying_like(scan: TriangleMesh, shape: TriangleMesh) -> TriangleMesh:
+    """A scan turned to lie as the catalogue's shape does, the middle of its bounding box at the origin.
+
+    Scans stand as they stood on the scanner. Of the turns that make the edges of the scan's smallest box parallel to
+    the axes, that one is taken whose surface is nearest to the shape's: by the mean squared distance of points of
+    either from the other.
+    """
+    from scipy.spatial import KDTree
+    from trimesh.bounds import oriented_bounds
+
+    boxed = np.asarray(oriented_bounds(scan.vertices, angle_digits=2)[0])[:3, :3]
+    ours = _spread(shape)
+    tree = KDTree(ours)
+    best, nearest = scan, np.inf
+    for turn in _right_angled_turns():
+        turned = scan.moved(rotation=turn @ boxed)
+        turned = turned.moved(translation=-turned.bounds.mean(axis=0))
+        theirs = _spread(turned)
+        far = (tree.query(theirs)[0] ** 2).mean() + (KDTree(theirs).query(ours)[0] ** 2).mean()
+        if far < nearest - _ALIKE:  # of turns that fit alike, the first
+            best, nearest = turned, far
+    return best
+
+
+def _right_angled_turns() -> list[np.ndarray]:
+    """The 24 rotations (3, 3) that map the axes onto each other."""
+    turns = [np.eye(3)[list(axes)] * signs for axes in permutations(range(3)) for signs in product((1, -1), repeat=3)]
+    return [turn for turn in turns if np.linalg.det(turn) > 0]
+
+
+def _spread(mesh: TriangleMesh) -> np.ndarray:
+    """(n, 3) points all over a mesh, the same ones every time."""
+    rng = np.random.default_rng(0)
+    areas = np.linalg.norm(mesh.face_crosses, axis=1)
+    faces = rng.choice(len(areas), _COMPARED, p=areas / areas.sum())
+    u, v = rng.random((2, _COMPARED, 1))
+    u, v = np.where(u + v > 1, 1 - u, u), np.where(u + v > 1, 1 - v, v)
+    a, b, c = mesh.vertices[mesh.faces[faces]].transpose(1, 0, 2)
+    return a + u * (b - a) + v * (c - a)

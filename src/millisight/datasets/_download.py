@@ -1,0 +1,215 @@
+"""The published dataset from the Hugging Face Hub, whole or some objects of it; resumable."""
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager
+from pathlib import Path, PurePosixPath
+from typing import Any, NamedTuple
+
+from millisight.core import make_folder, printable, record
+from millisight.core.errors import FileError, InputError, UnknownNameError
+from millisight.datasets._workers import each
+from millisight.io.mito import object_of
+
+REPOSITORY = "SignalKinetics/MITO_Dataset"
+
+
+class RemoteFile(NamedTuple):
+    """A file of the repository: its path there, and its size [bytes]."""
+
+    path: str
+    size: int
+
+
+@record
+class Download:
+    """What was downloaded, or would be.
+
+    Attributes
+    ----------
+    repository : name on the hub
+    commit : its revision, by hash; all files are of this one
+    files : those wanted
+    there : how many of them were in the folder before, whole
+    failures : (path, why it was not downloaded)
+    """
+
+    repository: str
+    commit: str
+    files: tuple[RemoteFile, ...]
+    there: int
+    failures: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def size(self) -> int:
+        """Of all files wanted [bytes]."""
+        return sum(file.size for file in self.files)
+
+
+class _Job(NamedTuple):
+    repository: str
+    commit: str
+    path: str
+    out: str
+    endpoint: str | None
+
+
+def download(
+    out: str | os.PathLike[str],
+    objects: Sequence[str] = (),
+    *,
+    repository: str = REPOSITORY,
+    revision: str = "main",
+    dry_run: bool = False,
+    workers: int = 4,
+    progress: Callable[[int, int], None] | None = None,
+) -> Download:
+    """Download the published dataset into the folder `out`: processed files, as the hub has no others.
+
+    Files that are there already are not fetched again, so that an interrupted download goes on where it stopped. A
+    connection that breaks is taken up, in large files where it broke. A file that cannot be fetched stops no other.
+
+    Parameters
+    ----------
+    out : made where it is missing
+    objects : ids, names or folders, such as "004", "sugar_box" or "004_sugar_box"; none: everything
+    repository : name of a dataset repository on the hub
+    revision : a branch, tag or commit of it
+    dry_run : look what there is, and fetch nothing
+    workers : processes that fetch files
+    progress : called with (bytes done, bytes in all)
+
+    Raises
+    ------
+    ImportError
+        huggingface_hub is not installed: `pip install "millisight[hub]"`.
+    FileError
+        The hub cannot be reached, has no such repository or revision, or asks for a login or consent first.
+    UnknownNameError
+        There is no such object.
+    InputError
+        The disk has less room than is needed.
+    """
+    endpoint = os.environ.get("HF_ENDPOINT") or None
+    commit, listed = _listing(repository, revision, endpoint)
+    files = _chosen(listed, objects)
+    root = Path(out)
+    lacking = [file for file in files if _size(root / file.path) != file.size]
+    wanted = Download(repository=repository, commit=commit, files=files, there=len(files) - len(lacking))
+    if dry_run:
+        return wanted
+    root = make_folder(out)
+    _check_room(root, sum(file.size for file in lacking))
+    jobs = [_Job(repository, commit, file.path, os.fspath(root), endpoint) for file in files]
+    done, failures = 0, []
+    with closing(each(_fetch, jobs, workers=workers)) as outcomes:
+        for outcome in outcomes:
+            file = files[outcome.number]
+            done += file.size
+            if outcome.failure:
+                failures.append((file.path, outcome.failure))
+            if progress is not None:
+                progress(done, wanted.size)
+    if not failures:  # what killed runs left behind
+        for remains in (root / ".cache" / "huggingface" / "download").rglob("*.incomplete"):
+            remains.unlink(missing_ok=True)
+    return Download(
+        repository=repository, commit=commit, files=files, there=wanted.there, failures=tuple(sorted(failures))
+    )
+
+
+def _listing(repository: str, revision: str, endpoint: str | None) -> tuple[str, list[RemoteFile]]:
+    """The commit that `revision` is, and all files in it."""
+    hub = _hub()
+    with _explained(hub, repository, revision):
+        api = hub.HfApi(endpoint=endpoint)
+        commit = str(api.dataset_info(repository, revision=revision).sha)
+        tree = api.list_repo_tree(repository, recursive=True, revision=commit, repo_type="dataset")
+        files = [RemoteFile(entry.path, int(entry.size)) for entry in tree if hasattr(entry, "size")]
+    for file in files:
+        if PurePosixPath(file.path).is_absolute() or ".." in PurePosixPath(file.path).parts:
+            raise FileError(
+                f"{repository} lists the file {file.path!r}, which would lie outside the folder; not trusted"
+            )
+    return commit, files
+
+
+def _chosen(files: list[RemoteFile], objects: Sequence[str]) -> tuple[RemoteFile, ...]:
+    """The files of the objects asked for; all where none is."""
+    if not objects:
+        return tuple(files)
+    folders = {file.path.split("/")[0] for file in files if "/" in file.path}
+    named = {folder: (*identity, folder) for folder in folders if (identity := object_of(folder)) is not None}
+    for name in objects:
+        if not any(name in names for names in named.values()):
+            raise UnknownNameError("object", name, named)
+    chosen = {folder for folder, names in named.items() if set(objects) & set(names)}
+    return tuple(file for file in files if file.path.split("/")[0] in chosen)
+
+
+def _fetch(job: _Job) -> None:
+    """One file, in a process of its own; what is whole and of this commit is not asked for again."""
+    hub = _hub()
+    hub.utils.disable_progress_bars()
+    with _explained(hub, job.repository, job.commit):
+        hub.hf_hub_download(
+            job.repository,
+            job.path,
+            repo_type="dataset",
+            revision=job.commit,
+            local_dir=job.out,
+            endpoint=job.endpoint,
+        )
+
+
+def _check_room(root: Path, needed: int) -> None:
+    import shutil
+
+    room = shutil.disk_usage(root).free
+    if room < needed:
+        raise InputError(
+            f"{needed / 1e9:.1f} GB are to be downloaded, but {printable(root)} has room for {room / 1e9:.1f} GB; "
+            "choose another folder, or fewer objects"
+        )
+
+
+def _size(path: Path) -> int:
+    return path.stat().st_size if path.is_file() else -1
+
+
+def _hub() -> Any:
+    try:
+        import huggingface_hub
+        import huggingface_hub.errors
+        import huggingface_hub.utils
+    except ImportError as error:
+        raise ImportError('the download needs huggingface_hub: pip install "millisight[hub]"') from error
+    return huggingface_hub
+
+
+@contextmanager
+def _explained(hub: Any, repository: str, revision: str) -> Iterator[None]:
+    """The hub's errors, of which there are many kinds, as ours, with what to do."""
+    try:
+        yield
+    except FileError:
+        raise
+    except Exception as error:
+        status = getattr(getattr(error, "response", None), "status_code", None)
+        reason = " ".join(str(error).split())
+        if isinstance(error, hub.errors.GatedRepoError) or status == 403:
+            advice = "you may not read it yet: ask for access on its page, log in with `hf auth login`, and try again"
+        elif isinstance(error, hub.errors.RevisionNotFoundError):
+            advice = f"it has no revision {revision!r}: choose another with --revision"
+        elif isinstance(error, hub.errors.RepositoryNotFoundError) or status == 401:
+            advice = "there is no such dataset, or it is private: check the name, or log in with `hf auth login`"
+        elif status is not None:
+            advice = f"the hub answers {status} ({reason}): try again later; what was downloaded is kept"
+        elif isinstance(error, hub.errors.HFValidationError):
+            advice = f"that is no name of a repository ({reason}): expected owner/name"
+        else:
+            advice = (
+                f"the hub cannot be reached, or the connection broke ({type(error).__name__}: {reason}): check the "
+                "network and try again; what was downloaded is kept"
+            )
+        raise FileError(f"{repository}: {advice}") from error

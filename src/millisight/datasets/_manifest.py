@@ -1,0 +1,167 @@
+"""The manifest of a converted dataset: what each file in it is, what it was made of, and their checksums.
+
+A text file, `manifest.jsonl`. The first line says what it is and with which settings the files were made; each other
+line is one file, sorted by path. It holds no time and no name of a machine: equal sources give an equal manifest.
+"""
+
+import hashlib
+import json
+import os
+from collections.abc import Iterable, Mapping
+from pathlib import Path, PurePosixPath
+from typing import Any, NamedTuple
+
+from millisight.core import check_readable, checked_metadata, printable, put, record, write_text
+from millisight.core.errors import DamagedFileError, FileError, FormatError
+
+MANIFEST_NAME = "manifest.jsonl"
+_FORMAT = "millisight dataset manifest"
+_VERSION = 1
+_LARGEST = 1 << 30  # bytes; a published dataset has some thousand files of a few hundred bytes each
+
+
+class Source(NamedTuple):
+    """A file that was converted, or the files of a folder taken together.
+
+    Attributes
+    ----------
+    path : relative to the dataset, with "/"
+    size : [bytes], of all files
+    sha256 : of the file; of a folder, that of the text that `sha256sum` prints for its files, sorted by name
+    files : how many
+    """
+
+    path: str
+    size: int
+    sha256: str
+    files: int = 1
+
+
+class Entry(NamedTuple):
+    """A file of the converted dataset.
+
+    Attributes
+    ----------
+    path : relative to the converted dataset, with "/"
+    kind : of the item, as in the published layout
+    size : [bytes]
+    sha256 : of the file
+    sources : what it was made of
+    notes : what is odd about the sources
+    """
+
+    path: str
+    kind: str
+    size: int
+    sha256: str
+    sources: tuple[Source, ...]
+    notes: tuple[str, ...] = ()
+
+
+@record
+class Manifest:
+    """All files of a converted dataset.
+
+    Attributes
+    ----------
+    settings : with which they were made
+    entries : by path
+    """
+
+    settings: Mapping[str, Any]
+    entries: Mapping[str, Entry]
+
+    def __post_init__(self) -> None:
+        put(self, settings=checked_metadata(self.settings))
+
+    def updated(self, entries: Iterable[Entry]) -> "Manifest":
+        """With these entries in the place of those of their paths."""
+        return Manifest(settings=self.settings, entries={**self.entries, **{entry.path: entry for entry in entries}})
+
+
+def write_manifest(folder: str | os.PathLike[str], manifest: Manifest) -> None:
+    """Write `manifest.jsonl` into `folder`, whole or not at all.
+
+    Raises
+    ------
+    FileError
+    """
+    head = {"format": _FORMAT, "version": _VERSION, "settings": manifest.settings}
+    entries = [
+        {**entry._asdict(), "sources": [source._asdict() for source in entry.sources]}
+        for _, entry in sorted(manifest.entries.items())
+    ]
+    write_text(Path(folder) / MANIFEST_NAME, "".join(json.dumps(line) + "\n" for line in (head, *entries)))
+
+
+def read_manifest(folder: str | os.PathLike[str]) -> Manifest | None:
+    """The manifest in `folder`; None where there is none.
+
+    Raises
+    ------
+    FileError
+        It cannot be read.
+    FormatError
+        It is no manifest, or of a newer version.
+    DamagedFileError
+        A line cannot be right.
+    """
+    path = Path(folder) / MANIFEST_NAME
+    if not path.exists():
+        return None
+    name = printable(check_readable(path))
+    if path.stat().st_size > _LARGEST:
+        raise FormatError(f"{name} has {path.stat().st_size} bytes; expected a manifest, of {_LARGEST} at most")
+    lines = path.read_bytes().splitlines()
+    head = _parsed(name, 1, lines[0] if lines else b"")
+    if head.get("format") != _FORMAT:
+        raise FormatError(f"{name} is no manifest of millisight: its first line does not say so")
+    if head.get("version") != _VERSION:
+        raise FormatError(f"{name} is of version {head.get('version')}; this millisight reads {_VERSION}: upgrade it")
+    entries = {}
+    for number, line in enumerate(lines[1:], 2):
+        entry = _entry(name, number, _parsed(name, number, line))
+        entries[entry.path] = entry
+    settings = head.get("settings")
+    if not isinstance(settings, dict):
+        raise DamagedFileError(f"{name}, line 1: settings is {settings!r}; expected a mapping")
+    return Manifest(settings=settings, entries=entries)
+
+
+def checksum(path: str | os.PathLike[str]) -> str:
+    """SHA-256 of a file's content, as `sha256sum` prints it.
+
+    Raises
+    ------
+    FileError
+        It cannot be read.
+    """
+    try:
+        with open(path, "rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise FileError(f"cannot read {printable(os.fspath(path))}: {error.strerror or error}") from error
+
+
+def _parsed(name: str, number: int, line: bytes) -> dict[str, Any]:
+    try:
+        value = json.loads(line)
+    except (ValueError, RecursionError) as error:
+        raise DamagedFileError(f"{name}, line {number}: not JSON ({error}); convert again") from error
+    if not isinstance(value, dict):
+        raise DamagedFileError(f"{name}, line {number}: not a mapping; convert again")
+    return value
+
+
+def _entry(name: str, number: int, value: dict[str, Any]) -> Entry:
+    try:
+        sources = tuple(Source(**source) for source in value.pop("sources"))
+        entry = Entry(**{**value, "notes": tuple(value.get("notes", ()))}, sources=sources)
+        sizes = (entry.size, *(source.size for source in sources))
+        right = all(isinstance(size, int) for size in sizes) and isinstance(entry.sha256, str)
+        inside = not PurePosixPath(entry.path).is_absolute() and ".." not in PurePosixPath(entry.path).parts
+    except (KeyError, TypeError) as error:
+        raise DamagedFileError(f"{name}, line {number}: {error}; convert again") from error
+    if not right or not inside:
+        raise DamagedFileError(f"{name}, line {number}: sizes, checksum or path cannot be right; convert again")
+    return entry

@@ -1,0 +1,153 @@
+"""`ms.evaluate`: a task on a dataset, in several processes; results are cached, so that a run can go on."""
+
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import closing
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from millisight.core import make_folder
+from millisight.core.errors import InputError
+from millisight.datasets import _mito
+from millisight.datasets._cache import cache_key, read_cached, write_cached
+from millisight.datasets._inventory import Dataset
+from millisight.datasets._scenes import DatasetFiles, find_scenes
+from millisight.datasets._workers import each
+from millisight.evaluation import TASKS, EvaluationItem, Result, Task
+
+Progress = Callable[[int, int], None]
+
+
+def evaluate(
+    task: str | Task,
+    dataset: str | os.PathLike[str] | Dataset,
+    *,
+    output: str | os.PathLike[str] | None = None,
+    objects: Iterable[str] = (),
+    sight: str | None = None,
+    workers: int | None = None,
+    progress: Progress | None = None,
+    **options: Any,
+) -> Result:
+    """Evaluate simulated images, segmenters or classifiers on a dataset in the published layout.
+
+    A scene that cannot be read is a failure of its own, and stops no other: see `Result.failures`. With an `output`,
+    partial results are cached there. The next run takes those whose files, options and network weights are the same.
+
+    Parameters
+    ----------
+    task : "simulator", "segmentation", "classification", or the name of a plug-in's; or a task with its options
+    dataset : folder, or what `find` found there
+    output : folder for `index.html`, tables as Markdown and CSV, and figures; None: nothing is written
+    objects : ids, names or folders of objects; none: all
+    sight : "los" or "nlos"; None: both
+    workers : number of processes; None: one per core, eight at most
+    progress : called with (done, total)
+    options : of the task; see `SimulatorTask`, `SegmentationTask`, `ClassificationTask`
+
+    Raises
+    ------
+    UnknownNameError
+        No such task, object, sight or method.
+    InputError
+        The task has no such option, or the options do not go with the data.
+    FileError
+        The dataset cannot be read, or the folder not be written to.
+    """
+    data = _opened(dataset, objects, sight)
+    made = _task(task, options)
+    planned = made.plan(data)
+    folder = None if output is None else make_folder(output) / made.cache
+    run = run_items(made.run, planned.items, folder, workers=workers, progress=progress)
+    rows = made.rows(planned, run.results)
+    result = Result(
+        task=made,
+        planned=planned,
+        rows=tuple(rows),
+        tables=made.tables(planned, rows) if rows else {},
+        failures=(*planned.failures, *run.failures),
+        cached=run.cached,
+    )
+    if output is not None and rows:
+        result.save(output)
+    return result
+
+
+def _opened(dataset: Any, objects: Iterable[str], sight: str | None) -> DatasetFiles:
+    found = (dataset if isinstance(dataset, Dataset) else _mito.open(dataset)).only(list(objects))
+    return DatasetFiles(dataset=found, scenes=find_scenes(found, sight=sight))
+
+
+def _task(task: str | Task, options: Mapping[str, Any]) -> Task:
+    if not isinstance(task, str):
+        if options:
+            raise InputError(f"{', '.join(options)}: give options to {type(task).__name__}, or the name of a task here")
+        return task
+    kind = TASKS[task]
+    known = [one.name for one in fields(kind)]  # pyright: ignore[reportArgumentType]
+    unknown = [name for name in options if name not in known]
+    if unknown:
+        raise InputError(f"task {task!r} has no option {', '.join(unknown)}; expected some of {', '.join(known)}")
+    datasets = {name: options[name] for name in kind.datasets if options.get(name) is not None}
+    return kind(**dict(options) | {name: _opened(one, (), None) for name, one in datasets.items()})
+
+
+class ItemRun(NamedTuple):
+    """What `run_items` did.
+
+    Attributes
+    ----------
+    results : by part, in the order of the items
+    failures : (name, reason)
+    cached : number of results that were there already
+    """
+
+    results: dict[str, Any]
+    failures: list[tuple[str, str]]
+    cached: int
+
+
+def run_items(
+    function: Callable[[EvaluationItem], Mapping[str, Any]],
+    items: Sequence[EvaluationItem],
+    folder: Path | None,
+    *,
+    workers: int | None = None,
+    progress: Progress | None = None,
+) -> ItemRun:
+    """Run a function on every item, in several processes; results are cached in `folder`, a file for each part.
+
+    Parameters
+    ----------
+    function : gives the results of the item's parts, as JSON holds them; what a new process can import
+    items : EvaluationItem
+    folder : None: nothing is cached
+    workers : number of processes; None: one per core, eight at most
+    progress : called with (done, total) of the items that are not cached
+
+    Raises
+    ------
+    FileError
+        The folder cannot be written to.
+    """
+    keys = {part: cache_key(item.paths, **settings) for item in items for part, settings in item.parts.items()}
+    results: dict[str, Any] = dict.fromkeys(keys)
+    if folder is not None:
+        folder = make_folder(folder)
+        results = {part: read_cached(folder / f"{part}.json", key) for part, key in keys.items()}
+    missing = [(item, {p: settings for p, settings in item.parts.items() if results[p] is None}) for item in items]
+    left = [replace(item, parts=parts) for item, parts in missing if parts]
+    cached, failures = sum(one is not None for one in results.values()), []
+    with closing(each(function, left, workers=workers)) as outcomes:
+        for count, (number, found, failure) in enumerate(outcomes, 1):
+            if failure:
+                failures.append((left[number].name, failure))
+            else:
+                results |= found
+                if folder is not None:
+                    for part in found:
+                        write_cached(folder / f"{part}.json", keys[part], found[part])
+            if progress is not None:
+                progress(count, len(left))
+    return ItemRun({part: one for part, one in results.items() if one is not None}, failures, cached)

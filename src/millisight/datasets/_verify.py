@@ -1,0 +1,132 @@
+"""Is a dataset what it should be? Every file is opened and looked through, and told what is wrong with it."""
+
+import os
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+from typing import NamedTuple
+
+from millisight.core import record
+from millisight.datasets import _mito
+from millisight.datasets._inventory import Dataset, Item
+from millisight.datasets._manifest import MANIFEST_NAME, Entry, checksum, read_manifest
+from millisight.datasets._workers import each
+from millisight.io import load, open_capture
+from millisight.io.mito import INFO, RAW, read_experiment, read_info, read_published
+
+
+@record
+class Checked:
+    """What was found of one item.
+
+    Attributes
+    ----------
+    path : relative to the dataset
+    kind : of the item, or "listed" of a file that only the manifest names
+    problems : what is lost, damaged or missing of it
+    notes : what is odd, and nothing is lost
+    """
+
+    path: str
+    kind: str
+    problems: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def ok(self) -> bool:
+        """Whether there is no problem."""
+        return not self.problems
+
+
+class _Job(NamedTuple):
+    item: Item
+    entry: Entry | None
+
+
+def verify(
+    root: str | os.PathLike[str] | Dataset,
+    *,
+    workers: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> tuple[Checked, ...]:
+    """Open and check every file of a dataset, published or converted: one result an item, in the order of their paths.
+
+    Of a published one: pickles are read, arrays' shapes and values checked, and of raw captures the log's times, each
+    file's length, order, gaps and numbers, and rows that are listed but not there. Of a converted one: each file is
+    read through and compared with the manifest's checksum.
+
+    Parameters
+    ----------
+    root : the dataset, or some of its objects: `ms.datasets.open(root).only(["004"])`
+    workers : processes; None: one a core, eight at most
+    progress : called with (items done, items in all)
+
+    Raises
+    ------
+    FileError, FormatError, DamagedFileError
+        There is no dataset, or its manifest is damaged.
+    """
+    dataset = root if isinstance(root, Dataset) else _mito.open(root)
+    items = {item.path.relative_to(dataset.root).as_posix(): item for item in dataset.items}
+    manifest = read_manifest(dataset.root)
+    entries = manifest.entries if manifest is not None else {}
+    paths = list(items)
+    jobs = [_Job(item, entries.get(path)) for path, item in items.items()]
+    found = []
+    with closing(each(_check, jobs, workers=workers)) as outcomes:
+        for count, outcome in enumerate(outcomes, 1):
+            path = paths[outcome.number]
+            if outcome.failure:
+                problems, notes = [dataset.message(outcome.failure, path)], []
+            else:
+                problems, notes = outcome.result
+            if manifest is not None and path not in entries:
+                notes.append(f"not in {MANIFEST_NAME}")
+            found.append(Checked(path=path, kind=items[path].kind, problems=tuple(problems), notes=tuple(notes)))
+            if progress is not None:
+                progress(count, len(jobs))
+    folders = {one.folder.name for one in dataset.objects}
+    found += [
+        _check_listed(dataset.root, entry)
+        for path, entry in entries.items()
+        if path not in items and path.split("/")[0] in folders
+    ]
+    return tuple(sorted(found, key=lambda one: one.path))
+
+
+def _check(job: _Job) -> tuple[list[str], list[str]]:
+    """(problems, notes) of an item that can be read at all."""
+    item = job.item
+    problems = [] if job.entry is None else _differences(item.path, job.entry)
+    notes: list[str] = []
+    if item.kind == INFO:
+        read_info(item.path)
+    elif item.kind == RAW and item.converted:
+        with open_capture(item.path) as capture:
+            for start in range(0, len(capture.trajectory), 1000):
+                capture.frames_of(slice(start, start + 1000))
+    elif item.converted:
+        load(item.path)
+    elif item.kind == RAW:
+        scan = read_experiment(item.path, item.radar)
+        problems += [str(text) for text in scan.metadata["left_out"]]
+        notes += [str(text) for text in scan.metadata["notes"]]
+    else:
+        read_published(item.path)
+    return problems, notes
+
+
+def _check_listed(root: Path, entry: Entry) -> Checked:
+    """A file that the manifest names, and that is no item: missing, or what comes along with one."""
+    path = root / entry.path
+    return Checked(path=entry.path, kind="listed", problems=tuple(_differences(path, entry)))
+
+
+def _differences(path: Path, entry: Entry) -> list[str]:
+    try:
+        size = path.stat().st_size
+        if size != entry.size:
+            return [f"it has {size} bytes, by {MANIFEST_NAME} {entry.size}"]
+        return [] if checksum(path) == entry.sha256 else [f"its checksum is not that in {MANIFEST_NAME}"]
+    except OSError:
+        return [f"it is in {MANIFEST_NAME}, but not there"]

@@ -1,0 +1,17 @@
+from ._cost import slowness as slowness
+from ._engine import Engine as Engine
+from ._engine import engine_of as engine_of
+from ._generate import Plan as Plan
+from ._generate import check_room as check_room
+from ._generate import plan_dataset as plan_dataset
+from ._generate import run_plan as run_plan
+from ._jobs import EMPTY_FOLDERS as EMPTY_FOLDERS
+from ._jobs import Job as Job
+from ._recipe import MeshFile as MeshFile
+from ._recipe import Recipe as Recipe
+from ._recipe import Shares as Shares
+from ._recipe import catalogue_name as catalogue_name
+from ._recipefile import read_recipe as read_recipe
+from ._recipefile import recipe_from_table as recipe_from_table
+from ._recipefile import record_from_file as record_from_file
+from ._rig_job import RigJob as RigJob

@@ -1,0 +1,119 @@
+"""A dataset's card: `README.md` in its folder says what it is, how it was made, and what it is not."""
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from millisight.core import write_text
+from millisight.datasets._dataset_objects import MESH_NAME, DatasetObject
+from millisight.datasets._manifest import MANIFEST_NAME, Manifest
+from millisight.datasets.generation._jobs import EMPTY_FOLDERS, Job
+from millisight.datasets.generation._recipe import Recipe
+from millisight.datasets.generation._rig_job import RigJob
+from millisight.io.mito import SPLITS_NAME, TRUTH
+
+CARD_NAME = "README.md"
+
+_RIG = """\
+- **The virtual rig** (`robot_collected/`): physical optics over finely cut surfaces, with complex permittivities,
+  edges, and layered cartons and cloths; a moving arm that strays and logs with noise; radars with leakage, phase noise,
+  thermal noise and a 16-bit converter; a ray-cast camera. It was not fitted to measurements. Not in it: two
+  polarisations, waves within and through objects, creeping waves, more than {bounces}; the room but for the support and
+  what the recipe names.
+"""
+_SIMULATOR = """\
+- **The paper's simulator** (`simulation/`): every lit vertex of a mesh is a point reflector, of specular, edge or
+  diffuse kind; no material but one amplitude, no noise, nothing around the object. For training, not for judging.
+"""
+
+
+def write_card(
+    out: Path, recipe: Recipe, things: Iterable[DatasetObject], jobs: Sequence[Job], manifest: Manifest
+) -> None:
+    """Write `README.md` of the jobs that are done."""
+    write_text(out / CARD_NAME, _card(recipe, list(things), jobs, manifest))
+
+
+def _card(recipe: Recipe, things: list[DatasetObject], jobs: Sequence[Job], manifest: Manifest) -> str:
+    scans = [job for job in jobs if isinstance(job, RigJob)]
+    sources = Counter(thing.source for thing in things)
+    sections = [
+        f"# {recipe.name}\n",
+        f"{recipe.about.strip()}\n" if recipe.about.strip() else "",
+        "**Everything here is simulated. Nothing was measured.** Made by millisight from a recipe; the same recipe and "
+        "seed give the same bytes.\n",
+        "## What is in it\n",
+        _table(jobs, manifest),
+        f"Objects: {len(things)}, of which {sources['built']} are shapes drawn in code, {sources['scan']} real scans, "
+        f"{sources['file']} mesh files of the recipe's own. By class: {_counted(t.shape_class for t in things)}.\n",
+        _objects(things),
+        "## How it was made\n",
+        _RIG.format(bounces=_bounces(scans)) if scans else "",
+        _SIMULATOR if len(scans) < len(jobs) else "",
+        "## Where things are\n",
+        _places(recipe),
+        "## Licence\n",
+        _licence(sources),
+    ]
+    return "\n".join(section for section in sections if section)
+
+
+def _table(jobs: Sequence[Job], manifest: Manifest) -> str:
+    """How much of what there is, of objects alone."""
+    rows: Counter[tuple[str, str, str]] = Counter()
+    for job in jobs:
+        if not isinstance(job, RigJob):
+            rows["simulated images", job.radar, ", ".join(job.settings.models)] += len(job.settings.models)
+            continue
+        support = job.world.support.kind
+        hiding = [name for name in ("carton", "cloth") if getattr(job.world, name) is not None]
+        what = " + ".join(hiding) or "line of sight"
+        for radar in job.radars:
+            rows["captures" if job.world.objects else "empty scene", radar, f"{what}, {support}"] += 1
+    lines = ["| what | radar | how | number |", "|---|---|---|---|"]
+    lines += [f"| {what} | {radar} | {how} | {count} |" for (what, radar, how), count in sorted(rows.items())]
+    size = sum(entry.size for entry in manifest.entries.values())
+    return "\n".join(lines) + f"\n\n{len(manifest.entries)} files, {size / 1e6:.1f} MB.\n"
+
+
+def _objects(things: list[DatasetObject]) -> str:
+    lines = ["| object | class | category | shape |", "|---|---|---|---|"]
+    lines += [f"| {t.folder} | {t.shape_class} | {t.category} | {t.source} |" for t in things]
+    return "\n".join(lines) + "\n"
+
+
+def _bounces(scans: list[RigJob]) -> str:
+    return "one reflection" if max(scan.world.optics.bounces for scan in scans) == 1 else "two reflections"
+
+
+def _places(recipe: Recipe) -> str:
+    raw, image = (folder.format("<background>") for folder in EMPTY_FOLDERS)
+    lines = [
+        "- `<id>_<name>/robot_collected/<angles>/exp<N>/{los,nlos}` and `<id>_<name>/simulation/<angles>`: the layout "
+        "of the published MITO dataset. `nlos` is the same object, unmoved, behind what `experiment_info.json` says "
+        "under `conditions`; its `los`, of this experiment or of the first condition's, shows it to the camera.",
+        "- `processed/radars/*/radar_masks*.pkl`: **exact** masks: the image's pixels over which the objects lie.",
+        f"- `{raw}`, `{image}`: the empty scene, raw and as an image; its first frame is subtracted from what became "
+        "24 GHz images here.",
+        f"- `<id>_<name>/{MESH_NAME}`: the mesh at the angles 0_0_0, in metres.",
+        f"- `{TRUTH}/`: what no real rig could tell: the true path, each object's pixels in the picture, the world as "
+        "WORLD.toml, and `job.json`, from which the files follow.",
+        f"- `{SPLITS_NAME}`: by object and by pose, disjoint. `{MANIFEST_NAME}`: every file and its SHA-256.",
+    ]
+    return "\n".join(lines) + f"\n\nSeed {recipe.seed}.\n"
+
+
+def _licence(sources: Counter[str]) -> str:
+    lines = ["What was computed here carries no terms of millisight's: say what it is, and that it is simulated."]
+    if sources["scan"]:
+        lines.append(
+            "The real scans came from a folder that the maker named, and are under its terms, as is what was made of "
+            "them; those of the YCB Object and Model Set (Calli et al. 2015) are under CC BY 4.0: credit it."
+        )
+    if sources["file"]:
+        lines.append("The recipe's own mesh files are under whatever terms their makers chose.")
+    return "\n".join(lines) + "\n"
+
+
+def _counted(values: Iterable[str]) -> str:
+    return ", ".join(f"{value} {count}" for value, count in sorted(Counter(values).items()))

@@ -1,0 +1,328 @@
+"""A dataset from a recipe: planned, checked, its cost told, then made on any engine, and resumable at any point."""
+
+import hashlib
+import importlib.metadata
+import json
+import os
+import secrets
+import shutil
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from millisight.core import make_folder, printable, record, write_text
+from millisight.core.errors import FileError, InputError
+from millisight.datasets import DatasetObject, Entry, Manifest, checksum, prepare_objects
+from millisight.datasets.generation._card import write_card
+from millisight.datasets.generation._cost import Cost, Total, slowness, total
+from millisight.datasets.generation._engine import Engine
+from millisight.datasets.generation._jobs import Job, jobs_of
+from millisight.datasets.generation._ledger import JOB_NAME, Ledger, job_source
+from millisight.datasets.generation._recipe import Recipe
+from millisight.datasets.generation._rig_job import PHYSICS as RIG_PHYSICS
+from millisight.datasets.generation._rig_job import RigJob
+from millisight.datasets.generation._simulator_job import PHYSICS as SIMULATOR_PHYSICS
+from millisight.datasets.generation._splits import write_splits
+from millisight.io import SCHEMA_VERSION
+from millisight.io.mito import INFO, INFO_NAME, RAW, TRUTH, kind_of
+
+Progress = Callable[[int, int], None]
+
+_VERSION = 1  # of the generator: another one, and everything is made anew
+_PARTIAL_NAME = ".partial"
+_SHOWN = 5  # problems of a recipe
+_FEW = 10  # jobs that one process has checked before others have started
+
+
+@record
+class Plan:
+    """What is to be done for a dataset.
+
+    Attributes
+    ----------
+    recipe, out : Recipe, and the dataset's folder
+    things : its objects by name
+    jobs : all of them
+    todo : those that are not done already
+    costs : of these
+    texts : of all jobs' descriptions, by key
+    slowness : of this machine, see `cost.slowness`; 1 where it was not measured
+    """
+
+    recipe: Recipe
+    out: Path
+    things: Mapping[str, DatasetObject]
+    jobs: tuple[Job, ...]
+    todo: tuple[Job, ...]
+    costs: tuple[Cost, ...]
+    texts: Mapping[str, str]
+    slowness: float
+    ledger: Ledger
+
+    def total(self, workers: int) -> Total:
+        """What is to be spent by so many workers of one core each."""
+        return total([cost._replace(seconds=cost.seconds * self.slowness) for cost in self.costs], workers)
+
+
+@record
+class Generated:
+    """What came of a plan.
+
+    Attributes
+    ----------
+    manifest : of all that is in the dataset now
+    made, kept : how many jobs were done, and how many were already
+    failures : (job, why it was not done)
+    others : jobs of an earlier recipe whose files are there still
+    """
+
+    manifest: Manifest
+    made: int
+    kept: int
+    failures: tuple[tuple[str, str], ...]
+    others: tuple[str, ...]
+
+
+def plan_dataset(
+    recipe: Recipe,
+    out: str | os.PathLike[str],
+    *,
+    meshes: str | os.PathLike[str] | None = None,
+    engine: Engine | None = None,
+    progress: Progress | None = None,
+) -> Plan:
+    """What a recipe asks for, every job of it checked, and what of it is there already.
+
+    Parameters
+    ----------
+    recipe : Recipe
+    out : the dataset's folder, which is only read; what an earlier run left in it is kept where it is right
+    meshes : folder of real scans, which take the places of the catalogue's shapes
+    engine : what checks the jobs, on this machine; None: this process
+    progress : called with (jobs checked, jobs to check)
+
+    Raises
+    ------
+    InputError
+        Jobs are impossible: the first of them and why.
+    FormatError, FileError, MeshError, UnknownNameError
+        The recipe, a mesh or the folder cannot be used.
+    """
+    out = Path(out)
+    ledger = Ledger(out, {"generator": _VERSION, "recipe": recipe.name, "seed": recipe.seed})
+    things = prepare_objects(recipe, meshes=meshes)
+    jobs = jobs_of(recipe, things)
+    texts = _texts(recipe, jobs)
+    todo = tuple(job for job in jobs if not ledger.kept(_description_of(job), _sha256(texts[job.key])))
+    with tempfile.TemporaryDirectory() as workspace:
+        for thing in things.values():
+            thing.write(Path(workspace))
+        here = Engine("threads", 1, 1) if engine is None or len(todo) < _FEW else engine
+        costs, problems = _checked(todo, Path(workspace), here, progress)
+    if problems:
+        more = f"; and {len(problems) - _SHOWN} more" if len(problems) > _SHOWN else ""
+        raise InputError(f"{recipe.source}: impossible: {'; '.join(problems[:_SHOWN])}{more}")
+    return Plan(
+        recipe=recipe, out=out, things=things, jobs=jobs, todo=todo, costs=costs, texts=texts, ledger=ledger,
+        slowness=slowness() if any(isinstance(job, RigJob) for job in todo) else 1.0,
+    )  # fmt: skip
+
+
+def _checked(
+    jobs: Sequence[Job], root: Path, engine: Engine, progress: Progress | None
+) -> tuple[tuple[Cost, ...], list[str]]:
+    """What each job will cost; and why some are impossible."""
+    costs: dict[int, Cost] = {}
+    problems: dict[int, str] = {}
+    with closing(engine.run(partial(_check, root), jobs)) as outcomes:
+        for count, outcome in enumerate(outcomes, 1):
+            if outcome.failure:
+                problems[outcome.number] = f"{jobs[outcome.number].key}: {outcome.failure}"
+            else:
+                costs[outcome.number] = outcome.result
+            if progress is not None:
+                progress(count, len(jobs))
+    return tuple(costs[i] for i in sorted(costs)), [problems[i] for i in sorted(problems)]
+
+
+def _check(root: Path, job: Job) -> Cost:
+    return job.check(root)
+
+
+def run_plan(plan: Plan, engine: Engine, *, progress: Progress | None = None) -> Generated:
+    """Do what a plan asks for; a job that fails stops no other, and none that is done is lost.
+
+    Interrupted at any point, a plan made anew holds what is left; in the end the bytes are those of a run that was
+    never interrupted, by whatever engine.
+
+    Parameters
+    ----------
+    plan : as `plan_dataset` in the dataset's own folder
+    engine : what does the jobs
+    progress : called with (core-seconds done, core-seconds in all), both estimated
+
+    Raises
+    ------
+    FileError
+        The disk has too little room, or another run is at work in the folder.
+    """
+    check_room(plan, engine.workers)
+    failures: dict[str, str] = {}
+    costs = {job.key: max(1, round(cost.seconds)) for job, cost in zip(plan.todo, plan.costs, strict=True)}
+    expensive_first = sorted(plan.todo, key=lambda job: (-costs[job.key], job.key))
+    done = 0
+    with plan.ledger.writing():
+        shutil.rmtree(plan.out / _PARTIAL_NAME, ignore_errors=True)
+        make_folder(plan.out / _PARTIAL_NAME)
+        for thing in plan.things.values():
+            thing.write(plan.out)
+        try:
+            for phase in (True, False):  # the empty scenes first: others subtract them
+                jobs = [job for job in expensive_first if _is_empty(job) == phase]
+                made = partial(_make, plan.out.absolute(), _version())
+                with closing(engine.run(made, [(job, plan.texts[job.key]) for job in jobs])) as outcomes:
+                    for outcome in outcomes:
+                        job = jobs[outcome.number]
+                        if outcome.failure:
+                            failures[job.key] = outcome.failure
+                        else:
+                            plan.ledger.add(outcome.result)
+                        done += costs[job.key]
+                        if progress is not None:
+                            progress(done, sum(costs.values()))
+        finally:
+            shutil.rmtree(plan.out / _PARTIAL_NAME, ignore_errors=True)
+            manifest = _closed(plan)
+    return Generated(
+        manifest=manifest,
+        made=len(plan.todo) - len(failures),
+        kept=len(plan.jobs) - len(plan.todo),
+        failures=tuple(sorted(failures.items())),
+        others=tuple(plan.ledger.others(map(_description_of, plan.jobs))),
+    )
+
+
+def check_room(plan: Plan, workers: int) -> None:
+    """Refuse a plan for which the disk has too little room.
+
+    Raises
+    ------
+    FileError
+    """
+    place = next(folder for folder in (plan.out.absolute(), *plan.out.absolute().parents) if folder.exists())
+    free, needed = shutil.disk_usage(place).free, plan.total(workers)
+    if free < needed.kept + needed.spool:
+        raise FileError(
+            f"{printable(plan.out)}: the disk has {free / 1e9:.1f} GB left; the dataset needs {needed.kept / 1e9:.1f} "
+            f"GB, and {needed.spool / 1e9:.1f} GB besides while it is made: free some, or keep less (rig.keep)"
+        )
+
+
+def _closed(plan: Plan) -> Manifest:
+    """The manifest, card and splits of what is there."""
+    meshes = [_entry(plan.out, thing.path, "mesh", ()) for thing in plan.things.values()]
+    manifest = plan.ledger.close([_description_of(job) for job in plan.jobs], meshes)
+    made = [job for job in plan.jobs if _description_of(job) in manifest.entries]
+    write_splits(plan.out, plan.recipe, made)
+    write_card(plan.out, plan.recipe, plan.things.values(), made, manifest)
+    return manifest
+
+
+def _is_empty(job: Job) -> bool:
+    return isinstance(job, RigJob) and not job.world.objects
+
+
+def _description_of(job: Job) -> str:
+    """The path of a job's description, relative to the dataset."""
+    return f"{job.truth}/{JOB_NAME}"
+
+
+def _made_by(recipe: Recipe, job: Job) -> dict[str, Any]:
+    """Provenance, as every file tells it that has room for it."""
+    return {
+        "simulated": True,
+        "physics": RIG_PHYSICS if isinstance(job, RigJob) else SIMULATOR_PHYSICS,
+        "made_by": f"millisight generate {_version()}",
+        "dataset": recipe.name,
+        "job": job.key,
+    }
+
+
+def _version() -> str:
+    return importlib.metadata.version("millisight")
+
+
+def _texts(recipe: Recipe, jobs: Sequence[Job]) -> dict[str, str]:
+    """Of each job the text of its description: all that its files follow from, those of the empty scenes too."""
+    texts: dict[str, str] = {}
+    empty: dict[str, str] = {}
+    for job in jobs:
+        described = {"made_by": _made_by(recipe, job), "generator": _VERSION, "schema": SCHEMA_VERSION}
+        described |= job.description()
+        if isinstance(job, RigJob):
+            described["empty"] = {radar: [folder, empty[f"{folder}/{radar}"]] for radar, folder in job.empty.items()}
+        texts[job.key] = json.dumps(described, indent=1, sort_keys=True) + "\n"
+        if isinstance(job, RigJob) and _is_empty(job):
+            empty |= {f"{job.folder}/{radar}": _sha256(texts[job.key]) for radar in job.radars}
+    return texts
+
+
+def _sha256(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _make(root: Path, version: str, item: tuple[Job, str]) -> tuple[Entry, ...]:
+    """Do one job, wherever this is: its files to their places, and what they are."""
+    job, text = item
+    if version != _version():
+        raise InputError(f"this worker has millisight {_version()}, the run {version}; install the same everywhere")
+    if not (root / _PARTIAL_NAME).is_dir():
+        raise FileError(f"{printable(root)} is not there; a cluster's workers must see the dataset under the same path")
+    stage = make_folder(root / _PARTIAL_NAME / secrets.token_hex(6))
+    try:
+        job.make(root, stage, json.loads(text)["made_by"])
+        write_text(make_folder(stage / job.truth) / JOB_NAME, text)
+        source = job_source(stage / job.truth / JOB_NAME, _description_of(job))
+        paths = sorted(path.relative_to(stage).as_posix() for path in stage.rglob("*") if path.is_file())
+        entries = tuple(_entry(stage, path, _kind(path), (source,)) for path in paths if _answers_for(job, path))
+        _place(stage, root, job.owned, [path for path in paths if path.endswith(INFO_NAME)])
+    finally:
+        shutil.rmtree(stage, ignore_errors=True)
+    return entries
+
+
+def _place(stage: Path, root: Path, folders: Sequence[str], files: Sequence[str]) -> None:
+    """Move what is whole to its place; what an earlier job of this name left there goes."""
+    for name in (*files, *folders):
+        target = root / name
+        if not (stage / name).exists():
+            continue
+        make_folder(target.parent)
+        if target.is_dir():
+            shutil.rmtree(target)
+        os.replace(stage / name, target)
+
+
+def _entry(root: Path, path: str, kind: str, sources: tuple[Any, ...]) -> Entry:
+    return Entry(path, kind, (root / path).stat().st_size, checksum(root / path), sources)
+
+
+def _answers_for(job: Job, path: str) -> bool:
+    """Whether the file is this job's to tell of: what several scans share, the first one tells of."""
+    return not path.endswith(INFO_NAME) or (isinstance(job, RigJob) and job.first)
+
+
+def _kind(path: str) -> str:
+    """What a file is, by its path in the dataset."""
+    parts = path.split("/")
+    if parts[0] == TRUTH:
+        return TRUTH
+    if parts[-1] == INFO_NAME:
+        return INFO
+    if "processed" not in parts and "camera" not in parts:
+        return RAW
+    known = kind_of("camera" if "camera" in parts else "radars", parts[-1])
+    return known[0] if known else RAW

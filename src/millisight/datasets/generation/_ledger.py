@@ -1,0 +1,155 @@
+"""What of a dataset is made already: the manifest, and until that is written anew a journal, a line a job.
+
+A job's files are told in one line, written when they are all in their places. Whatever kills a run, the next one
+begins with what is told.
+"""
+
+import json
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from millisight.core import make_folder, printable
+from millisight.core.errors import FileError, InputError
+from millisight.datasets import MANIFEST_NAME, Entry, Manifest, Source, checksum, read_manifest, write_manifest
+
+JOURNAL_NAME = ".journal.jsonl"
+_LOCK_NAME = ".lock"
+
+
+class Ledger:
+    """The jobs that are done, by the path of their description `job.json`.
+
+    Parameters
+    ----------
+    out : the dataset's folder; it need not be there
+    settings : of the manifest: another dataset's is refused
+
+    Raises
+    ------
+    InputError
+        The folder holds something else.
+    """
+
+    def __init__(self, out: Path, settings: Mapping[str, Any]):
+        self._out, self._settings = out, dict(settings)
+        self._done: dict[str, tuple[str, tuple[Entry, ...]]] = {}
+        before = read_manifest(out)
+        if before is None and out.is_dir() and any(not entry.name.startswith(".") for entry in out.iterdir()):
+            raise InputError(f"{printable(out)} is not empty, and no dataset of this recipe; choose another folder")
+        if before is not None and dict(before.settings) != self._settings:
+            raise InputError(
+                f"{printable(out)} holds another dataset: its {MANIFEST_NAME} says {dict(before.settings)}, this one "
+                f"would say {self._settings}; choose another folder"
+            )
+        if before is not None:
+            self._take(before.entries.values())
+        for line in _journal(out):
+            self._take(line)
+
+    def kept(self, job: str, sha256: str) -> bool:
+        """Whether the job of this description is done, and its files are there still, as large as they were."""
+        told = self._done.get(job)
+        return told is not None and told[0] == sha256 and all(_size(self._out / e.path) == e.size for e in told[1])
+
+    def files(self, jobs: Iterable[str]) -> list[Entry]:
+        """The files of some jobs."""
+        return [entry for job in jobs if job in self._done for entry in self._done[job][1]]
+
+    def others(self, jobs: Iterable[str]) -> list[str]:
+        """Jobs that are done and not among `jobs`: of an earlier recipe."""
+        return sorted(self._done.keys() - set(jobs))
+
+    @contextmanager
+    def writing(self) -> Iterator[None]:
+        """Only in such a block jobs can be added, and only one at a time can have it.
+
+        Raises
+        ------
+        FileError
+            Another run is at work in the folder.
+        """
+        make_folder(self._out)
+        with _alone(self._out):
+            if read_manifest(self._out) is None:
+                write_manifest(self._out, Manifest(settings=self._settings, entries={}))
+            yield
+
+    def add(self, entries: Iterable[Entry]) -> None:
+        """Tell of a job that is done."""
+        entries = tuple(entries)
+        self._take(entries)
+        line = json.dumps([{**e._asdict(), "sources": [s._asdict() for s in e.sources]} for e in entries])
+        with open(self._out / JOURNAL_NAME, "a", encoding="utf-8") as file:
+            file.write(line + "\n")
+            file.flush()
+            os.fsync(file.fileno())
+
+    def close(self, jobs: Iterable[str], others: Iterable[Entry]) -> Manifest:
+        """Write the manifest, of these jobs and other files, in the journal's place."""
+        entries = {entry.path: entry for entry in (*self.files(jobs), *others)}
+        manifest = Manifest(settings=self._settings, entries=entries)
+        write_manifest(self._out, manifest)
+        (self._out / JOURNAL_NAME).unlink(missing_ok=True)
+        return manifest
+
+    def _take(self, entries: Iterable[Entry]) -> None:
+        by_job: dict[str, list[Entry]] = {}
+        for entry in entries:
+            if entry.sources and entry.sources[0].path.endswith(JOB_NAME):
+                by_job.setdefault(entry.sources[0].path, []).append(entry)
+        for job, told in by_job.items():
+            self._done[job] = told[0].sources[0].sha256, tuple(told)
+
+
+JOB_NAME = "job.json"
+"""The file that holds a job's description; its checksum stands for all that the job's files follow from."""
+
+
+def job_source(path: Path, name: str) -> Source:
+    """The description at `path` as the source of a job's files, under its name in the dataset."""
+    return Source(name, path.stat().st_size, checksum(path))
+
+
+def _journal(out: Path) -> Iterator[list[Entry]]:
+    """What the journal tells; a last line that was cut off tells nothing."""
+    try:
+        lines = (out / JOURNAL_NAME).read_bytes().splitlines()
+    except OSError:
+        return
+    for line in lines:
+        try:
+            yield [
+                Entry(**{**value, "sources": tuple(Source(**source) for source in value["sources"])})
+                for value in json.loads(line)
+            ]
+        except (ValueError, TypeError, KeyError):
+            continue
+
+
+def _size(path: Path) -> int:
+    """In bytes; -1 where there is no such file."""
+    try:
+        return path.stat().st_size
+    except OSError:
+        return -1
+
+
+@contextmanager
+def _alone(out: Path) -> Iterator[None]:
+    """A lock on the folder, which goes with the process that holds it; none where the file system has no locks."""
+    try:
+        import fcntl
+    except ImportError:  # Windows
+        yield
+        return
+    with open(out / _LOCK_NAME, "w") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise FileError(f"another run is at work in {printable(out)}; wait for it, or stop it") from error
+        except OSError:
+            pass
+        yield

@@ -1,0 +1,398 @@
+"""A recipe: what a generated dataset is to hold, as records that check every value; `recipefile` reads RECIPE.toml.
+
+Lengths in metres, in the radar frame: antennas move about z = 0, what they look at lies below.
+"""
+
+from collections.abc import Mapping
+from dataclasses import field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from millisight.core import checked_integer, checked_number, checked_numbers, checked_record, put, record
+from millisight.core.errors import InputError, UnknownNameError
+from millisight.data import material_named
+from millisight.io.mito import RADARS
+from millisight.meshes import CATALOGUE, CATEGORIES, SHAPE_CLASSES
+from millisight.simulation import SCATTERING_MODELS
+
+KEEPS = ("raw", "captures", "images")
+BACKGROUNDS = ("tripod", "styrofoam")
+
+
+def image_suffix(model: str) -> str:
+    """What the names of the images by a scattering model end with, as published: "_specular", "_edges"."""
+    return "_edges" if model == "edge" else f"_{model}"
+
+
+_YCB = {entry.ycb_id: name for name, entry in CATALOGUE.items()}
+
+
+def catalogue_name(name: str) -> str:
+    """The catalogue's name of an object, given as that or as in the YCB set: "mug" of "025_mug".
+
+    Raises
+    ------
+    UnknownNameError
+    """
+    if name not in CATALOGUE and name not in _YCB:
+        raise UnknownNameError("catalogue object", name, CATALOGUE)
+    return _YCB.get(name, name)
+
+
+@record
+class Objects:
+    """Which objects of the catalogue: all that any of these names; each once, in the order of the YCB numbers.
+
+    Attributes
+    ----------
+    names : "mug" or "025_mug"
+    categories : "food", "kitchen", "tool", "shape", "task"
+    classes : "can", "handle", "box", "sphere", "other"
+    all : every one
+    without : names of those that are left out after all
+    """
+
+    names: tuple[str, ...] = ()
+    categories: tuple[str, ...] = ()
+    classes: tuple[str, ...] = ()
+    all: bool = False
+    without: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        put(
+            self,
+            names=tuple(catalogue_name(name) for name in self.names),
+            without=tuple(catalogue_name(name) for name in self.without),
+        )
+        for kind, values, known in (("category", self.categories, CATEGORIES), ("class", self.classes, SHAPE_CLASSES)):
+            for value in values:
+                if value not in known:
+                    raise UnknownNameError(kind, value, known)
+        checked_record(self.all, bool, name="all")
+        if not self.chosen and (self.all or self.names or self.categories or self.classes):
+            raise InputError("without leaves no object; name some to keep")
+
+    @property
+    def chosen(self) -> tuple[str, ...]:
+        """Names of the catalogue."""
+        return tuple(
+            name
+            for name, entry in CATALOGUE.items()
+            if (
+                self.all or name in self.names or entry.category in self.categories or entry.shape_class in self.classes
+            )
+            and name not in self.without
+        )
+
+
+@record
+class MeshFile:
+    """An object of one's own.
+
+    Attributes
+    ----------
+    path : of the mesh file, relative to the recipe; its name without suffix is the object's
+    material : a name of `MATERIALS`
+    unit : "m", "cm", "mm" or "in"; None: see `load_mesh`
+    shape_class : "can", "handle", "box", "sphere" or "other"
+    """
+
+    path: str
+    material: str = "metal"
+    unit: str | None = None
+    shape_class: str = field(default="other", metadata={"key": "class"})
+
+    def __post_init__(self) -> None:
+        checked_record(self.path, str, name="path")
+        material_named(self.material)
+        if self.shape_class not in SHAPE_CLASSES:
+            raise UnknownNameError("class", self.shape_class, SHAPE_CLASSES)
+
+    @property
+    def name(self) -> str:
+        return Path(self.path).stem
+
+
+@record
+class Placed:
+    """An object of a scene of several.
+
+    Attributes
+    ----------
+    object : a name of the catalogue, or of one of the recipe's files
+    offset : x and y of its middle from the aperture's middle [m]
+    angles_deg : about the fixed x, then y, then z axis, whole [degrees]
+    """
+
+    object: str
+    offset: tuple[float, float] = (0.0, 0.0)
+    angles_deg: tuple[int, int, int] = (0, 0, 0)
+
+    def __post_init__(self) -> None:
+        checked_record(self.object, str, name="object")
+        put(
+            self,
+            offset=checked_numbers(self.offset, name="offset", count=2, unit="m"),
+            angles_deg=_angles(self.angles_deg, "angles_deg"),
+        )
+
+
+@record
+class SceneRecipe:
+    """A scene of several objects, which stand as they are stated: the recipe's poses are not theirs."""
+
+    objects: tuple[Placed, ...]
+
+    def __post_init__(self) -> None:
+        if len(self.objects) < 2:
+            raise InputError(
+                f"objects has {len(self.objects)} entries; expected two at least, a single one is an object"
+            )
+
+
+@record
+class Poses:
+    """How every object lies: the stated angles, then drawn ones, other ones for each object.
+
+    Attributes
+    ----------
+    angles_deg : about the fixed x, then y, then z axis, whole [degrees]
+    count : how many more are drawn, no two alike
+    x_deg, y_deg, z_deg : from which ranges, ends included
+    shift : how far from the aperture's middle each lies, along x and along y, at most [m]
+    """
+
+    angles_deg: tuple[tuple[int, int, int], ...] | None = None
+    count: int = 0
+    x_deg: tuple[int, int] = (0, 0)
+    y_deg: tuple[int, int] = (0, 0)
+    z_deg: tuple[int, int] = (0, 359)
+    shift: float = 0.0
+
+    def __post_init__(self) -> None:
+        count = checked_integer(self.count, name="count", minimum=0)
+        stated = self.angles_deg if self.angles_deg is not None else () if count else ((0, 0, 0),)
+        angles = tuple(_angles(value, f"angles_deg[{i}]") for i, value in enumerate(stated))
+        if not angles and not count:
+            raise InputError("angles_deg is empty and count 0; expected at least one pose")
+        if len(set(angles)) < len(angles):
+            raise InputError(f"angles_deg states a pose twice: {list(angles)}; leave one out")
+        ranges = {name: _range(getattr(self, name), name) for name in ("x_deg", "y_deg", "z_deg")}
+        room = int(np.prod([high - low + 1 for low, high in ranges.values()])) - len(angles)
+        if count > room:
+            raise InputError(f"count is {count}, but the ranges hold no more than {max(room, 0)} other whole angles")
+        shift = checked_number(self.shift, name="shift", unit="m", minimum=0)
+        put(self, angles_deg=angles, count=count, shift=shift, **ranges)
+
+    @property
+    def stated(self) -> tuple[tuple[int, int, int], ...]:
+        return self.angles_deg or ()
+
+
+@record
+class Voxels:
+    """The voxels of the images: the box that is published of this kind of image, finer, coarser, or a part of it.
+
+    Attributes
+    ----------
+    spacing : along x, y and z [m]
+    margin : how much is kept around the objects [m]; None: the whole box
+    """
+
+    spacing: tuple[float, float, float] = (0.0025, 0.0025, 0.01)
+    margin: float | None = None
+
+    def __post_init__(self) -> None:
+        put(self, spacing=checked_numbers(self.spacing, name="spacing", count=3, unit="m", above=0))
+        if self.margin is not None:
+            put(self, margin=checked_number(self.margin, name="margin", unit="m", minimum=0))
+
+
+@record
+class Rig:
+    """Captures like real ones, made by the virtual rig.
+
+    Attributes
+    ----------
+    conditions : "los" and what may hide the objects: "carton", "cloth", "carton+cloth"; the latter are paired with the
+        line of sight of the same object, unmoved
+    backgrounds : "tripod", "styrofoam"
+    keep : "raw": the published raw files; "captures": frames and poses in HDF5 in their place; "images": neither
+    empty : radars of which the empty scene is captured too; of "24_ghz" it is subtracted, as published
+    margin : the aperture reaches this far beyond the objects and no further than the world's scan [m]; None: it is the
+        world's scan
+    image : of which voxels the images are
+    world : tables of WORLD.toml: scan, arm, radars, ...; the cloth has four layers where nothing is said
+    scans : tables that take the place of the world's, one of each scan of an experiment; none: one scan as the world's
+    """
+
+    conditions: tuple[str, ...] = ("los",)
+    backgrounds: tuple[str, ...] = ("tripod",)
+    keep: str = "raw"
+    empty: tuple[str, ...] = ("24_ghz",)
+    margin: float | None = None
+    image: Voxels = field(default_factory=Voxels)
+    world: Mapping[str, Any] = field(default_factory=dict)
+    scans: tuple[Mapping[str, Any], ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.conditions or self.conditions[0] != "los":
+            raise InputError(f"conditions are {list(self.conditions)}; expected the line of sight, 'los', as the first")
+        for condition in self.conditions[1:]:
+            if condition not in ("carton", "cloth", "carton+cloth"):
+                raise UnknownNameError("condition", condition, ("los", "carton", "cloth", "carton+cloth"))
+        for name in ("conditions", "backgrounds", "empty"):
+            _check_once(getattr(self, name), name)
+        _check_names(self.backgrounds, "background", BACKGROUNDS)
+        for radar in self.empty:
+            if radar not in RADARS:
+                raise UnknownNameError("radar", radar, RADARS)
+        if self.keep not in KEEPS:
+            raise UnknownNameError("keep", self.keep, KEEPS)
+        if self.margin is not None:
+            put(self, margin=checked_number(self.margin, name="margin", unit="m", minimum=0))
+
+
+@record
+class Simulator:
+    """Images by the paper's simulator, for training.
+
+    Attributes
+    ----------
+    radars : "77_ghz", "24_ghz"
+    models : names of `SCATTERING_MODELS`: "specular", "edge", "diffuse", "rough"
+    vertices : to which the meshes are resampled
+    size : of the aperture along x and y [m]
+    margin : the aperture reaches this far beyond the object and no further than `size` [m]; None: it is of that size
+    step : between positions [wavelengths at the start of the band]
+    height : of the aperture over the object's middle [m]
+    tau_deg, edge_deg : of "specular" and "edge", see `simulate`; other models have their defaults
+    image : of which voxels the images are
+    """
+
+    radars: tuple[str, ...] = RADARS
+    models: tuple[str, ...] = ("specular", "edge")
+    vertices: int = 10_000
+    size: tuple[float, float] = (0.222, 0.55)
+    margin: float | None = None
+    step: float = 0.25
+    height: float = 0.2
+    tau_deg: float = 5.0
+    edge_deg: float = 20.0
+    image: Voxels = field(default_factory=Voxels)
+
+    def __post_init__(self) -> None:
+        for kind, name, known in (("radar", "radars", RADARS), ("model", "models", SCATTERING_MODELS.names())):
+            _check_names(getattr(self, name), kind, known)
+            _check_once(getattr(self, name), name)
+        put(
+            self,
+            vertices=checked_integer(self.vertices, name="vertices", minimum=4),
+            size=checked_numbers(self.size, name="size", count=2, unit="m", above=0),
+            step=checked_number(self.step, name="step", unit="wavelengths", above=0),
+            height=checked_number(self.height, name="height", unit="m", above=0),
+            tau_deg=checked_number(self.tau_deg, name="tau_deg", unit="deg", above=0),
+            edge_deg=checked_number(self.edge_deg, name="edge_deg", unit="deg", above=0),
+        )
+        if self.margin is not None:
+            put(self, margin=checked_number(self.margin, name="margin", unit="m", minimum=0))
+
+
+@record
+class Shares:
+    """What share of the objects, and of the poses of each, goes to training, validation and test."""
+
+    train: float = 0.7
+    val: float = 0.15
+    test: float = 0.15
+
+    def __post_init__(self) -> None:
+        for name in ("train", "val", "test"):
+            put(self, **{name: checked_number(getattr(self, name), name=name, minimum=0)})
+        if not abs(self.train + self.val + self.test - 1) < 1e-9:
+            raise InputError(
+                f"train, val and test are {self.train:g}, {self.val:g}, {self.test:g}; expected a sum of 1"
+            )
+
+
+@record
+class Recipe:
+    """What a dataset is to hold.
+
+    Attributes
+    ----------
+    name : of the dataset
+    about : what it is for
+    seed : of everything random; the same gives the same bytes
+    objects, files, scenes : what is looked at
+    poses : how objects lie
+    rig, simulator : captures like real ones, images for training; one of them, or both
+    splits : shares of training, validation and test
+    folder : where relative paths start
+    source : what messages call the recipe
+    """
+
+    name: str
+    about: str = ""
+    seed: int = 0
+    objects: Objects = field(default_factory=Objects)
+    files: tuple[MeshFile, ...] = ()
+    scenes: tuple[SceneRecipe, ...] = ()
+    poses: Poses = field(default_factory=Poses)
+    rig: Rig | None = None
+    simulator: Simulator | None = None
+    splits: Shares = field(default_factory=Shares)
+    folder: str = field(default=".", metadata={"key": None})
+    source: str = field(default="recipe", metadata={"key": None})
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not self.name.strip():
+            raise InputError(f"name is {self.name!r}; expected a name for the dataset")
+        put(self, seed=checked_integer(self.seed, name="seed", minimum=0))
+        if not self.objects.chosen and not self.files and not self.scenes:
+            raise InputError(
+                "there is no object; name some in [objects], by names, categories or classes, or all = true; or give "
+                "[[files]] or [[scenes]]"
+            )
+        if self.rig is None and self.simulator is None:
+            raise InputError(
+                "nothing is to be made; add [rig] for captures like real ones, [simulator] for training images"
+            )
+        own = [file.name for file in self.files]
+        for name in own:
+            if own.count(name) > 1 or name in CATALOGUE:
+                raise InputError(f"files: two objects would be called {name!r}; rename one of the mesh files")
+        for i, scene in enumerate(self.scenes):
+            for j, placed in enumerate(scene.objects):
+                if placed.object not in own:
+                    try:
+                        catalogue_name(placed.object)
+                    except UnknownNameError as error:
+                        raise InputError(f"scenes[{i}].objects[{j}]: {error}") from error
+
+
+def _angles(value: Any, name: str) -> tuple[int, int, int]:
+    x, y, z = (checked_integer(angle, name=name, minimum=-360) for angle in checked_numbers(value, name=name, count=3))
+    return x, y, z
+
+
+def _range(value: Any, name: str) -> tuple[int, int]:
+    low, high = (checked_integer(end, name=name, minimum=-360) for end in checked_numbers(value, name=name, count=2))
+    if high < low or high > 360:
+        raise InputError(f"{name} is [{low}, {high}]; expected a range of whole degrees, the smaller first, up to 360")
+    return low, high
+
+
+def _check_names(names: tuple[str, ...], kind: str, known: tuple[str, ...]) -> None:
+    if not names:
+        raise InputError(f"no {kind} is named; expected at least one of {', '.join(known)}")
+    for name in names:
+        if name not in known:
+            raise UnknownNameError(kind, name, known)
+
+
+def _check_once(names: tuple[str, ...], name: str) -> None:
+    if len(set(names)) < len(names):
+        raise InputError(f"{name} are {list(names)}; name each once")

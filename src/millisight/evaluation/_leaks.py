@@ -1,0 +1,251 @@
+"""What training and test must not share: objects, poses, seeds, physics; and in which table an image may stand.
+
+Of an object that a classifier was trained on, the answer is object-closed; of one that it never met, neither in
+training nor in validation, object-disjoint. Objects are the same by name: a real scan of what was trained on as a drawn
+shape is no new object.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from millisight.core import checked_array, rotation_from_euler_deg
+from millisight.core.errors import InputError
+from millisight.evaluation._answers import CLOSED, DISJOINT, SPLITS
+from millisight.meshes import CATALOGUE
+
+WITHIN_DEG = 1.0
+"""Poses nearer than this are the same pose."""
+VALIDATION, SAME_POSE, NO_CLASS = "seen in validation only", "in a pose of training", "of no class that it knows"
+LEFT_OUT = (VALIDATION, SAME_POSE, NO_CLASS)
+"""Why an image stands in no table."""
+
+_NAMES = {entry.ycb_id: name for name, entry in CATALOGUE.items()}
+
+
+class Training(NamedTuple):
+    """What a classifier learned from, as the description beside its weights tells.
+
+    Attributes
+    ----------
+    name : of the classifier, for messages
+    training, validation : names of objects
+    rotations : of each object the poses (n, 3, 3) of training and validation images
+    seed : of its random numbers
+    physics : what made its images
+    """
+
+    name: str
+    training: frozenset[str]
+    validation: frozenset[str]
+    rotations: Mapping[str, np.ndarray]
+    seed: int
+    physics: str
+
+
+def training_of(name: str, description: Mapping[str, Any]) -> Training:
+    """What the description of a classifier's weights says of its training.
+
+    Raises
+    ------
+    InputError
+        It does not say, or what it says cannot be right: then nobody can tell whether a test is one.
+    """
+    try:
+        sides = {side: [str(one) for one in description["objects"][side]] for side in ("training", "validation")}
+        poses = {str(one): list(turned) for one, turned in description["poses"].items()}
+        seed, physics = int(description["seed"]), str(description["physics"])
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise InputError(
+            f"the description of {name} does not tell its training's objects, poses, seed and physics ({error!r}), and "
+            "so not whether test images are new to it; train anew"
+        ) from error
+    unknown = sorted({*sides["training"], *sides["validation"]} - set(poses))
+    if unknown:
+        raise InputError(f"the description of {name} tells no poses of {', '.join(unknown)}; train anew")
+    return Training(
+        name=name,
+        training=frozenset(map(_known_as, sides["training"])),
+        validation=frozenset(map(_known_as, sides["validation"])),
+        rotations={_known_as(one): _rotations(f"poses of {one} of {name}", turned) for one, turned in poses.items()},
+        seed=seed,
+        physics=physics,
+    )
+
+
+def _known_as(name: str) -> str:
+    """The name in the catalogue, also of a folder of the YCB set."""
+    return _NAMES.get(name, name)
+
+
+def _rotations(name: str, angles_deg: list) -> np.ndarray:
+    """(n, 3, 3) from (n, 3) [degrees]."""
+    if not angles_deg:
+        return np.zeros((0, 3, 3))
+    return np.stack([rotation_from_euler_deg(one) for one in checked_array(angles_deg, name=name, shape=("n", 3))])
+
+
+def nearest_pose_deg(training: Training, name: str, angles_deg: ArrayLike) -> float:
+    """The angle of the smallest rotation from a pose of that object in training to this one [degrees]; inf: none.
+
+    Of the rotation Aᵀ B the angle is arccos((trace - 1) / 2), whatever the axis.
+
+    Parameters
+    ----------
+    training : Training
+    name : of the object
+    angles_deg : (3,) about the fixed axes x, y and z
+    """
+    turned = training.rotations.get(_known_as(name), np.zeros((0, 3, 3)))
+    if not len(turned):
+        return np.inf
+    traces = np.einsum("nij,ij->n", turned, rotation_from_euler_deg(angles_deg))
+    return float(np.degrees(np.arccos(np.clip((traces - 1) / 2, -1, 1))).min())
+
+
+class TestImage(NamedTuple):
+    """What is known of a test image.
+
+    Attributes
+    ----------
+    scene, object : see ClassifierAnswer
+    angles : how the object was turned about the fixed axes x, y and z, (3,) [degrees]
+    physics : what made the image; "" of a real one
+    seeds : of its random numbers
+    """
+
+    __test__ = False  # pytest takes it for tests
+
+    scene: str
+    object: str
+    angles: tuple[float, float, float]
+    physics: str
+    seeds: frozenset[int]
+
+
+class SplitPlan(NamedTuple):
+    """Where test images stand for one classifier.
+
+    Attributes
+    ----------
+    placed : (split, class) by scene
+    left_out : scenes by the reason why they are in no table
+    """
+
+    placed: dict[str, tuple[str, str]]
+    left_out: dict[str, list[str]]
+
+
+def plan_splits(training: Training, images: Sequence[TestImage], classes: Mapping[str, str]) -> SplitPlan:
+    """Which images test a classifier on objects that it knows, which on new ones, and which not; leaks checked.
+
+    Parameters
+    ----------
+    training : of the classifier
+    images : TestImage
+    classes : of objects, as far as the classifier knows them
+
+    Raises
+    ------
+    InputError
+        Images were made by the physics or with the seed of training.
+    """
+    check_physics(training, {image.physics for image in images})
+    check_seeds(training, {seed for image in images for seed in image.seeds})
+    placed: dict[str, tuple[str, str]] = {}
+    left_out: dict[str, list[str]] = {}
+    for image in images:
+        side = side_of(training, image.object, image.angles) if image.object in classes else NO_CLASS
+        if side in SPLITS:
+            placed[image.scene] = side, classes[image.object]
+        else:
+            left_out.setdefault(side, []).append(image.scene)
+    return SplitPlan(placed, left_out)
+
+
+def classes_of(description: Mapping[str, Any], class_names: Sequence[str]) -> dict[str, str]:
+    """The class of every object that is of one that the classifier knows: by the catalogue, or by its own `classes`.
+
+    Parameters
+    ----------
+    description : of the weights; its `classes`, if any, are names of objects by class
+    class_names : that the classifier knows
+
+    Raises
+    ------
+    InputError
+        `classes` are no lists of names.
+    """
+    own = description.get("classes", {})
+    if not isinstance(own, Mapping) or not all(isinstance(names, list | tuple) for names in own.values()):
+        raise InputError(f"the description's classes are {own!r}; expected lists of objects' names by class")
+    told = {name: entry.shape_class for name, entry in CATALOGUE.items()}
+    told |= {_known_as(str(name)): str(one) for one, names in own.items() for name in names}
+    return {name: one for name, one in told.items() if one in class_names}
+
+
+def side_of(training: Training, name: str, angles_deg: ArrayLike) -> str:
+    """CLOSED, DISJOINT, or why an image of that object in that pose [degrees] stands in neither table."""
+    known = _known_as(name)
+    if known in training.training:
+        return SAME_POSE if nearest_pose_deg(training, known, angles_deg) <= WITHIN_DEG else CLOSED
+    return VALIDATION if known in training.validation else DISJOINT
+
+
+def check_seeds(training: Training, seeds: Iterable[int]) -> None:
+    """No seed of the test images may be that of training.
+
+    Raises
+    ------
+    InputError
+    """
+    if training.seed in set(seeds):
+        raise InputError(
+            f"{training.name} was trained with the seed {training.seed}, with which the test images were made, too: "
+            "their random numbers may be the same; make test images with another seed"
+        )
+
+
+def check_physics(training: Training, tested: Iterable[str]) -> None:
+    """What made the test images must be something else than what made those of training.
+
+    Parameters
+    ----------
+    training : Training
+    tested : what made the test images, such as "virtual rig: physical optics"; "" for real ones
+
+    Raises
+    ------
+    InputError
+        It is the same, or training does not say.
+    """
+    learned = _kind(training.physics)
+    if not learned:
+        raise InputError(f"the description of {training.name} does not say by what physics its images were made")
+    same = sorted({physics for physics in tested if _kind(physics) == learned})
+    if same:
+        raise InputError(
+            f"{training.name} was trained on images of the physics of the test images, {same[0]!r}: no test of how it "
+            "takes to other physics; train on the simulator's images, or test on the rig's"
+        )
+
+
+def _kind(physics: str) -> str:
+    """What comes before the details."""
+    return " ".join(physics.partition(":")[0].casefold().split())
+
+
+def siblings(training: Training, names: Iterable[str]) -> dict[str, list[str]]:
+    """Of tested objects those with siblings in training or validation, such as another cup of a set, and which."""
+    seen = training.training | training.validation
+    families = {name: _family(name) for name in seen}
+    found = {name: sorted(other for other in seen if families[other] == _family(name)) for name in sorted(set(names))}
+    return {name: others for name, others in found.items() if others}
+
+
+def _family(name: str) -> str:
+    """The number in the YCB set without its letter; of an object that is not in the catalogue its name."""
+    known = _known_as(name)
+    return CATALOGUE[known].number.partition("-")[0] if known in CATALOGUE else known

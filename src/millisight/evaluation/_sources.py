@@ -1,0 +1,159 @@
+"""What tasks ask of a dataset: its scenes, read when they are needed, and its simulated images.
+
+Rooms above this one implement these protocols; `millisight.datasets` does for the published layout.
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol
+
+from millisight.core import record
+from millisight.core.errors import InputError, MillisightError
+from millisight.data import SarImage
+from millisight.evaluation._scenes import LabelledScene
+
+
+class Origin(NamedTuple):
+    """Where a scene comes from.
+
+    Attributes
+    ----------
+    shape : of the object: "built" by the catalogue, a real "scan", a "file" of the recipe's own; "unknown" of what was
+        not generated
+    seeds : with which it was made; none of what was not generated
+    """
+
+    shape: str
+    seeds: frozenset[int]
+
+
+@record
+class SceneSource:
+    """A scene of a dataset that is read when it is needed. Records of other rooms inherit it and say how.
+
+    Attributes
+    ----------
+    name : unique in the dataset; `<id>_<name>/<angles>/exp<N>/<sight>` in the published layout
+    object : name of the object, in the catalogue where it is in it; by it networks tell what they saw
+    folder : of the object, `<id>_<name>`
+    angles : of the object about the fixed axes x, y and z [degrees]
+    number : N of `exp<N>`
+    sight : "los" or "nlos"
+    """
+
+    name: str
+    object: str
+    folder: str
+    angles: tuple[int, int, int]
+    number: int
+    sight: str
+
+    @property
+    def bands(self) -> tuple[str, ...]:
+        """Of its images: "24 GHz" and "77 GHz", or one of them."""
+        raise NotImplementedError
+
+    @property
+    def paths(self) -> tuple[Path, ...]:
+        """Of all its files."""
+        raise NotImplementedError
+
+    def physics(self) -> str:
+        """What made its captures; "" where it is not marked as simulated."""
+        raise NotImplementedError
+
+    def read(self, *, view: bool = True, **reading: Any) -> LabelledScene:
+        """Images, true masks and, with `view`, the camera's picture."""
+        raise NotImplementedError
+
+    def read_image(self, band: str) -> tuple[SarImage, str]:
+        """An image, and what made it by its own file; "" where it is not marked as simulated."""
+        raise NotImplementedError
+
+
+class SimulationSource(Protocol):
+    """Simulated images of an object at one set of angles."""
+
+    @property
+    def paths(self) -> tuple[Path, ...]:
+        """Of its files."""
+        ...
+
+    def read_image(self, band: str, part: str) -> tuple[SarImage, str]:
+        """The "specular" or the "edges" image of a band, and what made it."""
+        ...
+
+
+class EvaluationData(Protocol):
+    """What a task asks of a dataset."""
+
+    @property
+    def path(self) -> Path:
+        """Of the dataset."""
+        ...
+
+    @property
+    def scenes(self) -> Sequence[SceneSource]:
+        """To be evaluated."""
+        ...
+
+    def origins(self) -> Mapping[str, Origin]:
+        """Where the scenes come from, by name."""
+        ...
+
+    def simulations(self, band: str) -> Mapping[tuple[str, tuple[int, int, int]], SimulationSource]:
+        """By folder and angles of the object, where there are both a specular and an edge image of that band."""
+        ...
+
+
+class Survey(NamedTuple):
+    """What a dataset's scenes say of themselves, and how to read them.
+
+    Attributes
+    ----------
+    data : what the data are, in words for titles
+    simulated : whether they are
+    physics : what made each scene, by its name; "" of real ones
+    failures : (name, reason) of scenes that do not say
+    reading : options of `SceneSource.read`
+    """
+
+    data: str
+    simulated: bool
+    physics: dict[str, str]
+    failures: tuple[tuple[str, str], ...]
+    reading: dict[str, Any]
+
+
+def survey(data: EvaluationData, *, transform: str | None, **reading: Any) -> Survey:
+    """What the scenes of a dataset are.
+
+    Parameters
+    ----------
+    data : of which every scene is asked what made it
+    transform : camera to radar; None: "file" for simulated scenes, "published" for others
+    reading : other options of `SceneSource.read`
+
+    Raises
+    ------
+    InputError
+        There are no scenes; or some are simulated, and some are not.
+    """
+    if not data.scenes:
+        raise InputError(f"{data.path} has no radar image of an object; expected processed_image.pkl in experiments")
+    physics, failures = {}, []
+    for scene in data.scenes:
+        try:
+            physics[scene.name] = scene.physics()
+        except MillisightError as error:
+            failures.append((scene.name, str(error)))
+    kinds = set(physics.values())
+    if len(kinds) > 1 and "" in kinds:
+        raise InputError(f"{data.path} has simulated scenes and others; evaluate them apart, by choosing objects")
+    made = ", ".join(sorted(kinds - {""}))
+    if made and "virtual rig" not in made:  # scenes are of `robot_collected`, and no other robot is simulated
+        made = f"virtual rig, {made}"
+    described = f"{made}; simulated, not real data" if made else "not marked as simulated"
+    reading["transform"] = transform or ("file" if made else "published")
+    name = data.path.resolve().name
+    return Survey(f"{name} ({described})", bool(made), physics, tuple(failures), reading)

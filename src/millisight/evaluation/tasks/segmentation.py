@@ -1,0 +1,190 @@
+"""The task "segmentation": masks of segmenters against true masks, on photos, at 24 GHz, at 77 GHz, and with both."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, field
+from typing import Any, ClassVar, NamedTuple
+
+from millisight.core import checked_integer, put, record
+from millisight.core.errors import InputError
+from millisight.evaluation._metrics import METRICS, MaskScores
+from millisight.evaluation._scenes import SIGHTS, MaskTrial, SegmenterEvaluator, checksum_of, named_segmenter
+from millisight.evaluation._sources import EvaluationData, SceneSource, survey
+from millisight.evaluation._tables import Table
+from millisight.evaluation._task import TASKS, EvaluationItem, EvaluationSet, ReportFigure, Task
+from millisight.evaluation.tasks._segmentation_tables import difference_table, median_table, trial_table, worst
+
+_FORMAT = 2
+
+
+class _SegmenterSource(NamedTuple):
+    scene: SceneSource
+    method: str
+    options: Mapping[str, Any]
+    checksum: str
+    seeds: Sequence[int]
+    reading: Mapping[str, Any]
+
+    def evaluator(self) -> SegmenterEvaluator:
+        """The segmenter on the scene, both loaded."""
+        by = named_segmenter(self.method, self.options)
+        if checksum_of(by) != self.checksum:
+            raise InputError(f"the weights of {self.method} have changed since the run began; run it again")
+        return SegmenterEvaluator(by, self.scene.read(**self.reading))
+
+
+@TASKS.add("segmentation")
+@record
+class SegmentationTask(Task):
+    """Compare masks of segmenters with true masks, pixel by pixel.
+
+    Attributes
+    ----------
+    methods : names of segmenters
+    options : of segmenters, by their names
+    seeds : number of random seeds for prompts: 0, 1, 2 and so on
+    truth : true masks: "camera", the camera's mask moved to the images' grids; or "exact", those of simulated data
+    transform : camera to radar, by the pose in the "file" or the constants of the "published" evaluation; None: "file"
+        for simulated scenes
+    support : height of what the object stands on [m]; None: by the scene's background
+    crop : number of the lowest and of the highest slices of 77 GHz images to leave out
+    failures : number of worst masks of each segmenter to plot
+    """
+
+    name: ClassVar[str] = "segmentation"
+    title: ClassVar[str] = "Segmentation"
+    cache: ClassVar[str] = "trials"
+
+    methods: Sequence[str] = ("wave", "classical")
+    options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    seeds: int = 3
+    truth: str = "camera"
+    transform: str | None = None
+    support: float | None = None
+    crop: tuple[int, int] = (0, 0)
+    failures: int = 6
+
+    def __post_init__(self) -> None:
+        methods = (self.methods,) if isinstance(self.methods, str) else self.methods
+        put(self, methods=tuple(dict.fromkeys(methods)), options=dict(self.options), crop=tuple(self.crop))
+        checked_integer(self.seeds, name="seeds")
+        checked_integer(self.failures, name="failures", minimum=0)
+
+    def plan(self, data: EvaluationData) -> EvaluationSet:
+        """One item for each segmenter and scene."""
+        found = survey(data, transform=self.transform, truth=self.truth, support=self.support, crop=self.crop)
+        items = []
+        for method in self.methods:
+            options = dict(self.options.get(method, {}))
+            checksum = checksum_of(named_segmenter(method, options))
+            seeds = tuple(range(self.seeds))
+            settings = {"format": _FORMAT, "network": checksum, "method": method, "options": options, "seeds": seeds,
+                        "reading": found.reading, "metrics": METRICS.names()}  # fmt: skip
+            for scene in data.scenes:
+                part = f"{method}.{scene.name.replace('/', '.')}"
+                source = _SegmenterSource(scene, method, options, checksum, seeds, found.reading)
+                items.append(
+                    EvaluationItem(
+                        name=f"{scene.name}, {method}", source=source, parts={part: settings}, paths=scene.paths
+                    )
+                )
+        return EvaluationSet(items=tuple(items), data=found.data, context=found.simulated)
+
+    @staticmethod
+    def run(item: EvaluationItem) -> Mapping[str, Any]:
+        """All trials of a segmenter on a scene."""
+        trials = item.source.evaluator().trials(item.source.seeds)
+        (part,) = item.parts
+        return {part: [asdict(one) for one in trials]}
+
+    def rows(self, planned: EvaluationSet, results: Mapping[str, Any]) -> list[MaskTrial]:
+        """By segmenter and scene."""
+        return [
+            MaskTrial(**one | {"scores": MaskScores(one["scores"])}) for trials in results.values() for one in trials
+        ]
+
+    def describe(self, planned: EvaluationSet, rows: Sequence[MaskTrial]) -> tuple[str, str]:
+        """What the data are, and the introduction of the page."""
+        introduction = (
+            f"Segmenters on {planned.data}. A mask is compared with the truth pixel by pixel; the tables tell the "
+            "medians, and the pictures below show each segmenter's worst masks."
+        )
+        return planned.data, introduction
+
+    def tables(self, planned: EvaluationSet, rows: Sequence[MaskTrial]) -> dict[str, Table]:
+        """Medians of each sight, paired differences, and every mask."""
+        data, notes = planned.data, self._notes(rows, simulated=planned.context)
+        there = {one.sight for one in rows}
+        return {
+            **{sight: median_table(rows, sight, data=data, notes=notes) for sight in SIGHTS if sight in there},
+            "differences": difference_table(rows, data=data),
+            "trials": trial_table(rows, data=data),
+        }
+
+    def figures(self, planned: EvaluationSet, rows: Sequence[MaskTrial]) -> Iterator[ReportFigure]:
+        """The medians; and the worst masks, made once more: the same seed gives the same mask."""
+        yield ReportFigure(
+            name="medians",
+            heading="Medians",
+            caption="Points: medians; lines: their 95 % bootstrap intervals; ticks: the paper's medians, of real data.",
+            plot="plot_medians",
+            arguments={"trials": rows, "data": planned.data},
+        )
+        sources = {(item.source.method, item.source.scene.name): item.source for item in planned.items}
+        for number, one in enumerate(worst(rows, self.failures), 1):
+            evaluator = sources[one.method, one.scene].evaluator()
+            attempt = evaluator.attempt(one.input, one.seed)
+            score, what = describe_scores(one), f"{one.object}, {SIGHTS[one.sight]}: {one.method} on {one.input}"
+            yield ReportFigure(
+                name=f"worst-{number:02d}",
+                heading=what,
+                caption=f"{score}.",
+                plot="plot_attempt",
+                arguments={
+                    "attempt": attempt,
+                    "picture": evaluator.pictures[one.input],
+                    "truth": evaluator.truth(one.input),
+                    "title": f"{what}: {score}",
+                },
+                facts={"scene": one.scene, "seed": one.seed}
+                | ({"why there is no mask": attempt.failure} if attempt.failure else {}),
+                dpi=90,
+            )
+
+    def _notes(self, rows: Sequence[MaskTrial], *, simulated: bool) -> list[str]:
+        """Notes of the tables: the truth, and what networks saw of the tested objects."""
+        compared = (
+            "the camera's mask of the object in line of sight, moved to the image's grid"
+            if self.truth == "camera"
+            else "the exact pixels over which the object lies"
+        )
+        notes = [f"Compared with {compared}."]
+        if simulated:
+            notes.append(
+                "Everything was simulated by the virtual rig. Accuracy, and the camera's precision out of sight, "
+                "depend on how much of the surroundings an image shows; where images are cut, as in small benchmarks, "
+                "they cannot be compared with the paper's."
+            )
+        tested = {one.object for one in rows}
+        return notes + [_seen(named_segmenter(name, self.options.get(name, {})), tested) for name in self.methods]
+
+
+def describe_scores(one: MaskTrial) -> str:
+    """The scores of a mask in a line."""
+    scores = one.scores
+    return f"F1 {100 * scores.f1:.0f} %, precision {100 * scores.precision:.0f} %, recall {100 * scores.recall:.0f} %"
+
+
+def _seen(by: Any, tested: set[str]) -> str:
+    """What the segmenter's network saw in training of the tested objects."""
+    if by.name == "classical":
+        return "classical: no network; its levels were chosen on the scenes of examples/recipes/bench24.toml."
+    told = getattr(by, "description", {})
+    sides = told.get("objects")
+    if sides is None:
+        return f"{by.name}: which objects its network saw in training is not known."
+    seen = {name for names in sides.values() for name in names}
+    both = sorted(tested & seen)
+    name = f"{by.name} (weights {told['sha256'][:8]})"
+    if both:
+        return f"{name}: NOT a fair test, its network saw {len(both)} of the tested objects: {', '.join(both)}."
+    return f"{name}: its network saw {len(seen)} objects in training and validation, none of the {len(tested)} tested."

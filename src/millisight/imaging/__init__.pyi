@@ -1,0 +1,13 @@
+from ._around import grid_around as grid_around
+from ._around import scene_bounds as scene_bounds
+from ._autofocus import Focused as Focused
+from ._autofocus import autofocus as autofocus
+from ._backprojection import path_bounds as path_bounds
+from ._backprojection import range_steering as range_steering
+from ._clutter import crop_slices as crop_slices
+from ._combine import combine as combine
+from ._exact import image_at as image_at
+from ._form import METHODS as METHODS
+from ._form import form_image as form_image
+from ._synchronise import estimate_clock as estimate_clock
+from ._windows import WINDOWS as WINDOWS

@@ -1,0 +1,66 @@
+"""The grid to image a scene or a capture on, where nobody names one."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from millisight.core import checked_array, checked_number
+from millisight.core.errors import InputError
+from millisight.data import Capture, Scene, VoxelGrid
+
+_MARGIN = 0.02  # around the bounding box, on every side [m]
+
+
+def grid_around(
+    scene: Scene | Capture, spacing: float | tuple[float, float, float] | None = None, *, margin: float = _MARGIN
+) -> VoxelGrid:
+    """A regular grid around what there is to see.
+
+    Parameters
+    ----------
+    scene : a Scene; or a Capture, which knows the box of its scene if it was simulated, or the box that its
+        description states: that one has no margin
+    spacing : of the voxels, one or along x, y and z [m]; None: of a capture, as its description states, or half a
+        wavelength at the centre frequency, twice that in depth
+    margin : how far the grid stands out around the scene on every side [m]
+
+    Raises
+    ------
+    InputError
+        The capture does not know where its scene is, as real ones do not; or a scene comes without spacing, or the
+        spacing leaves two voxels along each axis at most.
+
+    Examples
+    --------
+    >>> grid_around(Scene.from_mesh("golf_ball", vertices=200), 0.005).shape
+    (17, 17, 17)
+    """
+    margin = checked_number(margin, name="margin", unit="m", minimum=0)
+    if isinstance(scene, Scene):
+        if spacing is None:
+            raise InputError("a scene alone has no wavelength; pass spacing, such as 0.002 [m], or a capture")
+        lower, upper, steps = scene.mesh.bounds[0] - margin, scene.mesh.bounds[1] + margin, spacing
+    elif not isinstance(scene, Capture):
+        raise InputError(f"scene is of type {type(scene).__name__}; expected Scene or Capture")
+    elif isinstance(stated := scene.metadata.get("image_grid"), Mapping):
+        lower, upper, steps = stated["lower"], stated["upper"], stated["spacing"] if spacing is None else spacing
+    else:
+        bounds = scene_bounds(scene)
+        if bounds is None:
+            raise InputError("the capture does not say where its scene is; name a grid, such as VoxelGrid.regular(...)")
+        half = scene.radar.waveform.wavelength / 2
+        lower, upper, steps = bounds[0] - margin, bounds[1] + margin, (half, half, 2 * half)
+        steps = steps if spacing is None else spacing
+    grid = VoxelGrid.regular(lower, upper, steps)
+    if spacing is not None and max(grid.shape) <= 2:
+        # Nobody wants eight voxels: a spacing of 2 was meant as millimetres.
+        raise InputError(
+            f"voxels {np.max(spacing):g} m wide leave two along each axis at most; pass a spacing such as 0.002, 2 mm"
+        )
+    return grid
+
+
+def scene_bounds(capture: Capture) -> np.ndarray | None:
+    """(2, 3) the box that the capture's scene fills [m], where the capture says."""
+    bounds = capture.metadata.get("scene_bounds")
+    return None if bounds is None else checked_array(bounds, name="scene_bounds", shape=(2, 3), unit="m")

@@ -1,0 +1,217 @@
+"""Direct backprojection: range profiles, then one interpolation and one phase a voxel-channel pair (primer 8)."""
+
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Complex, Float
+
+from millisight.core import SPEED_OF_LIGHT, check_device
+from millisight.data import Capture, VoxelGrid
+from millisight.imaging._lengths import boxes, grid_in
+from millisight.imaging._windows import Window, aperture_weights, range_weights, window_pair
+
+OVERSAMPLING = 8
+"""Entries of a range profile per range bin c / B of path length: 0.2 % of error, see the tables of primer (8)."""
+
+# One block of poses is held at a time: its frames and range profiles take at most this much [bytes], and its
+# voxel-channel pairs at most about a second, so that progress shows and Ctrl-C is heard.
+_BLOCK_BYTES = 256_000_000
+_BLOCK_PAIRS = 1_000_000_000
+
+# Profiles of all poses start at one path length unless they are so many times longer by it.
+_LONGER = 1.5
+
+
+def backproject(
+    capture: Capture,
+    grid: VoxelGrid,
+    *,
+    window: Window = None,
+    oversampling: int = OVERSAMPLING,
+    device: str = "cpu",
+    progress: Callable[[int, int], None] | None = None,
+) -> Complex[np.ndarray, "X Y Z"]:
+    """The image of a capture on a grid, as complex64 values; `ms.form_image` is the door to it.
+
+    The capture may lie on disk: it is read in blocks of poses.
+    """
+    kernels = kernels_on(device)
+    carrier = capture.radar.waveform.center_frequency / SPEED_OF_LIGHT
+    image = np.empty(grid.shape, dtype=np.complex64)
+    parts = boxes(grid, carrier)
+    for number, box in enumerate(parts):
+        image[box] = _backproject_box(
+            kernels, capture, grid_in(grid, box), window, oversampling, share_of(progress, number, len(parts))
+        )
+    return image
+
+
+def _backproject_box(
+    kernels: Any,
+    capture: Capture,
+    grid: VoxelGrid,
+    window: Window,
+    oversampling: int,
+    progress: Callable[[int, int], None] | None,
+) -> np.ndarray:
+    """(X, Y, Z) complex64 image on a grid that float32 can hold."""
+    # Distances are float32: count coordinates from the grid's middle, wherever the world's origin may lie.
+    origin = grid.bounds.mean(axis=0)
+    voxels = [kernels.to_device(v) for v in np.ascontiguousarray((grid.points - origin).T, dtype=np.float32)]
+    tx, rx = capture.tx_positions - origin, capture.rx_positions - origin
+    compression = range_compression(capture, tx, rx, grid.bounds - origin, oversampling, window, kernels)
+
+    sums = kernels.zeros((2, grid.size))
+    channels = int(np.prod(capture.frames.shape[1:3]))
+    per_pose = 8 * channels * sum(compression.steering.shape)
+    step = int(max(1, min(_BLOCK_BYTES // per_pose, _BLOCK_PAIRS // (channels * grid.size))))
+    carrier = capture.radar.waveform.center_frequency / SPEED_OF_LIGHT
+    for block, frames in weighted_blocks(capture, step, window):
+        kernels.backproject(
+            compression.profiles(frames, block), compression.nearest(block), compression.per_metre, carrier,
+            tx[block], rx[block], *voxels, sums[0], sums[1],
+        )  # fmt: skip
+        if progress is not None:
+            progress(block.stop, len(capture.trajectory))
+    real, imag = kernels.to_host(sums)
+    return ((real + 1j * imag) / np.float32(capture.channels)).reshape(grid.shape)
+
+
+class Compression(NamedTuple):
+    """What turns frames into range profiles (primer 8).
+
+    Attributes
+    ----------
+    kernels : of the device
+    steering : (N, M) complex64, on the device
+    starts : (P, T) and (P, R), the transmitters' and the receivers' parts of the path length of entry 0 [m]
+    baseband : (N,) (f - f_c) / c of the samples [1/m]; None where all profiles start at one path length
+    per_metre : entries per metre of path length
+    """
+
+    kernels: Any
+    steering: Any
+    starts: tuple[np.ndarray, np.ndarray]
+    baseband: np.ndarray | None
+    per_metre: float
+
+    def profiles(self, frames: np.ndarray, block: slice) -> Any:
+        """(P, T, R, M) complex64 range profiles of the frames of the poses `block`, on the device."""
+        if self.baseband is not None:
+            # What lies before a channel's entry 0 is taken away beforehand: the steering is one for all channels.
+            to, back = (np.exp(2j * np.pi * np.multiply.outer(s, self.baseband)) for s in self.nearest(block))
+            frames = frames * (to[:, :, None] * back[:, None]).astype(np.complex64)
+        return self.kernels.product(frames, self.steering)
+
+    def nearest(self, block: slice) -> tuple[np.ndarray, np.ndarray]:
+        """`starts` of the poses `block`."""
+        return self.starts[0][block], self.starts[1][block]
+
+
+def range_compression(
+    capture: Capture,
+    tx: Float[np.ndarray, "P T 3"],
+    rx: Float[np.ndarray, "P R 3"],
+    box: Float[np.ndarray, "2 3"],
+    oversampling: int,
+    window: Window,
+    kernels: Any,
+) -> Compression:
+    """Range compression for all paths over a box (2, 3).
+
+    One span of path lengths serves all channels, unless it is much longer than what a single one sees of the box: then
+    every channel's profile has a start of its own, and the antennas' distances cost no memory.
+    """
+    (near_tx, far_tx), (near_rx, far_rx) = (_reaches(antennas, box) for antennas in (tx, rx))
+    nearest, furthest = path_bounds(tx, rx, box)
+    span = float(((far_tx - near_tx).max(axis=1) + (far_rx - near_rx).max(axis=1)).max())
+    if furthest - nearest <= _LONGER * span:
+        steering, per_metre = range_steering(capture, nearest, furthest, oversampling, window)
+        starts = np.full(tx.shape[:2], nearest / 2), np.full(rx.shape[:2], nearest / 2)
+        return Compression(kernels, kernels.to_device(steering), starts, None, per_metre)
+    waveform = capture.radar.waveform
+    steering, per_metre = range_steering(capture, 0.0, span, oversampling, window)
+    baseband = (waveform.frequencies - waveform.center_frequency) / SPEED_OF_LIGHT
+    return Compression(kernels, kernels.to_device(steering), (near_tx, near_rx), baseband, per_metre)
+
+
+def relative_error(values: np.ndarray, truth: np.ndarray) -> float:
+    """|values - truth| / |truth| in the L2 norm; 0 where both are nothing."""
+    difference, norm = np.linalg.norm(values - truth), np.linalg.norm(truth)
+    return float(difference / norm) if norm > 0 else float(difference > 0)
+
+
+def share_of(progress: Callable[[int, int], None] | None, number: int, count: int) -> Callable[[int, int], None] | None:
+    """What reports the progress of part `number` of `count` as that of the whole."""
+    if progress is None or count == 1:
+        return progress
+    return lambda done, total: progress(number * total + done, count * total)
+
+
+def kernels_on(device: str) -> Any:
+    """The inner loops for a device, and what moves arrays there and back: `_kernels` or `_cuda`, with the same names.
+
+    Raises
+    ------
+    UnknownNameError, DeviceError
+    """
+    check_device(device)
+    if device == "cuda":
+        from millisight.imaging import _cuda as kernels
+    else:
+        from millisight.imaging import _kernels as kernels
+    return kernels
+
+
+def weighted_blocks(
+    capture: Capture, step: int, window: Window, some: slice | None = None
+) -> Iterator[tuple[slice, np.ndarray]]:
+    """Blocks of `step` poses, of all or of `some`; their frames (p, T, R, N) complex64 times the aperture's window."""
+    weights = aperture_weights(window_pair(window)[1], capture.trajectory.positions).astype(np.float32)
+    some = some or slice(0, len(capture.trajectory))
+    for start in range(some.start, some.stop, step):
+        block = slice(start, min(start + step, some.stop))
+        frames = capture.frames_of(block)
+        yield block, frames if (weights[block] == 1).all() else frames * weights[block, None, None, None]
+
+
+def path_bounds(
+    tx: Float[np.ndarray, "P T 3"], rx: Float[np.ndarray, "P R 3"], box: Float[np.ndarray, "2 3"]
+) -> tuple[float, float]:
+    """Shortest and longest path [m] from any transmitter over a point of `box` (2, 3) to any receiver of its pose."""
+    (near_tx, far_tx), (near_rx, far_rx) = (_reaches(antennas, box) for antennas in (tx, rx))
+    nearest = near_tx.min(axis=1) + near_rx.min(axis=1)
+    return float(nearest.min()), float((far_tx.max(axis=1) + far_rx.max(axis=1)).max())
+
+
+def _reaches(antennas: np.ndarray, box: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(P, A) shortest and longest distance of antennas (P, A, 3) from a point of a box [m]."""
+    lower, upper = box
+    outside = np.maximum(np.maximum(lower - antennas, antennas - upper), 0)
+    corner = np.maximum(np.abs(lower - antennas), np.abs(upper - antennas))
+    return np.linalg.norm(outside, axis=-1), np.linalg.norm(corner, axis=-1)
+
+
+def range_steering(
+    capture: Capture, nearest: float, furthest: float, oversampling: int, window: Window
+) -> tuple[Complex[np.ndarray, "N M"], float]:
+    """The matrix (N, M) that turns frames into range profiles, and its entries per metre of path (primer 8).
+
+    Entry m of a profile is the frame's answer at path length nearest + m / per_metre, range-compressed, the
+    carrier's phase over the path removed (it turns too fast to interpolate) but not that over the path offset.
+    """
+    waveform = capture.radar.waveform
+    bandwidth = waveform.bandwidth or SPEED_OF_LIGHT / max(furthest - nearest, 1.0)
+    per_metre = oversampling * bandwidth / SPEED_OF_LIGHT
+    # Two more entries than the span: one for the interpolation's far side, one for the rounding of float32.
+    paths = nearest + np.arange(int(np.ceil((furthest - nearest) * per_metre)) + 3) / per_metre
+    offset = capture.radar.path_offset
+    baseband = (waveform.frequencies - waveform.center_frequency) / SPEED_OF_LIGHT
+    carrier = waveform.center_frequency / SPEED_OF_LIGHT
+    weights = range_weights(window_pair(window)[0], waveform.samples_per_chirp)
+    # Linear interpolation weakens the band towards its ends by sinc², which is undone beforehand.
+    weights = weights / np.sinc(baseband / per_metre) ** 2
+    cycles = np.multiply.outer(baseband, paths + offset) + carrier * offset
+    steering = weights[:, None] / waveform.samples_per_chirp * np.exp(2j * np.pi * cycles)
+    return steering.astype(np.complex64), per_metre

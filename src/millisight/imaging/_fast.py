@@ -1,0 +1,271 @@
+"""Factorised backprojection: the image in a cost that grows near linearly (primer 16).
+
+Seen from a small sub-aperture, the field over the grid turns slowly once the phase of the sub-aperture's centre is
+taken away. So the smallest sub-apertures are imaged by direct backprojection on coarse grids, and their fields are
+interpolated to finer grids, given the phase of the next larger sub-aperture's centre, and added, until the last step
+puts the whole phase back on the image's own grid. Positions may lie anywhere, antennas apart.
+
+Sizes, spacings and the number of levels are `_plan`'s, by a probe of the interpolations' error; once formed, the image
+is compared with direct backprojection at random voxels and at its brightest. Where factorising does not pay, or errs
+by too much, direct backprojection does the work.
+"""
+
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from millisight.core import SPEED_OF_LIGHT
+from millisight.data import Capture, VoxelGrid
+from millisight.imaging._backprojection import (
+    Compression,
+    backproject,
+    kernels_on,
+    range_compression,
+    relative_error,
+    share_of,
+    weighted_blocks,
+)
+from millisight.imaging._lengths import antenna_rows, boxes, grid_in, rows_of_pairs
+from millisight.imaging._plan import TAPS, Plan, axis_weights, cells_of, make_plan, means_of, middles
+from millisight.imaging._windows import Window
+
+# Range profiles are held for so many poses at a time [bytes].
+_PROFILE_BYTES = 1_000_000_000
+
+_PICKS = 256  # random voxels, and as many of the brightest, at which the image is compared with direct backprojection
+_ATTEMPTS = 2  # plans that are tried before direct backprojection does it
+
+
+class Factorised(NamedTuple):
+    """An image and how it was made.
+
+    Attributes
+    ----------
+    values : (X, Y, Z) complex64
+    plan : None where direct backprojection did all of it; where the grid was imaged in boxes, the first plan
+    error : relative L2 error as measured, at random voxels or at the brightest, whichever is more; 0 without a plan
+    """
+
+    values: np.ndarray
+    plan: Plan | None
+    error: float
+
+
+def fast(
+    capture: Capture,
+    grid: VoxelGrid,
+    *,
+    window: Window,
+    oversampling: int,
+    tolerance: float,
+    profiles: float,
+    device: str = "cpu",
+    progress: Callable[[int, int], None] | None = None,
+) -> Factorised:
+    """The image, within `tolerance` where its range profiles err by `profiles`; `ms.form_image` is the door to it.
+
+    Memory: range profiles of at most a gigabyte, and the fields of one largest sub-aperture's parts.
+    """
+    image = np.empty(grid.shape, dtype=np.complex64)
+    parts = boxes(grid, capture.radar.waveform.center_frequency / SPEED_OF_LIGHT)
+    plans, errors = [], []
+    for number, box in enumerate(parts):
+        image[box], plan, error = _fast_box(
+            capture, grid_in(grid, box), window, oversampling, tolerance, profiles, device,
+            share_of(progress, number, len(parts)),
+        )  # fmt: skip
+        errors.append(error)
+        if plan is not None:
+            plans.append(plan)
+    return Factorised(image, plans[0] if plans else None, max(errors))
+
+
+def _fast_box(
+    capture: Capture,
+    grid: VoxelGrid,
+    window: Window,
+    oversampling: int,
+    tolerance: float,
+    profiles: float,
+    device: str,
+    progress: Callable[[int, int], None] | None,
+) -> Factorised:
+    """The image on a grid that float32 can hold."""
+    origin = grid.bounds.mean(axis=0)
+    tx, rx = capture.tx_positions - origin, capture.rx_positions - origin
+    axes = tuple(axis - o for axis, o in zip((grid.x, grid.y, grid.z), origin, strict=True))
+    # The errors of range profiles and of factorising have nothing to do with each other: their squares add up.
+    planned = float(np.sqrt(max(tolerance**2 - profiles**2, 0.0)))
+    for _ in range(_ATTEMPTS):
+        plan = make_plan(tx, rx, axes, capture, planned)
+        if plan is None:
+            break
+        values, errors = _factorise(kernels_on(device), capture, tx, rx, axes, plan, window, oversampling, progress)
+        # Direct backprojection, which the random voxels were compared with, errs as well: half of that is taken off,
+        # as `profiles` was measured with few poses.
+        error = max(float(np.sqrt(max(errors[0] ** 2 - profiles**2 / 2, profiles**2))), errors[1])
+        if error <= tolerance:
+            return Factorised(values, plan, error)
+        planned *= 0.7 * tolerance / error
+    values = backproject(capture, grid, window=window, oversampling=oversampling, device=device, progress=progress)
+    return Factorised(values, None, 0.0)
+
+
+def _factorise(
+    kernels: Any,
+    capture: Capture,
+    tx: np.ndarray,
+    rx: np.ndarray,
+    axes: tuple[np.ndarray, ...],
+    plan: Plan,
+    window: Window,
+    oversampling: int,
+    progress: Callable[[int, int], None] | None,
+) -> tuple[np.ndarray, tuple[float, float]]:
+    """The image (X, Y, Z) complex64 by a plan, and its relative L2 difference from direct backprojection at random
+    voxels and at the brightest."""
+    first, second = plan.levels[0].axes
+    turn = np.array(plan.order)
+    fine = tuple(axes[a] for a in plan.order)
+    both = zip((first, second, fine[2]), fine, strict=True)
+    box = np.array([[min(coarse[0], axis[0]), max(coarse[-1], axis[-1])] for coarse, axis in both]).T
+    tx, rx = tx[..., turn], rx[..., turn]
+    compression = range_compression(capture, tx, rx, box, oversampling, window, kernels)
+    carrier = capture.radar.waveform.center_frequency / SPEED_OF_LIGHT
+
+    shape = tuple(map(len, fine))
+    image = kernels.zeros((2, 1, *shape))
+    poses = len(capture.trajectory)
+    channels = int(np.prod(capture.frames.shape[1:3]))
+    many = max(1, min(poses, _PROFILE_BYTES // (8 * channels * compression.steering.shape[1])))
+    check = _Check(kernels, fine)
+    for start in range(0, poses, many):
+        some = slice(start, min(start + many, poses))
+        profiles = _range_profiles(kernels, capture, some, compression, window)
+        nearest = compression.nearest(some)
+        rows = rows_of_pairs(tx[some], rx[some], nearest, compression.per_metre, carrier)
+        scan = _Scan(profiles, tx[some], rx[some], *rows, np.float32(compression.per_metre), np.float32(carrier))
+        for done, total in _add_sub_apertures(kernels, scan, plan, fine, image):
+            if progress is not None:
+                progress(start + (some.stop - start) * done // total, poses)
+        check.add(scan, nearest, carrier, image)
+    real, imag = kernels.to_host(image)[:, 0]
+    values = (real + 1j * imag) / np.float32(capture.channels)
+    return np.ascontiguousarray(values.transpose(np.argsort(turn))), check.errors(image)
+
+
+class _Check:
+    """The image beside direct backprojection, at random voxels and at the brightest that its first part shows."""
+
+    def __init__(self, kernels: Any, axes: tuple[np.ndarray, ...]) -> None:
+        self.kernels, self.axes = kernels, axes
+        self.shape = tuple(map(len, axes))
+        size = int(np.prod(self.shape))
+        self.count = min(_PICKS, size)
+        self.picks: np.ndarray | None = None
+        self.sums = np.zeros((2, 2 * self.count), dtype=np.float32)
+
+    def add(self, scan: "_Scan", nearest: tuple[np.ndarray, np.ndarray], carrier: float, image: Any) -> None:
+        """Add the poses of a scan, which `image` holds as the last."""
+        if self.picks is None:
+            magnitude = np.hypot(*self.kernels.to_host(image)[:, 0]).ravel()
+            random = np.random.default_rng(0).choice(magnitude.size, self.count)
+            self.picks = np.concatenate([random, np.argpartition(magnitude, -self.count)[-self.count :]])
+        places = np.unravel_index(self.picks, self.shape)
+        points = [_f32(axis[place]) for axis, place in zip(self.axes, places, strict=True)]
+        self.kernels.backproject(
+            scan.profiles, nearest, scan.per_metre, carrier, scan.tx, scan.rx, *points, self.sums[0], self.sums[1]
+        )
+
+    def errors(self, image: Any) -> tuple[float, float]:
+        """Relative L2 difference of the image, at the random ones and at the brightest."""
+        real, imag = self.kernels.to_host(image)[:, 0].reshape(2, -1)[:, self.picks].astype(np.float64)
+        direct = self.sums[0] + 1j * self.sums[1].astype(np.float64)
+        random, bright = slice(0, self.count), slice(self.count, None)
+        values = real + 1j * imag
+        return relative_error(values[random], direct[random]), relative_error(values[bright], direct[bright])
+
+
+class _Scan(NamedTuple):
+    """What the kernels need to know of some poses, in the plan's order of axes: antennas' positions and rows."""
+
+    profiles: Any
+    tx: np.ndarray
+    rx: np.ndarray
+    tx_rows: np.ndarray
+    rx_rows: np.ndarray
+    per_metre: np.float32
+    carrier: np.float32
+
+
+def _range_profiles(kernels: Any, capture: Capture, some: slice, compression: Compression, window: Window) -> Any:
+    """(P, T, R, M) complex64 range profiles of the poses `some`, on the device; their frames are read in blocks."""
+    shape = (some.stop - some.start, *capture.frames.shape[1:3], compression.steering.shape[1])
+    profiles = np.empty(shape, dtype=np.complex64)
+    for block, frames in weighted_blocks(capture, 1000, window, some):
+        made = compression.profiles(frames, block)
+        profiles[block.start - some.start : block.stop - some.start] = kernels.to_host(made)
+    return kernels.to_device(profiles)
+
+
+def _add_sub_apertures(
+    kernels: Any, scan: _Scan, plan: Plan, axes: tuple[np.ndarray, ...], image: Any
+) -> Iterator[tuple[int, int]]:
+    """Add the image of a scan to `image` (2, 1, X, Y, Z), one largest sub-aperture after the other."""
+    levels = plan.levels
+    tx, rx, inner = (kernels.to_device(a) for a in (scan.tx_rows, scan.rx_rows, _f32(axes[2])))
+    middle = middles(scan.tx, scan.rx)
+    corner = middle.min(axis=0)
+    tops = cells_of(middle, corner, levels[-1].size)
+    targets = [*(level.axes for level in levels[1:]), (axes[0], axes[1])]
+    weights = [
+        [axis_weights(*pair, plan.band) for pair in zip(level.axes, target, strict=True)]
+        for level, target in zip(levels, targets, strict=True)
+    ]
+    points = [kernels.to_device(_f32(p.ravel())) for p in np.meshgrid(*levels[0].axes, axes[2], indexing="ij")]
+    for top in range(tops.max() + 1):
+        members = np.flatnonzero(tops == top)
+        cells = [cells_of(middle[members], corner, level.size) for level in levels]
+        centers = [antenna_rows(means_of(middle[members], cell), 0.0, 0.0, 0.0) for cell in cells]
+        order = np.argsort(cells[0], kind="stable")
+        fields = kernels.empty((2, len(centers[0]), *map(len, levels[0].axes), len(axes[2])))
+        flat = fields.reshape(2, len(centers[0]), len(points[0]))
+        kernels.leaf_fields(
+            scan.profiles, scan.per_metre, scan.carrier, tx, rx, members[order], _starts(cells[0]), centers[0],
+            *points, flat[0], flat[1],
+        )  # fmt: skip
+        for n, (target, (along, across)) in enumerate(zip(targets, weights, strict=True)):
+            last = n == len(levels) - 1
+            # Which parent each child belongs to; in the last step all belong to the image.
+            parent = np.zeros(len(centers[n]), dtype=np.int64)
+            if not last:
+                parent[cells[n]] = cells[n + 1]
+            out = image if last else kernels.zeros((2, len(centers[n + 1]), *map(len, target), len(axes[2])))
+            wide = fields
+            if across is not None:
+                wide = kernels.empty((2, *fields.shape[1:3], len(target[1]), len(axes[2])))
+                for part in (0, 1):
+                    kernels.interpolate_middle(fields[part], *across, wide[part])
+            kernels.merge(
+                wide[0], wide[1], np.argsort(parent, kind="stable"), _starts(parent), centers[n],
+                centers[n] if last else centers[n + 1], not last, scan.carrier, *(along or _one_to_one(len(target[0]))),
+                *map(_f32, target), inner, out[0], out[1],
+            )  # fmt: skip
+            fields = out
+        yield top + 1, tops.max() + 1
+
+
+def _one_to_one(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """First tap and weights that leave an axis of `count` points as it is."""
+    base = np.minimum(np.arange(count), count - TAPS)
+    return base, np.eye(TAPS, dtype=np.float32)[np.arange(count) - base]
+
+
+def _starts(cells: np.ndarray) -> np.ndarray:
+    """(n + 1,) where each cell's members begin once they are sorted by cell."""
+    return np.concatenate([[0], np.cumsum(np.bincount(cells))])
+
+
+def _f32(array: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(array, dtype=np.float32)

@@ -1,0 +1,190 @@
+"""The door to the imagers: `form_image`."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from millisight.core import check_device, checked_number, checked_record, with_step
+from millisight.core.errors import InputError, UnknownNameError
+from millisight.data import Capture, SarImage, VoxelGrid
+from millisight.imaging._accuracy import (
+    MOST_OVERSAMPLING,
+    brightest,
+    estimated_oversampling,
+    finer,
+    profile_error,
+    some_of,
+)
+from millisight.imaging._backprojection import OVERSAMPLING, backproject, weighted_blocks
+from millisight.imaging._exact import image_at
+from millisight.imaging._fast import fast
+from millisight.imaging._sparse import sparse
+from millisight.imaging._windows import Window, range_weights, window_pair
+
+METHODS = ("fast", "backprojection", "exact", "sparse")
+
+TOLERANCE = 0.005
+"""Relative L2 error of an image, where none is asked for."""
+
+_TOLERANCES = (0.0005, 0.1)
+
+# Of the tolerance: what the whole may err by, as measured, and what range profiles alone may. A measurement at some
+# hundred voxels is not the error at others, hence the margin.
+_WHOLE, _PROFILES = 0.7, 0.55
+
+
+def form_image(
+    capture: Capture,
+    grid: VoxelGrid,
+    *,
+    method: str = "fast",
+    window: Window = None,
+    tolerance: float | None = None,
+    oversampling: int | None = None,
+    device: str = "cpu",
+    progress: Callable[[int, int], None] | None = None,
+) -> SarImage:
+    """Fuse a capture's frames into a 3-D image (paper Eq. 1, primer 4).
+
+    Parameters
+    ----------
+    capture : frames in memory, or on disk (`ms.open_capture`), then read in blocks
+    grid : the voxels wanted, in the world frame
+    method : "fast": factorised backprojection, or direct where that is no slower (the metadata says which);
+        "backprojection": direct; "exact": float64, the yardstick, some thousand times slower; "sparse": for half or
+        a quarter of the rows, some hundred times slower than "backprojection" (`sparse`)
+    window : None, "hann" or "taylor" over range and aperture, or a pair of them (range, aperture) (primer 9)
+    tolerance : relative L2 error that the image may have against "exact", at random voxels and at the brightest, from
+        0.0005 to 0.1; default 0.005. It decides the oversampling, and for "fast" the sub-apertures and their grids.
+        The metadata state the error that was measured. Not for "exact" and "sparse"
+    oversampling : entries of a range profile per range bin, in place of what the tolerance asks for; not for "exact"
+    device : "cpu", or "cuda" for "fast" and "backprojection" where there is a GPU
+    progress : called with (poses done, poses in all)
+
+    Returns
+    -------
+    SarImage
+        Normalised so that a unit reflector has the value 1 at its place.
+
+    Raises
+    ------
+    UnknownNameError, InputError
+        An argument cannot be right, or the frames hold NaN.
+    DeviceError
+        "cuda" was asked for, and there is no GPU that can be used.
+
+    Examples
+    --------
+    >>> from millisight.data import Radar
+    >>> from millisight.simulation import simulate
+    >>> from millisight.data import Trajectory
+    >>> from millisight.data import Scene
+    >>> capture = simulate(
+    ...     Scene.from_mesh("golf_ball", vertices=300),
+    ...     Radar.preset("mito-sim-24ghz"),
+    ...     Trajectory.raster(size=(0.1, 0.1), step=0.01),
+    ... )
+    >>> form_image(capture, VoxelGrid.regular((-0.05, -0.05, 0), (0.05, 0.05, 0), 0.01)).values.shape
+    (11, 11, 1)
+    """
+    checked_record(capture, Capture, name="capture")
+    checked_record(grid, VoxelGrid, name="grid")
+    if method not in METHODS:
+        raise UnknownNameError("imaging method", method, METHODS)
+    if method == "exact" and device == "cuda":
+        raise InputError('method="exact" is float64 on the CPU alone; leave device="cuda" out')
+    if method in ("exact", "sparse") and tolerance is not None:
+        raise InputError(f'method="{method}" has no tolerance; leave tolerance out, or use "fast"')
+    check_device(device)
+    if oversampling is not None and (int(oversampling) != oversampling or oversampling < 1):
+        raise InputError(f"oversampling is {oversampling}; expected a whole number of at least 1")
+    if oversampling is not None and tolerance is not None:
+        raise InputError("tolerance and oversampling are both given; pass one: the tolerance decides the oversampling")
+    settings: dict[str, Any] = {"method": method, "window": list(window_pair(window))}
+    if method == "exact":
+        values = _exact(capture, grid, window, progress)
+    elif method == "sparse":
+        settings["oversampling"] = OVERSAMPLING if oversampling is None else int(oversampling)
+        values, settings["solver"] = sparse(
+            capture, grid, window=window, oversampling=settings["oversampling"], device=device, progress=progress
+        )
+    else:
+        wanted = TOLERANCE if tolerance is None else _checked_tolerance(tolerance)
+        values, told = _within(
+            wanted, capture, grid, method, window, None if oversampling is None else int(oversampling), device, progress
+        )
+        settings |= {"tolerance": wanted, **told}
+    values.flags.writeable = False
+    return SarImage(grid=grid, values=values, metadata=with_step(capture.metadata, "form_image", **settings))
+
+
+def _checked_tolerance(tolerance: float) -> float:
+    value = checked_number(tolerance, name="tolerance")
+    if not _TOLERANCES[0] <= value <= _TOLERANCES[1]:
+        raise InputError(
+            f"tolerance is {value:g}; expected {_TOLERANCES[0]:g} to {_TOLERANCES[1]:g}, an image's relative error: "
+            'for less use method="exact"'
+        )
+    return value
+
+
+def _within(
+    tolerance: float,
+    capture: Capture,
+    grid: VoxelGrid,
+    method: str,
+    window: Window,
+    oversampling: int | None,
+    device: str,
+    progress: Callable[[int, int], None] | None,
+) -> tuple[np.ndarray, dict[str, object]]:
+    """The image by "fast" or "backprojection", within the tolerance, and what the metadata say of it."""
+    fixed = oversampling is not None
+    oversampling = oversampling or estimated_oversampling(_PROFILES * tolerance)
+    profiles = profile_error(capture, grid, some_of(grid), window, oversampling)
+    while not fixed and profiles > _PROFILES * tolerance and oversampling < MOST_OVERSAMPLING:
+        oversampling = finer(oversampling, profiles, _PROFILES * tolerance)
+        profiles = profile_error(capture, grid, some_of(grid), window, oversampling)
+    told: dict[str, object] = {"oversampling": oversampling}
+    if method == "fast":
+        made = fast(
+            capture, grid, window=window, oversampling=oversampling, tolerance=_WHOLE * tolerance,
+            profiles=profiles, device=device, progress=progress,
+        )  # fmt: skip
+        values, error = made.values, max(made.error, profiles)
+        # What was done, with the sides of the sub-apertures [m].
+        told["done_by"] = "backprojection" if made.plan is None else "factorised backprojection"
+        levels = () if made.plan is None else made.plan.levels
+        told["sub_apertures"] = [round(float(level.size), 5) for level in levels]
+    else:
+        values = backproject(capture, grid, window=window, oversampling=oversampling, device=device, progress=progress)
+        error = profiles
+    # The brightest voxels are known only now.
+    brightest_error = profile_error(capture, grid, brightest(values), window, oversampling)
+    if not fixed and brightest_error > tolerance and oversampling < MOST_OVERSAMPLING:
+        again = finer(oversampling, brightest_error, _PROFILES * tolerance)
+        values, told = _within(tolerance, capture, grid, method, window, again, device, progress)
+        return values, told
+    return values, {**told, "error": float(f"{max(error, brightest_error):.3g}")}
+
+
+def _exact(
+    capture: Capture, grid: VoxelGrid, window: Window, progress: Callable[[int, int], None] | None
+) -> np.ndarray:
+    """Eq. 1 over the whole grid in float64, rounded to complex64."""
+    waveform = capture.radar.waveform
+    tx, rx = capture.tx_positions, capture.rx_positions
+    taper = range_weights(window_pair(window)[0], waveform.samples_per_chirp)
+    total = np.zeros(grid.size, dtype=np.complex128)
+    poses = len(capture.trajectory)
+    # A handful of blocks, whose frames are converted to complex128 one at a time.
+    for block, frames in weighted_blocks(capture, max(1, poses // 64), window):
+        share = (block.stop - block.start) / poses
+        values = image_at(
+            frames * taper, tx[block], rx[block], waveform.frequencies, grid.points, capture.radar.path_offset
+        )
+        total += share * values
+        if progress is not None:
+            progress(block.stop, poses)
+    return total.reshape(grid.shape).astype(np.complex64)

@@ -1,0 +1,317 @@
+"""The plan of factorised backprojection: sub-apertures' sizes and coarse grids of the least cost within a tolerance.
+
+Nothing is assumed of the geometry. The error of carrying a sub-aperture's field from a coarse axis to the voxels is
+measured: for waves of random channels and frequencies at random voxels, at the grid's corners and next to the antennas,
+the eight taps are summed and compared with the wave itself, in float64. That sees what a bound by local frequencies
+misses: wavefronts that bend across the taps, axes that reach beyond the antennas, taps that lie to one side at the rim.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from millisight.core import SPEED_OF_LIGHT
+from millisight.data import Capture
+
+TAPS = 8
+
+# Fractions of the Nyquist frequency below which the interpolation's weights are optimal, and the error they make there
+# even so: the wider the band the coarser the axis, and the larger the error.
+_BANDS = ((0.6, 1.3e-3), (0.5, 2.6e-4), (0.4, 0.0))
+
+# Nanoseconds and core: a voxel-channel pair in a leaf and in direct backprojection, a voxel of a merged field, one that
+# is interpolated along the middle axis (less where the innermost one is long), one sub-aperture in one level.
+_COST_LEAF, _COST_DIRECT, _COST_MERGE = 1.8, 1.6, 2.4
+_COST_MIDDLE, _COST_SHORT = 0.6, 6.0
+_COST_PART = 2000.0
+_COST_TOP = 400_000.0  # Python between kernels, for each largest sub-aperture and level
+
+_LEAST_GAIN = 1.3
+_PROMISED = 1.2  # times that, where only local frequencies were asked
+_LEAST_CHANNELS = 100
+_LEAST_PAIRS = 2e8  # of voxels and channels: below, a plan costs more than it saves
+
+_VOXELS, _WAVES = 64, 16  # of a probe, and waves at each voxel
+_MARGIN, _NARROW = 2, 1  # coarse steps that an axis reaches beyond the grid, or where that is enough
+
+
+class Level(NamedTuple):
+    """Sub-apertures of one size: their side [m], and the two coarse coordinate axes of their fields [m]."""
+
+    size: float
+    axes: tuple[np.ndarray, np.ndarray]
+
+
+class Plan(NamedTuple):
+    """How an image is factorised.
+
+    Attributes
+    ----------
+    levels : from the smallest sub-apertures up
+    order : of the grid's axes; the last one stays as fine as it is
+    gain : estimated cost of direct backprojection over that of the plan
+    error : relative L2 error that all interpolations together make, as probed
+    band : fraction of the Nyquist frequency below which the weights are optimal
+    """
+
+    levels: tuple[Level, ...]
+    order: tuple[int, ...]
+    gain: float
+    error: float = 0.0
+    band: float = _BANDS[0][0]
+
+
+class _Scan(NamedTuple):
+    """What of a capture decides the plan, in the plan's order of axes."""
+
+    tx: np.ndarray
+    rx: np.ndarray
+    middle: np.ndarray
+    axes: tuple[np.ndarray, ...]
+    frequencies: np.ndarray  # over c [1/m]
+    carrier: float
+
+
+class _Step(NamedTuple):
+    """A candidate level, the number of its sub-apertures, and the errors of its two axes."""
+
+    level: Level
+    count: int
+    errors: tuple[float, float]
+
+
+def make_plan(
+    tx: np.ndarray,
+    rx: np.ndarray,
+    axes: tuple[np.ndarray, ...],
+    capture: Capture,
+    tolerance: float,
+    *,
+    seed: int = 0,
+) -> Plan | None:
+    """The cheapest levels for antennas tx (P, T, 3), rx (P, R, 3) and grid axes [m] whose interpolations together err
+    by no more than `tolerance`; None where direct backprojection is cheaper."""
+    channels = capture.channels
+    direct = _COST_DIRECT * channels * float(np.prod([len(a) for a in axes]))
+    middle = middles(tx, rx)
+    # Coarse axes pay most where there are many voxels; the axis with the fewest stays as it is, innermost in memory.
+    order = tuple(int(a) for a in np.argsort([-len(a) for a in axes], kind="stable"))
+    if (
+        np.ptp(middle, axis=0).max() == 0
+        or channels < _LEAST_CHANNELS
+        or len(axes[order[0]]) <= TAPS
+        or direct / _COST_DIRECT < _LEAST_PAIRS
+    ):
+        return None
+    turn = np.array(order)
+    frequencies = capture.radar.waveform.frequencies / SPEED_OF_LIGHT
+    scan = _Scan(
+        tx[..., turn], rx[..., turn], middle[:, turn], tuple(axes[a] for a in order), frequencies,
+        capture.radar.waveform.center_frequency / SPEED_OF_LIGHT,
+    )  # fmt: skip
+    # Every axis of every level may make its share of the error. Three levels are typical; what they come to is known
+    # once they are chosen.
+    share = tolerance / np.sqrt(6)
+    for attempt in range(4):
+        band = next(b for b, floor in _BANDS if share >= floor)
+        if attempt == 0:
+            # What local frequencies promise costs little, and the probe seldom finds axes that are much coarser.
+            promised = _candidates(scan, None, band, seed)
+            if _cheapest(promised, scan, order, channels, _PROMISED * direct, band) is None:
+                return None
+        plan = _cheapest(_candidates(scan, share, band, seed), scan, order, channels, direct, band)
+        if plan is None or plan.error <= tolerance:
+            return plan
+        share *= 0.9 * tolerance / plan.error
+    return None
+
+
+def _cheapest(
+    steps: list[_Step], scan: _Scan, order: tuple[int, ...], channels: int, direct: float, band: float
+) -> Plan | None:
+    """The ladder of neighbouring levels of the least estimated cost, if that is below direct backprojection's."""
+    best, cheapest = None, direct / _LEAST_GAIN
+    depth = len(scan.axes[2])
+    middle = _COST_MIDDLE + _COST_SHORT / depth
+    for leaf in range(len(steps)):
+        for top in range(leaf + 1):
+            chosen = steps[top : leaf + 1]
+            shapes = [(len(scan.axes[0]), len(scan.axes[1])), *(tuple(map(len, s.level.axes)) for s in chosen)]
+            cost = _COST_LEAF * channels * shapes[-1][0] * shapes[-1][1] * depth
+            for step, target, own in zip(chosen, shapes, shapes[1:], strict=False):
+                cost += step.count * depth * (_COST_MERGE * target[0] * target[1] + 2 * middle * own[0] * target[1])
+                cost += _COST_PART * step.count + _COST_TOP * chosen[0].count
+            if cost < cheapest:
+                best, cheapest = chosen, cost
+    if best is None:
+        return None
+    error = float(np.sqrt(sum(e**2 for step in best for e in step.errors)))
+    return Plan(tuple(step.level for step in reversed(best)), order, float(direct / cheapest), error, band)
+
+
+def _candidates(scan: _Scan, share: float | None, band: float, seed: int) -> list[_Step]:
+    """Levels of sub-apertures of half the extent, a quarter, …, down to about one position each; without a `share` of
+    the error, on axes as coarse as local frequencies promise."""
+    rng = np.random.default_rng(seed)
+    extent = np.ptp(scan.middle, axis=0).max()
+    corner = scan.middle.min(axis=0)
+    voxels = _probed_voxels(scan, rng)
+    points = np.repeat(voxels, _WAVES, axis=0)
+    pose = rng.integers(0, len(scan.tx), len(points))
+    ends = (
+        scan.tx[pose, rng.integers(0, scan.tx.shape[1], len(points))],
+        scan.rx[pose, rng.integers(0, scan.rx.shape[1], len(points))],
+    )
+    # Both ends of the band as often as all that lies between.
+    part = np.clip(rng.uniform(-0.5, 1.5, len(points)), 0, 1)
+    waves = scan.frequencies[0] + part * (scan.frequencies[-1] - scan.frequencies[0])
+    steps: list[_Step] = []
+    most = [len(axis) for axis in scan.axes[:2]]
+    for halvings in range(1, 12):
+        size = float(extent / 2**halvings * (1 + 1e-9))
+        cells = cells_of(scan.middle, corner, size)
+        count = int(cells.max()) + 1
+        if halvings > 1 and count > len(scan.middle) / 1.5:
+            break
+        if steps and count == steps[-1].count:
+            continue
+        probe = _Probe(points, *ends, means_of(scan.middle, cells)[cells[pose]], waves, scan.carrier)
+        found = []
+        for i in (0, 1):
+            # The field is wanted where the next larger sub-apertures' axis lies, a little beyond the grid.
+            wanted = steps[-1].level.axes[i] if steps else scan.axes[i]
+            wanted = wanted[1:-1] if len(wanted) > TAPS else wanted
+            found.append(_coarsest(scan.axes[i], i, most[i], probe.along(i, wanted, rng), share, band))
+        steps.append(_Step(Level(size, (found[0][0], found[1][0])), count, (found[0][1], found[1][1])))
+        # Smaller sub-apertures never need a finer axis.
+        most = [min(n, len(axis)) for n, (axis, _) in zip(most, found, strict=True)]
+    return steps
+
+
+class _Probe(NamedTuple):
+    """Waves (n,) whose interpolation is tried: where, from and to which antenna, around which centre, frequency / c."""
+
+    points: np.ndarray
+    tx: np.ndarray
+    rx: np.ndarray
+    centers: np.ndarray
+    waves: np.ndarray
+    carrier: float
+
+    def along(self, i: int, wanted: np.ndarray, rng: np.random.Generator) -> "_Probe":
+        """The same with places along axis i that are drawn from an axis (n,), its ends more often than the rest."""
+        points = self.points.copy()
+        part = np.clip(rng.uniform(-0.06, 1.06, len(points) // _WAVES), 0, 1)
+        points[:, i] = np.repeat(np.interp(part * (len(wanted) - 1), np.arange(len(wanted)), wanted), _WAVES)
+        return self._replace(points=points)
+
+    def error(self, i: int, coarse: np.ndarray, band: float) -> float:
+        """Relative rms error of carrying the waves from a coarse axis i to their points: over all voxels, or half of
+        that over the worst tenth of them, if that is more."""
+        from millisight.imaging._kernels import interpolation_errors
+
+        base, weights = _taps(coarse, self.points[:, i], band)
+        squares = np.empty(len(self.points))
+        interpolation_errors(
+            self.points, self.tx, self.rx, self.centers, self.waves, self.carrier, i, coarse, base, weights, squares
+        )
+        each = np.sort(squares.reshape(-1, _WAVES).mean(axis=1))
+        return float(np.sqrt(max(each.mean(), each[-(len(each) // 10) :].mean() / 4)))
+
+    def rate(self, i: int) -> float:
+        """How fast nearly all of the waves turn along axis i [cycles/m]."""
+
+        def slope(ends: np.ndarray) -> np.ndarray:
+            away = self.points - ends
+            return away[:, i] / np.maximum(np.linalg.norm(away, axis=1), 1e-12)
+
+        turns = self.waves * (slope(self.tx) + slope(self.rx)) - 2 * self.carrier * slope(self.centers)
+        return float(np.sort(np.abs(turns))[int(0.97 * len(turns))])
+
+
+def _probed_voxels(scan: _Scan, rng: np.random.Generator) -> np.ndarray:
+    """(_VOXELS, 3) places: mostly random voxels; some corners of the grid, and some of the voxels next to antennas."""
+    some = np.stack([rng.choice(axis, 20 * _VOXELS) for axis in scan.axes], axis=1)
+    antennas = scan.middle[rng.integers(0, len(scan.middle), 50)]
+    away = np.linalg.norm(some[:, None] - antennas, axis=-1).min(axis=1)
+    near = some[np.argsort(away)[: _VOXELS // 16]]
+    ends = np.stack([axis[[0, -1]][rng.integers(0, 2, _VOXELS // 16)] for axis in scan.axes], axis=1)
+    return np.concatenate([near, ends, some[: _VOXELS - len(near) - len(ends)]])
+
+
+def _coarsest(
+    fine: np.ndarray, i: int, most: int, probe: _Probe, share: float | None, band: float
+) -> tuple[np.ndarray, float]:
+    """The axis of the fewest points from which the probe's waves are carried within `share`, and what they err by;
+    without a share, as few as local frequencies promise."""
+    if len(fine) <= TAPS:
+        return fine, 0.0
+
+    def tried(count: int, margin: int = _MARGIN) -> float:
+        return probe.error(i, coarse_axis(fine, count, margin), band)
+
+    promised = np.ceil((fine[-1] - fine[0]) * probe.rate(i) / (0.5 * band)) + 1 + 2 * _MARGIN
+    count = int(np.clip(promised, TAPS, most))
+    if share is None:
+        return (fine, 0.0) if count >= len(fine) else (coarse_axis(fine, count, _MARGIN), 0.0)
+    error = tried(count)
+    # The error falls by a hundred within a third of the step: a few tries find the edge.
+    while error > share:
+        if count >= most:
+            return fine, 0.0
+        count = min(most, max(count + 1, int(count * 1.08)))
+        error = tried(count)
+    while count > TAPS:
+        fewer = max(TAPS, min(count - 1, int(count / 1.06)))
+        less = tried(fewer)
+        if less > share:
+            break
+        count, error = fewer, less
+    # A narrower rim, at the same step.
+    fewer = max(TAPS, count - 2 * (_MARGIN - _NARROW))
+    less = tried(fewer, _NARROW)
+    if less <= share:
+        return coarse_axis(fine, fewer, _NARROW), less
+    return (fine, 0.0) if count >= len(fine) else (coarse_axis(fine, count, _MARGIN), error)
+
+
+def coarse_axis(fine: np.ndarray, count: int, margin: int) -> np.ndarray:
+    """`count` even coordinates that reach `margin` steps beyond `fine` at both ends."""
+    step = (fine[-1] - fine[0]) / (count - 1 - 2 * margin)
+    return fine[0] + step * (np.arange(count) - margin)
+
+
+def axis_weights(coarse: np.ndarray, fine: np.ndarray, band: float) -> tuple[np.ndarray, np.ndarray] | None:
+    """First tap (n,) and float32 weights (n, taps) that carry a field from one axis to another; None where the two are
+    one."""
+    if np.array_equal(coarse, fine):
+        return None
+    base, weights = _taps(coarse, fine, band)
+    return base, np.ascontiguousarray(weights, dtype=np.float32)
+
+
+def _taps(coarse: np.ndarray, places: np.ndarray, band: float) -> tuple[np.ndarray, np.ndarray]:
+    """First tap (n,) and weights (n, taps) that interpolate at `places` (n,) [m]: the least mean squared error over all
+    waves below the fraction `band` of the Nyquist frequency."""
+    places = (places - coarse[0]) * ((len(coarse) - 1) / (coarse[-1] - coarse[0]))
+    base = np.clip(np.floor(places).astype(np.int64) - TAPS // 2 + 1, 0, len(coarse) - TAPS)
+    taps = np.arange(TAPS)
+    normal = np.sinc(band * (taps[:, None] - taps)) + 1e-9 * np.eye(TAPS)
+    return base, np.sinc(band * ((places - base)[:, None] - taps)) @ np.linalg.inv(normal)
+
+
+def middles(tx: np.ndarray, rx: np.ndarray) -> np.ndarray:
+    """(P, 3) a pose's phase centre: half way between the means of its transmitters and its receivers."""
+    return (tx.mean(axis=1) + rx.mean(axis=1)) / 2
+
+
+def cells_of(places: np.ndarray, corner: np.ndarray, size: float) -> np.ndarray:
+    """(P,) number of the cube of side `size` that each place lies in, counted without gaps."""
+    cube = np.floor((places - corner) / size).astype(np.int64)
+    one = np.ravel_multi_index(tuple(cube.T), tuple(cube.max(axis=0) + 1))
+    return np.unique(one, return_inverse=True)[1].reshape(-1)
+
+
+def means_of(places: np.ndarray, cells: np.ndarray) -> np.ndarray:
+    """(cells, 3) mean place of each cell."""
+    return np.stack([np.bincount(cells, places[:, i]) for i in range(3)], axis=1) / np.bincount(cells)[:, None]

@@ -1,0 +1,6 @@
+from ._hdf5 import SCHEMA_VERSION as SCHEMA_VERSION
+from ._hdf5 import load as load
+from ._hdf5 import load_extras as load_extras
+from ._hdf5 import open_capture as open_capture
+from ._hdf5 import provenance as provenance
+from ._hdf5 import save as save

@@ -1,0 +1,358 @@
+"""Every record in HDF5: `save`, `load`, and `open_capture` for captures larger than memory.
+
+A record is a group: arrays are its datasets, numbers and texts its attributes, records in it its groups. Complex
+numbers are the compound {r, i} that h5py, MATLAB, Julia and C++ read. Arrays carry Fletcher-32 checksums a chunk; a
+seal covers the rest, and is checked before HDF5 opens a file. Files are written to a temporary name, then renamed.
+"""
+
+import importlib.metadata
+import json
+import os
+import shlex
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import fields
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from millisight.core import atomic_path, check_readable, printable
+from millisight.core.errors import DamagedFileError, FileError, FormatError, InputError
+from millisight.data import (
+    PHASE_SIGN,
+    AntennaArray,
+    CameraFrame,
+    CameraMask,
+    Capture,
+    Intrinsics,
+    Mask,
+    Material,
+    PixelGrid,
+    Prediction,
+    Radar,
+    SarImage,
+    Scene,
+    SceneObject,
+    Trajectory,
+    TriangleMesh,
+    VoxelGrid,
+    Waveform,
+)
+from millisight.io._seal import chunk_extents, seal_holds, write_seal
+from millisight.io._sink import Sink
+
+SCHEMA_VERSION = 2  # 1 had no seal
+_PLACED_VERSION = 3  # of captures with antennas at places of their own, which an older reader would pass over
+
+RECORDS = {
+    cls.__name__: cls
+    for cls in (
+        Waveform, AntennaArray, Radar, Trajectory, Capture, VoxelGrid, PixelGrid, SarImage, Mask, Prediction,
+        TriangleMesh, Material, SceneObject, Scene, Intrinsics, CameraFrame, CameraMask,
+    )
+}  # fmt: skip
+
+# What a reader in another language needs to know of an array, by the field's name.
+_ABOUT = {
+    "times": {"unit": "s", "axes": "pose"},
+    "positions": {"unit": "m", "axes": "pose, (x y z)", "frame": "world"},
+    "orientations": {"axes": "pose, (x y z w)", "frame": "radar to world"},
+    "tx_positions": {"unit": "m", "axes": "transmitter, (x y z)", "frame": "radar"},
+    "rx_positions": {"unit": "m", "axes": "receiver, (x y z)", "frame": "radar"},
+    "tx_points": {"unit": "m", "axes": "pose, transmitter, (x y z)", "frame": "world"},
+    "rx_points": {"unit": "m", "axes": "pose, receiver, (x y z)", "frame": "world"},
+    "frames": {"axes": "pose, transmitter, receiver, sample", "phase_sign": PHASE_SIGN},
+    "values": {"axes": "x, y, z", "frame": "world"},
+    "inside": {"axes": "x, y", "frame": "world"},
+    "x": {"unit": "m", "frame": "world"},
+    "y": {"unit": "m", "frame": "world"},
+    "z": {"unit": "m", "frame": "world"},
+    "vertices": {"unit": "m", "axes": "vertex, (x y z)", "frame": "world"},
+    "faces": {"axes": "face, corner"},
+    "rgb": {"axes": "row, column, (r g b)"},
+    "depth": {"unit": "depth_unit", "axes": "row, column", "frame": "camera"},
+    "pixels": {"axes": "row, column"},
+    "points": {"unit": "m", "axes": "row, column, (x y z)", "frame": "camera"},
+    "pose": {"unit": "m", "axes": "row, column", "frame": "camera to robot base"},
+    "intrinsics": {"fx_unit": "pixels", "fy_unit": "pixels", "cx_unit": "pixels", "cy_unit": "pixels"},
+    "waveform": {"start_frequency_unit": "Hz", "slope_unit": "Hz/s", "sample_rate_unit": "Hz"},
+    "radar": {"path_offset_unit": "m"},
+}
+_CHUNK_BYTES = 1 << 20
+_MESHES = (".stl", ".obj", ".ply", ".off", ".glb")
+_EXTRAS = "extras"
+_JSON = "json:"
+
+
+def save(
+    path: str | os.PathLike[str],
+    record: Any,
+    *,
+    extras: Mapping[str, Any] | None = None,
+    reproducible: bool = False,
+) -> None:
+    """Write a record to an HDF5 file; an old file at `path` is replaced only when the new one is whole.
+
+    Parameters
+    ----------
+    path : the file
+    record : one of millisight's
+    extras : what comes along with the record, by name: arrays of numbers, and what JSON can hold; see `load_extras`
+    reproducible : leave out when and by which command the file was made, so that equal records give equal bytes
+
+    Raises
+    ------
+    InputError
+        It is no record of millisight, or an extra can be stored in no way.
+    FileError
+        The folder is missing, read-only, or full.
+    """
+    import h5py
+
+    if type(record).__name__ not in RECORDS:
+        raise InputError(f"save got {type(record).__name__}; expected one of {', '.join(sorted(RECORDS))}")
+    if isinstance(record, Capture):
+        record.frames_of(slice(0, 1))  # refuses, before anything is written, one whose file was closed
+    with atomic_path(path) as temporary, open(temporary, "w+b") as raw:
+        with Sink(raw) as sink, h5py.File(sink, "w") as file:
+            file.attrs["format"] = "millisight"
+            placed = isinstance(record, Capture) and not record.tx_points is record.rx_points is None
+            file.attrs["schema_version"] = _PLACED_VERSION if placed else SCHEMA_VERSION
+            file.attrs["code_version"] = importlib.metadata.version("millisight")
+            if not reproducible:
+                file.attrs["command"] = printable(shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]]))
+                file.attrs["created"] = datetime.now(UTC).isoformat(timespec="seconds")
+            _write(file, record, sink)
+            for name, value in (extras or {}).items():
+                _write_extra(file, name, value, sink)
+            extents = chunk_extents(file)
+        write_seal(raw, extents)
+
+
+def load(path: str | os.PathLike[str]) -> Any:
+    """Read a record from an HDF5 file that `save` wrote, whole and into memory.
+
+    Raises
+    ------
+    FileError
+        There is no such file, or it cannot be opened.
+    FormatError
+        It is not HDF5, not ours, or of a newer schema.
+    DamagedFileError
+        It is ours but truncated or corrupted.
+    """
+    with _opened(path) as file:
+        return _read(file, path)
+
+
+@contextmanager
+def open_capture(path: str | os.PathLike[str]) -> Iterator[Capture]:
+    """A capture whose frames stay on disk while the `with` block runs; `ms.form_image` reads them in blocks.
+
+    Raises
+    ------
+    FileError, FormatError, DamagedFileError
+        As `load`; FormatError also where the file holds another record.
+    """
+    with _opened(path) as file:
+        if _kind(file, path) != "Capture":
+            raise FormatError(f"{path} holds a {_kind(file, path)}; expected a Capture")
+        yield _read(file, path, lazy=("frames",))
+
+
+def load_extras(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """What `save` was given as `extras`, by name; empty where there were none.
+
+    Raises
+    ------
+    FileError, FormatError, DamagedFileError
+        As `load`.
+    """
+    with _opened(path) as file:
+        extras: dict[str, Any] = {}
+        try:
+            for name, item in file.get(_EXTRAS, {}).items():
+                array = _read_item(item, path, lazily=False)
+                extras[name] = json.loads(array.tobytes()) if "json" in item.attrs else array
+        except (OSError, RuntimeError, LookupError, TypeError, ValueError, AttributeError) as error:
+            reason = _reason(error)
+            raise DamagedFileError(f"{path} is damaged at {_EXTRAS}: {reason}; make or copy it again") from error
+        return extras
+
+
+def provenance(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """What the file says of its own making: record, schema_version, code_version, command, created; or "unknown"."""
+    with _opened(path) as file:
+        names = ("record", "schema_version", "code_version", "command", "created")
+        told = {name: _plain(file.attrs.get(name, "unknown")) for name in names}
+        return {name: value if isinstance(value, int | str) else str(value) for name, value in told.items()}
+
+
+@contextmanager
+def _opened(path: str | os.PathLike[str]) -> Iterator[Any]:
+    import h5py
+
+    path = check_readable(path)
+    with open(path, "rb") as raw:
+        start = raw.read(8)
+        sealed = seal_holds(raw)
+    if start != b"\x89HDF\r\n\x1a\n":
+        raise FormatError(f"{path} {_instead(path, start)}")
+    if sealed is False:
+        raise DamagedFileError(f"{path} is damaged: it differs from its seal; make or copy it again")
+    try:
+        file = h5py.File(path, "r")
+    except OSError as error:
+        raise DamagedFileError(f"{path} cannot be opened as HDF5: {_reason(error)}; make or copy it again") from error
+    with file:
+        try:
+            ours = str(_plain(file.attrs.get("format"))) == "millisight"
+            version = int(file.attrs.get("schema_version", 0))
+        except (OSError, RuntimeError, KeyError, TypeError, ValueError) as error:
+            raise DamagedFileError(f"{path} is damaged: {_reason(error)}; make or copy it again") from error
+        if not ours:
+            raise FormatError(f"{path} is HDF5, but not written by millisight (no format attribute)")
+        if not 1 <= version <= _PLACED_VERSION:
+            raise FormatError(
+                f"{path} has schema version {version}; this millisight reads up to {_PLACED_VERSION}: upgrade it"
+            )
+        if sealed is None and version > 1:
+            raise DamagedFileError(
+                f"{path} has lost its seal: it is damaged, or another program changed it; make or copy it again"
+            )
+        yield file
+
+
+def _instead(path: Path, start: bytes) -> str:
+    """What a file is that begins with `start`, no HDF5."""
+    if not start:
+        return "is empty; expected an HDF5 file that millisight wrote: make or copy it again"
+    if path.suffix.lower() in _MESHES:
+        return "is a mesh; `millisight simulate` makes a capture of it"
+    return f"is not an HDF5 file (it starts with {start!r}); expected one that millisight wrote"
+
+
+def _write(group: Any, record: Any, sink: Sink) -> None:
+    group.attrs["record"] = type(record).__name__
+    for field in fields(record):
+        value = getattr(record, field.name)
+        if value is None:
+            continue
+        if type(value).__name__ in RECORDS:
+            _write(group.create_group(field.name), value, sink)
+            about = group[field.name].attrs
+        elif isinstance(value, tuple) and value and type(value[0]).__name__ in RECORDS:
+            for i, item in enumerate(value):
+                _write(group.create_group(f"{field.name}/{i}"), item, sink)
+            about = group[field.name].attrs
+            about["count"] = len(value)
+        elif not isinstance(value, tuple) and np.shape(value):
+            about = _write_array(group, field.name, value, sink).attrs
+        else:
+            plain = isinstance(value, int | float | complex | np.number) or _is_plain_text(value)
+            group.attrs[field.name] = value if plain else _JSON + json.dumps(value)
+            continue
+        for name, text in _ABOUT.get(field.name, {}).items():
+            about[name] = text
+
+
+def _write_array(group: Any, name: str, array: Any, sink: Sink) -> Any:
+    """A chunked, checksummed dataset, copied a chunk's worth of first-axis rows at a time (it may lie on disk)."""
+    row = max(1, array.dtype.itemsize * int(np.prod(array.shape[1:])))
+    rows = min(array.shape[0], max(1, _CHUNK_BYTES // row))
+    dataset = group.create_dataset(
+        name, shape=array.shape, dtype=array.dtype, chunks=(rows, *array.shape[1:]), fletcher32=True
+    )
+    many = rows * 64
+    for start in range(0, array.shape[0], many):
+        dataset[start : start + many] = array[start : start + many]
+        sink.check()
+    # Its place in the file is settled here, not when its last handle closes: that is as late as any thread that looks
+    # at our frames (a profiler) has it, and equal records are to give equal bytes.
+    dataset.flush()
+    return dataset
+
+
+def _write_extra(file: Any, name: str, value: Any, sink: Sink) -> None:
+    """An array as it is, anything else as JSON in a checksummed array of bytes."""
+    if not name or "/" in name or name == "." or "\0" in name or printable(name) != name:
+        raise InputError(f"extras has the name {name!r}; expected a text without / and NUL")
+    group = file.require_group(_EXTRAS)
+    if isinstance(value, np.ndarray) and value.dtype.kind in "biufc":
+        if value.size and value.ndim:
+            _write_array(group, name, value, sink)
+        else:
+            group[name] = value
+        return
+    try:
+        text = json.dumps(value, allow_nan=False).encode()
+    except (TypeError, ValueError, RecursionError) as error:
+        raise InputError(f"extras' {name} is neither an array of numbers nor what JSON can hold: {error}") from error
+    dataset = _write_array(group, name, np.frombuffer(text, dtype=np.uint8), sink)
+    dataset.attrs["json"] = 1
+
+
+def _read(group: Any, path: str | os.PathLike[str], lazy: tuple[str, ...] = ()) -> Any:
+    """Build the record of a group; whatever does not fit is a damaged file."""
+    name = _kind(group, path)
+    if name not in RECORDS:
+        raise FormatError(f"{path} holds {name!r}; expected one of {', '.join(sorted(RECORDS))}")
+    values: dict[str, Any] = {}
+    try:
+        for field in fields(RECORDS[name]):
+            if field.name in group.attrs:
+                values[field.name] = _plain(group.attrs[field.name])
+            elif field.name in group:
+                values[field.name] = _read_item(group[field.name], path, lazily=field.name in lazy)
+        return RECORDS[name](**values)
+    except FileError:
+        raise
+    except (OSError, RuntimeError, LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
+        raise DamagedFileError(f"{path} is damaged at {group.name}: {_reason(error)}; make or copy it again") from error
+
+
+def _read_item(item: Any, path: str | os.PathLike[str], *, lazily: bool) -> Any:
+    if hasattr(item, "keys"):
+        if "count" in item.attrs:
+            return tuple(_read(item[str(i)], path) for i in range(int(item.attrs["count"])))
+        return _read(item, path)
+    # An array that claims more than the file stores would be read as zeros, or exhaust the memory.
+    if item.id.get_storage_size() < item.nbytes:
+        raise DamagedFileError(
+            f"{path} is damaged at {item.name}: {item.id.get_storage_size()} bytes stored, "
+            f"{item.nbytes} expected; make or copy it again"
+        )
+    if lazily:
+        return item
+    array = item[...]
+    array.flags.writeable = False  # so that the record takes it as it is
+    return array
+
+
+def _plain(value: Any) -> Any:
+    """An HDF5 attribute as plain Python."""
+    if isinstance(value, bytes):
+        value = value.decode()
+    if isinstance(value, str) and value.startswith(_JSON):
+        return json.loads(value[len(_JSON) :])
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _is_plain_text(value: Any) -> bool:
+    """Whether a text can be an attribute as it is: HDF5 holds no NUL and only UTF-8; and `_JSON` marks JSON."""
+    return isinstance(value, str) and not value.startswith(_JSON) and "\0" not in value and printable(value) == value
+
+
+def _kind(group: Any, path: str | os.PathLike[str]) -> str:
+    """The name of the record that a group holds."""
+    name = _plain(group.attrs.get("record"))
+    if not isinstance(name, str):
+        raise DamagedFileError(f"{path} is damaged at {group.name}: it names no record; make or copy it again")
+    return name
+
+
+def _reason(error: BaseException) -> str:
+    return " ".join(str(getattr(error, "strerror", None) or error).split())

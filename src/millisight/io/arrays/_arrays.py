@@ -1,0 +1,141 @@
+"""Arrays in the files that NumPy, MATLAB and HDF5 write: `read_arrays`, and `array_shapes`, which reads no values.
+
+Files come from strangers: nothing in them runs, and none can take more memory than it states.
+"""
+
+import errno
+import os
+from collections.abc import Iterable
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+from millisight.core import check_readable, printable
+from millisight.core.errors import DamagedFileError, FileError, FormatError, UnknownNameError
+from millisight.io.arrays._entry import DAMAGE, Entry, in_array, unpacked_limit
+from millisight.io.arrays._from_child import child_entries
+from millisight.io.arrays._npy import NPY, npy_entries, npz_entries
+
+_HDF5, _ZIP = b"\x89HDF\r\n\x1a\n", (b"PK\x03\x04", b"PK\x05\x06")
+
+
+def read_arrays(
+    path: str | os.PathLike[str],
+    *,
+    names: Iterable[str] | None = None,
+    max_bytes: int | None = None,
+    finite: bool = True,
+) -> dict[str, np.ndarray]:
+    """The arrays of a file, by name; its content says the format, whatever its suffix.
+
+    - `.npy`: "0", and "1", "2", ... where several arrays follow one another in the file
+    - `.npz`: as saved
+    - MATLAB `.mat`, version 5 and 7.3: the variables with MATLAB's order of axes; fields of structures as "data.frames"
+    - HDF5: the data sets, as "group/data"
+
+    Parameters
+    ----------
+    path : the file
+    names : read these alone; by default every array of numbers or text, leaving out what is no array (cells, objects)
+    max_bytes : what a compressed file may unpack to; by default a hundred times its size, at least 64 MiB
+    finite : refuse arrays without entries, and NaN and infinite values
+
+    Returns
+    -------
+    dict of read-only arrays, of the type and byte order of the file.
+
+    Raises
+    ------
+    FileError
+        There is no such file.
+    FormatError
+        It is of no known format, holds no arrays, unpacks to more than `max_bytes`, or an array asked for is of a
+        kind that is not read.
+    DamagedFileError
+        It is truncated or damaged, or an array is empty or holds NaN.
+    UnknownNameError
+        There is no array of that name.
+    """
+    path = check_readable(path)
+    with _naming(path):
+        wanted = None if names is None else list(names)
+        entries = _entries(path, wanted, max_bytes)
+        if wanted is None:
+            wanted = [name for name, entry in entries.items() if not entry.refusal]
+            if not wanted:
+                refused = "; ".join(f"{name!r} is {entry.refusal}" for name, entry in entries.items())
+                raise FormatError(f"it holds no arrays of numbers; {refused or 'it is empty'}")
+        arrays = {}
+        for name in wanted:
+            if name not in entries:
+                raise UnknownNameError(f"array in {printable(path)}:", name, entries)
+            if entries[name].refusal:
+                raise FormatError(f"array {name!r} is {entries[name].refusal}")
+            with in_array(name):
+                arrays[name] = entries[name].read()
+            if finite:
+                _check_finite(arrays[name], name)
+        return arrays
+
+
+def array_shapes(path: str | os.PathLike[str], *, max_bytes: int | None = None) -> dict[str, tuple[int, ...]]:
+    """The shapes of a file's arrays, by name, their values unread; what is no array is left out.
+
+    Raises
+    ------
+    FileError, FormatError, DamagedFileError
+        As `read_arrays`.
+    """
+    path = check_readable(path)
+    with _naming(path):
+        return {name: entry.shape for name, entry in _entries(path, [], max_bytes).items() if not entry.refusal}
+
+
+@contextmanager
+def _naming(path: Any):
+    """Errors within the block name the file; whatever a reader stumbles over is a damaged file."""
+    name = printable(path)
+    try:
+        yield
+    except (DamagedFileError, FormatError) as error:
+        raise type(error)(f"{name}: {error}") from error
+    except UnknownNameError:
+        raise
+    except OSError as error:
+        if error.errno == errno.EINVAL:  # a place before the file's start, say
+            raise DamagedFileError(f"{name} is damaged: {error}; copy or make it again") from error
+        raise FileError(f"cannot read {name}: {error.strerror or error}") from error
+    except DAMAGE as error:
+        raise DamagedFileError(f"{name} is damaged: {error}; copy or make it again") from error
+    except RuntimeError as error:  # zipfile's for an encrypted archive, or one of an unknown kind
+        raise FormatError(f"{name}: {error}") from error
+
+
+def _check_finite(array: np.ndarray, name: str) -> None:
+    if not array.size:
+        raise DamagedFileError(f"array {name!r} is empty, of shape {array.shape}")
+    if array.dtype.kind in "fc" and not np.isfinite(array).all():
+        bad = ~np.isfinite(array)
+        first = tuple(int(i) for i in np.argwhere(bad)[0])
+        raise DamagedFileError(
+            f"array {name!r} has {int(bad.sum())} values that are NaN or infinite, the first at {first}; remove or "
+            "mend them"
+        )
+
+
+def _entries(path: Any, names: list[str] | None, max_bytes: int | None) -> dict[str, Entry]:
+    """The arrays of a file, by name; of `names` alone, None for all, values will be asked for."""
+    size = os.path.getsize(path)
+    limit = unpacked_limit(size, max_bytes)
+    with open(path, "rb") as file:
+        start = file.read(128)
+    if not start:
+        raise DamagedFileError("the file is empty")
+    if start.startswith(NPY):
+        return npy_entries(path, size)
+    if start.startswith(_ZIP):
+        return npz_entries(path, limit)
+    if start[124:128] in (b"\0\1IM", b"\1\0MI") or start.startswith((b"MATLAB 7.3", _HDF5)):
+        return child_entries(path, names, limit)
+    raise FormatError(f"it starts with {start[:8]!r}; expected a .npy, .npz, MATLAB .mat (5 or 7.3) or HDF5 file")

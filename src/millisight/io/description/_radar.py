@@ -1,0 +1,144 @@
+"""[radar] of a description: a preset, a TI profile, or numbers, each completing what goes before it."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from millisight.data import AntennaArray, Radar, Waveform, radar_names
+from millisight.io.description._tables import Table
+
+if TYPE_CHECKING:
+    from millisight.io.raw import TiConfig
+
+KEYS = (
+    "preset", "config", "name", "path_offset", "rx_axis", "tx_positions", "rx_positions",
+    "frequencies", "start_frequency", "stop_frequency", "step", "slope", "sample_rate", "samples", "adc_start",
+)  # fmt: skip
+_UNEVEN = 0.01  # by so much of a step may a list of frequencies stray from even ones
+
+
+def read_config(table: Table) -> "TiConfig | None":
+    """The TI profile (.cfg) that [radar] names, if it does."""
+    if "config" not in table:
+        return None
+    from millisight.io.raw import read_ti_config
+
+    config = read_ti_config(table.files.one(table.text("config")))
+    if not config.complex_samples:
+        raise table.error("config", "one with complex samples (adcCfg)")
+    if not config.plain_stream:
+        raise table.error("config", "one whose LVDS stream holds samples only (lvdsStreamCfg)")
+    return config
+
+
+def read_radar(
+    table: Table,
+    config: "TiConfig | None",
+    shape: tuple[int, ...],
+    name: str,
+    *,
+    receivers: list[int] | None = None,
+    recorded: int = 0,
+    frequencies: np.ndarray | None = None,
+    placed: Mapping[str, np.ndarray] | None = None,
+) -> Radar:
+    """The radar of frames (F, T, R, N) of `shape`, called `name` unless the table says otherwise.
+
+    Parameters
+    ----------
+    receivers : the numbers of those that the frames are of, where not of all that were `recorded`
+    frequencies : (N,) of the frames, where their files say them [Hz]
+    placed : tx_positions or rx_positions (A, 3) of the first pose [m], where [positions] says where antennas are
+
+    Raises
+    ------
+    FormatError, UnknownNameError
+        The table cannot be right, or does not fit the frames.
+    """
+    with table.errors():
+        rx_axis = table.text("rx_axis", among=("x", "y")) if "rx_axis" in table else None
+        preset = Radar.preset(table.text("preset", among=radar_names()), rx_axis=rx_axis) if "preset" in table else None
+        if preset is None and rx_axis is not None:
+            raise table.error("rx_axis", "it beside preset only; elsewhere rx_positions say it")
+        antennas = {"tx_positions": np.zeros((1, 3)), "rx_positions": np.zeros((1, 3))}
+        for key in antennas:
+            if placed is not None and key in placed:
+                if key in table:
+                    raise table.error(key, "them in [positions] alone, which says where the antennas were")
+                antennas[key] = placed[key]
+            elif key in table:
+                antennas[key] = table.array(key, "m", ("antenna", 3))
+            elif preset is not None:
+                antennas[key] = getattr(preset.array, key)
+        if receivers is not None and len(antennas["rx_positions"]) == recorded:
+            antennas["rx_positions"] = antennas["rx_positions"][receivers]
+        radar = Radar(
+            name=table.text("name", preset.name if preset is not None else name),
+            waveform=_waveform(table, config, preset, shape[3], frequencies),
+            array=AntennaArray(**antennas),
+            path_offset=table.number("path_offset", "m", preset.path_offset if preset is not None else 0.0),
+        )
+    found = {
+        "tx_positions": (len(radar.array.tx_positions), shape[1], "transmitters"),
+        "rx_positions": (len(radar.array.rx_positions), shape[2], "receivers"),
+        "samples": (radar.waveform.samples_per_chirp, shape[3], "samples"),
+    }
+    for key, (stated, there, what) in found.items():
+        if stated != there:
+            raise table.error(key, f"{there} {what} as in the frames, and not {stated}")
+    return radar
+
+
+def _waveform(
+    table: Table, config: "TiConfig | None", preset: Radar | None, samples: int, found: np.ndarray | None
+) -> Waveform:
+    """The chirp, of the frames' number of samples unless something says otherwise."""
+    if found is not None:
+        for key in ("frequencies", "step", "slope", "sample_rate", "adc_start"):
+            if key in table:
+                raise table.error(key, "it not here: the frames' files say the frequencies, or their times do")
+        return _listed(table, found)
+    if "frequencies" in table:
+        for key in ("start_frequency", "stop_frequency", "step", "slope"):
+            if key in table:
+                table.only_one("frequencies", key)
+        return _listed(table, table.array("frequencies", "Hz"))
+    stated: dict[str, Any] = {}
+    base = config.waveform if config is not None else preset.waveform if preset is not None else None
+    if base is not None:
+        stated = {name: getattr(base, name) for name in ("start_frequency", "slope", "sample_rate")}
+        samples = base.samples_per_chirp
+    samples = table.integer("samples", samples)
+    start = table.number("start_frequency", "Hz", stated.get("start_frequency"))
+    if "adc_start" in table:
+        if config is not None:
+            raise table.error("adc_start", "it not beside config, whose profile has its own")
+        delay = table.number("adc_start", "s")
+        if delay < 0:
+            raise table.error("adc_start", "0 or more [s], from the start of the ramp to the first sample")
+        start += delay * table.number("slope", "Hz/s", stated.get("slope"))
+    ways = [key for key in ("stop_frequency", "step", "slope") if key in table]
+    if not ways and stated:
+        return Waveform(**stated | {"start_frequency": start, "samples_per_chirp": samples})
+    if not ways and samples == 1:
+        return Waveform.stepped(start, 0.0, 1)
+    way = table.only_one("stop_frequency", "step", "slope")
+    if way == "slope":
+        rate = table.number("sample_rate", "Hz", stated.get("sample_rate"))
+        slope = table.number("slope", "Hz/s")
+        return Waveform(start_frequency=start, slope=slope, sample_rate=rate, samples_per_chirp=samples)
+    if way == "step":
+        return Waveform.stepped(start, table.number("step", "Hz"), samples)
+    return Waveform.stepped(start, (table.number("stop_frequency", "Hz") - start) / max(1, samples - 1), samples)
+
+
+def _listed(table: Table, frequencies: np.ndarray) -> Waveform:
+    """The waveform of frequencies that are listed one by one."""
+    frequencies = frequencies.reshape(frequencies.size)  # MATLAB's lists are rows or columns
+    count = len(frequencies)
+    step = (frequencies[-1] - frequencies[0]) / max(1, count - 1)
+    waveform = Waveform.stepped(float(frequencies[0]), float(step), count)
+    if count > 1 and abs(frequencies - waveform.frequencies).max() > _UNEVEN * step:
+        raise table.error("frequencies", "evenly spaced ones, from the lowest to the highest")
+    return waveform

@@ -1,0 +1,156 @@
+"""Raw text of Infineon's Position2Go radar: comma-separated rows, an I row and a Q row for each receiver of a chirp."""
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from millisight.core import atomic_path, check_readable, checked_integer, printable
+from millisight.core.errors import DamagedFileError, FormatError, InputError
+from millisight.io.raw._format import RAW_FORMATS, RawArray, RawFormat
+from millisight.io.raw._raw_frames import RawFrames
+
+_MAX_CELL = 64  # characters, comma included
+
+
+def read_position2go(
+    path: str | os.PathLike[str], *, samples: int = 256, chirps: int = 16, receivers: int = 2
+) -> RawFrames:
+    """The frames of a Position2Go text file, complex, as recorded (I + iQ).
+
+    A chirp has 2 R rows of N numbers: I-RX1, Q-RX1, I-RX2, Q-RX2. Numbers may be whole or not, and a row may end
+    with a comma.
+
+    Parameters
+    ----------
+    samples, chirps, receivers : N of a chirp, C of a frame, R
+
+    Returns
+    -------
+    RawFrames with (F, C, R, N) complex64 samples; as many frames as the file holds
+
+    Raises
+    ------
+    InputError
+        An argument cannot be right.
+    FileError
+        The file cannot be read.
+    FormatError
+        A cell is no finite number; with its line and cell.
+    DamagedFileError
+        The file is empty, a row has another length (with its line), or the rows make no whole frames.
+
+    Examples
+    --------
+    >>> import tempfile; path = tempfile.mkdtemp() + "/frames.txt"
+    >>> write_position2go(path, np.full((3, 16, 2, 4), 0.5 + 1j))
+    >>> raw = read_position2go(path, samples=4)
+    >>> raw.samples.shape, complex(raw.samples[0, 0, 0, 0])
+    ((3, 16, 2, 4), (0.5+1j))
+    """
+    path = check_readable(path)
+    samples = checked_integer(samples, name="samples")
+    chirps = checked_integer(chirps, name="chirps")
+    receivers = checked_integer(receivers, name="receivers")
+    name = printable(path.name)
+    per_frame = 2 * receivers * chirps
+    frames = []
+    with open(path, "rb") as file:
+        rows: list[bytes] = []
+        for row in _rows(file, name, samples):
+            rows.append(row)
+            if len(rows) == per_frame:
+                frames.append(_numbers(rows, name, len(frames) * per_frame))
+                rows = []
+    if rows or not frames:
+        raise DamagedFileError(
+            f"{name} has {len(frames) * per_frame + len(rows)} rows; expected whole frames of {per_frame} rows "
+            f"({chirps} chirps x {receivers} receivers x I and Q): {len(frames)} are whole, {len(rows)} rows are over"
+        )
+    parts = np.stack(frames).reshape(len(frames), chirps, receivers, 2, samples)
+    return RawFrames(
+        samples=parts[..., 0, :] + 1j * parts[..., 1, :],
+        lost=np.zeros(len(frames), dtype=bool),
+        metadata={"source": name},
+    )
+
+
+def write_position2go(path: str | os.PathLike[str], samples: ArrayLike) -> None:
+    """Write (F, C, R, N) complex samples in the radar's text form, with the nine digits that complex64 needs.
+
+    Raises
+    ------
+    InputError
+        They are of another shape, or not finite.
+    FileError
+    """
+    frames = np.asarray(samples)
+    if frames.ndim != 4 or frames.dtype.kind not in "iufc" or not frames.size:
+        raise InputError(
+            f"samples are {frames.dtype} of shape {frames.shape}; expected complex (frames, chirps, receivers, samples)"
+        )
+    with np.errstate(over="ignore"):
+        frames = frames.astype(np.complex64)
+    if not np.isfinite(frames).all():
+        raise InputError("samples hold NaN, or values that float32 cannot; mend or leave out their frames")
+    rows = np.stack([np.real(frames), np.imag(frames)], axis=-2).reshape(-1, frames.shape[-1])
+    with atomic_path(path) as temporary, open(temporary, "w", encoding="ascii") as file:
+        for row in rows:
+            file.write(",".join(f"{value:.9g}" for value in row.tolist()) + "\n")
+
+
+def _rows(file: BinaryIO, name: str, samples: int) -> Iterator[bytes]:
+    """The rows of `samples` cells each; empty lines count only at the end."""
+    empty = 0
+    longest = samples * _MAX_CELL
+    for i in range(1, 1 << 62):
+        line = file.readline(longest + 1)
+        if not line:
+            return
+        row = line.strip().removeprefix(b"\xef\xbb\xbf").removesuffix(b",")
+        if not row:
+            empty = empty or i
+            continue
+        if empty:
+            raise DamagedFileError(f"{name} line {empty} is empty; expected a row of {samples} numbers")
+        cells = row.count(b",") + 1
+        if cells != samples or len(line) > longest:
+            found = f"{cells} cells" if cells != samples else f"more than {longest} characters"
+            raise DamagedFileError(
+                f"{name} line {i} has {found}; expected {samples} numbers and commas between: the line was cut off, "
+                f"or samples is wrong"
+            )
+        yield row
+
+
+def _numbers(rows: list[bytes], name: str, before: int) -> np.ndarray:
+    """(rows, N) float32 of rows that have the right number of cells; `before` rows precede them in the file."""
+    try:
+        with np.errstate(over="ignore"):
+            values = np.loadtxt(rows, delimiter=",", dtype=np.float32, comments=None, ndmin=2, encoding="latin-1")
+        if values.shape[0] == len(rows) and np.isfinite(values).all():
+            return values
+    except (ValueError, OverflowError):
+        pass
+    for i, row in enumerate(rows):
+        for j, cell in enumerate(row.split(b",")):
+            try:
+                with np.errstate(over="ignore"):
+                    fine = bool(np.isfinite(np.float32(cell.decode("latin-1"))))
+            except ValueError:
+                fine = False
+            if not fine:
+                text = cell.strip()[:_MAX_CELL].decode("latin-1")
+                raise FormatError(f"{name} line {before + i + 1}, cell {j + 1} is {text!r}; expected a finite number")
+    raise FormatError(f"{name} lines {before + 1} to {before + len(rows)} are no rows of numbers")
+
+
+def _read(path: Path, **sizes: int) -> RawArray:
+    raw = read_position2go(path, **sizes)
+    return RawArray(values=raw.samples, lost=raw.lost)
+
+
+RAW_FORMATS.add("position2go", RawFormat(suffixes=(".txt",), keys=("samples", "receivers", "chirps"), read=_read))

@@ -1,0 +1,95 @@
+"""The one ray caster: what rays meet first, and what lies between two places. Embree does the work, in float32."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from millisight.data import TriangleMesh
+
+_RAYS = 1_000_000  # in one call of Embree: about 100 bytes each
+
+LIFT = 1e-5
+"""Rays start and end so far above a surface [m]: a hundredth of a wave at most, and a hundred times float32's error."""
+
+
+class RayCaster:
+    """A search tree over triangles; without any, nothing is met.
+
+    Parameters
+    ----------
+    triangles : (F, 3, 3) corners [m]
+    centered : count from the middle of all, where float32 is finest, at the price of an addition a ray
+    """
+
+    def __init__(self, triangles: np.ndarray, *, centered: bool = False):
+        self._scene, self._middle = None, None
+        if not len(triangles):
+            return
+        from embreex.mesh_construction import TriangleMesh as EmbreeMesh
+        from embreex.rtcore_scene import EmbreeScene
+
+        corners = triangles.reshape(-1, 3)
+        lower, upper = corners.min(axis=0), corners.max(axis=0)
+        # No ray need be longer to meet anything.
+        self._longest = float(np.linalg.norm(upper - lower)) + 4 * LIFT
+        self._middle = (lower + upper) / 2 if centered else None
+        self._scene = EmbreeScene()
+        EmbreeMesh(self._scene, self._placed(triangles))
+
+    @classmethod
+    def of(cls, meshes: Sequence[TriangleMesh]) -> "RayCaster":
+        """Over the faces of several meshes, numbered one after the other."""
+        return cls(np.concatenate([mesh.vertices[mesh.faces] for mesh in meshes]))
+
+    def _placed(self, points: np.ndarray) -> np.ndarray:
+        return _float32(points if self._middle is None else points - self._middle)
+
+    def first(self, starts: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Which triangle rays meet first, -1 for none, and where: (n,) each.
+
+        Parameters
+        ----------
+        starts : (n, 3) or (3,) [m]
+        directions : (n, 3) of any length
+
+        Returns
+        -------
+        face : (n,) int64
+        reach : (n,) in lengths of the direction, so [m] where that is a unit vector; inf for none
+        """
+        starts = np.broadcast_to(starts, directions.shape)
+        if self._scene is None:
+            return np.full(len(directions), -1), np.full(len(directions), np.inf)
+        face, reach = np.empty(len(directions), dtype=np.int64), np.empty(len(directions))
+        for some in _blocks(len(directions)):
+            rays = self._scene.run(self._placed(starts[some]), _float32(directions[some]), output=True)
+            face[some], reach[some] = rays["primID"], rays["tfar"]
+        reach[face < 0] = np.inf
+        return face, reach
+
+    def crosses(self, starts: np.ndarray, stops: np.ndarray) -> np.ndarray:
+        """(n,) bool: whether the segments from `starts` to `stops` (n, 3) [m] meet a triangle."""
+        ways = stops - starts
+        lengths = np.linalg.norm(ways, axis=1)
+        return self.first(starts, ways / np.maximum(lengths, 1e-12)[:, None])[1] < lengths
+
+    def blocked(self, starts: np.ndarray, stop: np.ndarray) -> np.ndarray:
+        """(n,) bool: whether something lies between each of `starts` (n, 3) and one `stop` (3,) [m], by the million."""
+        blocked = np.zeros(len(starts), dtype=bool)
+        if self._scene is not None:
+            for some in _blocks(len(starts)):
+                ways = stop - starts[some]
+                ways *= np.minimum(1, self._longest / np.linalg.norm(ways, axis=1, keepdims=True))
+                # Not normalised: the ray's parameter is 1 at its end.
+                ends = np.ones(len(ways), np.float32)
+                hits = self._scene.run(self._placed(starts[some]), _float32(ways), dists=ends, query="OCCLUDED")
+                blocked[some] = hits == 0
+        return blocked
+
+
+def _blocks(count: int) -> Iterator[slice]:
+    return (slice(start, start + _RAYS) for start in range(0, count, _RAYS))
+
+
+def _float32(vectors: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(vectors, dtype=np.float32)

@@ -1,0 +1,180 @@
+"""Trained networks on disk: ONNX weights, and the JSON that describes them; run by ONNX Runtime, without torch."""
+
+import hashlib
+import io
+import json
+import logging
+import os
+import warnings
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from millisight.core import atomic_path, check_readable, checked_path, printable, write_text
+from millisight.core.errors import DamagedFileError, FileError, FormatError
+
+if TYPE_CHECKING:
+    from torch import Tensor, nn
+
+INPUT, OUTPUT = "channels", "logits"
+"""Names in the ONNX files."""
+
+_MOST_WEIGHTS = 1 << 26  # bytes
+_MOST_DESCRIPTION = 1 << 24
+
+
+def read_description(path: str | os.PathLike[str], *keys: str) -> dict[str, Any]:
+    """The description of weights, from the JSON beside them: an object with the text `sha256`, and all of `keys`.
+
+    Parameters
+    ----------
+    path : the JSON file
+    keys : further entries that must be there; the caller checks their values
+
+    Raises
+    ------
+    FileError
+        It is not there, or cannot be read.
+    FormatError
+        It is too large for a description.
+    DamagedFileError
+        It is no JSON object, an entry is missing, or `sha256` is no text.
+    """
+    path = checked_path(path)
+    if not path.exists():
+        weights = printable(path.with_suffix(".onnx").name)
+        raise FileError(f"{printable(path)}: no such file; it describes {weights}, and must lie beside it")
+    path = _of_size(check_readable(path), _MOST_DESCRIPTION, "a description of weights")
+    try:
+        held = json.loads(path.read_text(encoding="utf-8"))
+        for key in ("sha256", *keys):
+            held[key]
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise DamagedFileError(
+            f"{printable(path)} describes no weights: {error!r}; train anew, or reinstall"
+        ) from error
+    if not isinstance(held["sha256"], str):
+        raise DamagedFileError(f"{printable(path)}: sha256 is {held['sha256']!r}; expected the weights' as text")
+    return held
+
+
+def open_network(path: str | os.PathLike[str], sha256: str, *, needed_by: str, channels: int | None = None) -> Any:
+    """The network of an ONNX file as an `onnxruntime.InferenceSession`, ready to run on the CPU.
+
+    It is made from the bytes that were checked, so that a file which would have others read is refused.
+
+    Parameters
+    ----------
+    path : the ONNX file
+    sha256 : of its bytes, as its description has it
+    needed_by : name of what runs it, for messages
+    channels : it must take one float32 array (n, channels, ...) and return one; None: not checked
+
+    Raises
+    ------
+    ImportError
+        ONNX Runtime is not installed.
+    FileError
+        It cannot be read.
+    FormatError
+        It is too large, no network that ONNX Runtime can run, or takes something else.
+    DamagedFileError
+        It is another file than the one described.
+    """
+    try:
+        import onnxruntime
+    except ImportError as error:
+        raise ImportError(f'{needed_by} runs by ONNX Runtime: pip install "millisight[perception]"') from error
+    path = _of_size(check_readable(path), _MOST_WEIGHTS, "weights")
+    content = path.read_bytes()
+    if hashlib.sha256(content).hexdigest() != sha256:
+        raise DamagedFileError(
+            f"{printable(path)} is not the file that {printable(path.stem)}.json describes: its SHA-256 differs; "
+            "copy both anew"
+        )
+    options = onnxruntime.SessionOptions()
+    options.log_severity_level = 3
+    # Threads that wait by spinning take the cores from the next network's.
+    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+    try:
+        session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # of ONNX Runtime's own kinds, which have no common public base
+        raise FormatError(f"{printable(path)} is no network that ONNX Runtime can run: {error}") from error
+    if channels is not None and not _takes(session, channels):
+        inputs = ", ".join(f"{one.name} {one.type} {one.shape}" for one in session.get_inputs())
+        raise FormatError(
+            f"{printable(path)} takes {printable(inputs)[:200]}; expected one float32 array with {channels} channels, "
+            f"which becomes one other; it is no network of {needed_by}"
+        )
+    return session
+
+
+def _takes(session: Any, channels: int) -> bool:
+    """Whether it makes one array of one float32 array (n, channels, ...)."""
+    taken, given = session.get_inputs(), session.get_outputs()
+    if len(taken) != 1 or len(given) != 1 or taken[0].type != "tensor(float)" or len(taken[0].shape) < 2:
+        return False
+    return not isinstance(taken[0].shape[1], int) or taken[0].shape[1] == channels
+
+
+def _of_size(path: Path, most: int, what: str) -> Path:
+    if path.stat().st_size > most:
+        raise FormatError(f"{printable(path)} has {path.stat().st_size} bytes; expected {what}, under {most} bytes")
+    return path
+
+
+def write_network(
+    folder: Path,
+    stem: str,
+    network: "nn.Module",
+    example: "Tensor",
+    description: Mapping[str, Any],
+    *,
+    free: Mapping[int, str] | None = None,
+    free_out: Mapping[int, str] | None = None,
+) -> Path:
+    """Write a network as ONNX and as safetensors, and beside them the description with the ONNX file's SHA-256.
+
+    Parameters
+    ----------
+    folder : that is there
+    stem : of the files' names
+    network : of one input and one output
+    example : of an input
+    free, free_out : names of the axes of input and output that may be of any length; the first always may
+
+    Returns
+    -------
+    Path of the ONNX file
+    """  # fmt: skip
+    from safetensors.torch import save_file
+
+    path = folder / f"{stem}.onnx"
+    content = _onnx_bytes(network, example, {INPUT: {0: "n", **(free or {})}, OUTPUT: {0: "n", **(free_out or {})}})
+    with atomic_path(path.with_suffix(".safetensors")) as temporary:
+        save_file({name: value.contiguous() for name, value in network.state_dict().items()}, temporary)
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(content)
+    full = {"sha256": hashlib.sha256(content).hexdigest(), **description}
+    write_text(path.with_suffix(".json"), json.dumps(full, indent=1) + "\n")
+    return path
+
+
+def _onnx_bytes(network: "nn.Module", example: "Tensor", axes: Mapping[str, Mapping[int, str]]) -> bytes:
+    import torch
+
+    target: Any = io.BytesIO()
+    logger = logging.getLogger("torch.onnx")
+    level = logger.level
+    logger.setLevel(logging.ERROR)
+    network.eval()
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # torch's own, about its own ways of exporting
+            torch.onnx.export(
+                network, (example,), target, input_names=[INPUT], output_names=[OUTPUT], opset_version=18,
+                dynamo=False, dynamic_axes=axes,
+            )  # fmt: skip
+    finally:
+        logger.setLevel(level)
+    return target.getvalue()

@@ -1,0 +1,125 @@
+"""The classifier protocol, classifiers by name, and `classify`."""
+
+import os
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import Any, Protocol, runtime_checkable
+
+from millisight.core import Registry
+from millisight.core.errors import InputError
+from millisight.data import Mask, Prediction, SarImage
+
+
+@runtime_checkable
+class Classifier(Protocol):
+    """What names the object under a mask.
+
+    A class of your own needs these attributes and this method, and nothing else of millisight. To give it a name, add
+    it to `CLASSIFIERS`, or to the entry points "millisight.classifiers" of your package.
+
+    Attributes
+    ----------
+    name : of the classifier, or of its weights
+    class_names : (C,) the classes it tells apart
+    bands : the images it looks at: "77_ghz" first, and perhaps "24_ghz", without which it works too
+    description : what is known of its training; may be empty
+    """
+
+    name: str
+    class_names: tuple[str, ...]
+    bands: tuple[str, ...]
+    description: Mapping[str, Any]
+
+    def classify(self, image: SarImage, mask: Mask, *, other_band: SarImage | None = None) -> Prediction:
+        """The probability of each class, (C,).
+
+        Parameters
+        ----------
+        image : (X, Y, Z) values, at 77 GHz as a rule
+        mask : (X, Y), on the image's grid seen along z
+        other_band : the same scene at the radar's other frequency, on a grid of its own; None: there is none
+
+        Raises
+        ------
+        InputError
+            The image or the mask is not what it can work with.
+        """
+        ...
+
+
+CLASSIFIERS: Registry[Any] = Registry(
+    "classifier", "millisight.classifiers", package="millisight.perception.classification"
+)
+"""What makes a `Classifier`, by name: a class, or a function with the options as its arguments."""
+
+
+def classifier(method: str = "network", **options: Any) -> Classifier:
+    """The classifier of that name, with these options.
+
+    Parameters
+    ----------
+    method : a name in `CLASSIFIERS`; "network" is the one of this package
+    options : of the classifier, such as `weights` of "network"
+
+    Raises
+    ------
+    UnknownNameError
+        There is no such classifier.
+    InputError
+        A plug-in's is no `Classifier`.
+    """
+    return _checked(CLASSIFIERS[method](**options))
+
+
+def classify(
+    image: SarImage,
+    mask: Mask,
+    *,
+    other_band: SarImage | None = None,
+    method: str | Classifier = "network",
+    weights: str | os.PathLike[str] | None = None,
+) -> Prediction:
+    """What the object under a mask is.
+
+    Parameters
+    ----------
+    image : of 77 GHz, as a rule
+    mask : on the image's pixels, as from `segment`
+    other_band : an image of the same place by the other radar; None: there is none
+    method : name of a classifier, or a classifier
+    weights : ONNX file of a trained network, for "network"; None: the shipped one
+
+    Returns
+    -------
+    Prediction
+
+    Raises
+    ------
+    InputError
+        The mask is empty or on another grid, an image is 0 under it, or `weights` are given with a classifier.
+    UnknownNameError
+        No such method.
+    ImportError, DamagedFileError, FormatError, FileError
+        See NetworkClassifier.
+    """
+    if isinstance(method, str):
+        by = _by_name(method, None if weights is None else os.path.abspath(weights))
+    elif weights is not None:
+        raise InputError("weights go with a method's name; make the classifier with its weights, or pass its name")
+    else:
+        by = _checked(method)
+    return by.classify(image, mask, other_band=other_band)
+
+
+@lru_cache(maxsize=2)
+def _by_name(method: str, weights: str | None) -> Classifier:
+    return classifier(method, **({} if weights is None else {"weights": weights}))
+
+
+def _checked(by: Any) -> Classifier:
+    if isinstance(by, type) or not isinstance(by, Classifier):
+        raise InputError(
+            f"method is of type {type(by).__name__}; expected a classifier's name, or an object with name, "
+            "class_names, bands, description and classify(image, mask, other_band=...)"
+        )
+    return by

@@ -1,0 +1,16 @@
+from ._classical import ClassicalSegmenter as ClassicalSegmenter
+from ._sam import SamSegmenter as SamSegmenter
+from ._segmentation import SEGMENTERS as SEGMENTERS
+from ._segmentation import Candidates as Candidates
+from ._segmentation import Segmented as Segmented
+from ._segmentation import Segmenter as Segmenter
+from ._segmentation import chosen as chosen
+from ._segmentation import find_mask as find_mask
+from ._segmentation import largest_share as largest_share
+from ._segmentation import segment as segment
+from ._segmentation import segmenter as segmenter
+from ._wave import WAVE_WEIGHTS as WAVE_WEIGHTS
+from ._wave import WaveSegmenter as WaveSegmenter
+from ._wave_input import WAVE_CHANNELS as WAVE_CHANNELS
+from ._wave_input import WAVE_SLICES as WAVE_SLICES
+from ._wave_input import wave_input as wave_input

@@ -1,0 +1,282 @@
+"""The segmenter protocol, segmenters by name, the rule that chooses a mask, and `segment`."""
+
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+
+from millisight.core import Registry, checked_array, checked_number, put, record
+from millisight.core.errors import InputError, UnknownNameError
+from millisight.data import Mask, Picture, Prompts, SarImage
+from millisight.perception import LOS, NLOS, RETRY, RETRY_COUNT, Thresholds, power_prompts, project, seed_or_generator
+
+LARGEST_SHARE = 0.2
+"""As published: a mask over more of the picture than this is no object's."""
+_PAPER_AREA = 0.55 * 0.60
+_BACKGROUND_SHARE = 0.6
+_CONDITIONS = {"los": LOS, "nlos": NLOS}
+
+
+@record
+class Candidates:
+    """Masks that a segmenter offers, the best first.
+
+    Attributes
+    ----------
+    masks : (K, A, B) bool, on the picture's pixels
+    scores : (K,) float64, highest first; how good the segmenter thinks they are, in a scale of its own
+    """
+
+    masks: np.ndarray
+    scores: np.ndarray
+
+    def __post_init__(self) -> None:
+        masks = checked_array(self.masks, name="masks", shape=("K", "A", "B"), dtype=np.bool_)
+        scores = checked_array(self.scores, name="scores", shape=(len(masks),))
+        if (np.diff(scores) > 0).any():
+            raise InputError(f"scores are {scores.tolist()}; expected the highest first")
+        put(self, masks=masks, scores=scores)
+
+    def __repr__(self) -> str:
+        count, across, along = self.masks.shape
+        return (
+            f"Candidates({count} masks of {across} x {along} pixels, scores {self.scores[0]:g} to {self.scores[-1]:g})"
+        )
+
+
+@runtime_checkable
+class Segmenter(Protocol):
+    """What finds masks on a picture, from prompts or without.
+
+    A class of your own needs these two attributes and this method, and nothing else of millisight but `Candidates`. To
+    give it a name, add it to `SEGMENTERS`, or to the entry points "millisight.segmenters" of your package.
+
+    Attributes
+    ----------
+    name : of the segmenter
+    needs_prompts : whether `segment` refuses None for prompts
+    """
+
+    name: str
+    needs_prompts: bool
+
+    def segment(self, picture: Picture, prompts: Prompts | None) -> Candidates:
+        """Masks of the object, (K, A, B) bool as the picture's first two axes: x and y, of a photo row and column.
+
+        Parameters
+        ----------
+        picture : (A, B); its `image` (X, Y, Z) and `other_band` are there for what looks at more than a picture
+        prompts : points (n, 2) on the picture; None: there are none
+
+        Raises
+        ------
+        InputError
+            The picture or the prompts are not what it can work with.
+        """
+        ...
+
+
+SEGMENTERS: Registry[Any] = Registry("segmenter", "millisight.segmenters", package="millisight.perception.segmentation")
+"""What makes a `Segmenter`, by name: a class, or a function with the options as its arguments."""
+
+
+def segmenter(name: str, **options: Any) -> Segmenter:
+    """The segmenter of that name: "wave", "classical", "sam", or a plug-in's.
+
+    Parameters
+    ----------
+    name : in `SEGMENTERS`
+    options : of the segmenter, such as `weights` of "wave", `model` and `device` of "sam"
+
+    Raises
+    ------
+    UnknownNameError
+        There is no such segmenter.
+    InputError
+        A plug-in's is no `Segmenter`.
+    """
+    return _checked(SEGMENTERS[name](**options))
+
+
+def _checked(by: Any) -> Segmenter:
+    if isinstance(by, type) or not isinstance(by, Segmenter):
+        raise InputError(
+            f"method is of type {type(by).__name__}; expected a segmenter's name, or an object with name, "
+            "needs_prompts and segment(picture, prompts)"
+        )
+    return by
+
+
+def chosen(candidates: Candidates, *, largest: float = LARGEST_SHARE) -> np.ndarray | None:
+    """(A, B) bool, the best mask that covers no more than `largest` of the picture; None where each covers more.
+
+    The paper's rule, for a picture as large as the paper's; `largest_share` has the number for others.
+    """
+    index = _choice(candidates, largest)
+    return None if index is None else candidates.masks[index]
+
+
+def _choice(candidates: Candidates, largest: float) -> int | None:
+    fits = candidates.masks.mean(axis=(1, 2)) <= checked_number(largest, name="largest", above=0)
+    return int(np.argmax(fits)) if fits.any() else None
+
+
+def largest_share(picture: Picture) -> float:
+    """How much of a picture a mask may cover: what 20 % of the paper's pictures covers, 0.066 m^2, and at least 20 %.
+
+    An image that shows only the object's surroundings is smaller than the paper's 0.55 by 0.60 m, and the object no
+    smaller for it. More than 60 % of a picture is its background at any size. Of a photo 20 %.
+    """
+    grid = picture.grid_xy
+    if grid is None or 1 in picture.shape:
+        return LARGEST_SHARE
+    area = np.prod([np.ptp(axis) * n / (n - 1) for axis, n in zip((grid.x, grid.y), picture.shape, strict=True)])
+    return float(np.clip(LARGEST_SHARE * _PAPER_AREA / area, LARGEST_SHARE, _BACKGROUND_SHARE))
+
+
+@record
+class Segmented:
+    """A mask found on a picture, and the prompts that led to it.
+
+    Attributes
+    ----------
+    picture : Picture
+    inside : (A, B) bool, the mask
+    prompts : None: there were none
+    score : the mask's, by the segmenter's own judgement
+    """
+
+    picture: Picture
+    inside: np.ndarray
+    prompts: Prompts | None
+    score: float
+
+    def __post_init__(self) -> None:
+        put(self, inside=checked_array(self.inside, name="inside", shape=self.picture.shape, dtype=np.bool_))
+
+    def __repr__(self) -> str:
+        return (
+            f"Segmented({self.picture!r}, {100 * self.inside.mean():.1f} % inside, {self.prompts!r}, "
+            f"score {self.score:g})"
+        )
+
+    @property
+    def mask(self) -> Mask:
+        """The mask on the image's grid.
+
+        Raises
+        ------
+        InputError
+            The picture is a photo.
+        """
+        if self.picture.grid_xy is None:
+            raise InputError("the picture is a photo, which lies on no grid; take `inside`")
+        return Mask(grid_xy=self.picture.grid_xy, inside=self.inside)
+
+
+def find_mask(
+    by: Segmenter,
+    picture: Picture,
+    *,
+    other: Picture | None = None,
+    prompts: Prompts | None = None,
+    rng: int | np.random.Generator | None = None,
+    condition: str = "los",
+    largest: float | None = None,
+) -> Segmented:
+    """The object's mask on a picture, by the paper's rules.
+
+    Prompts are drawn from power where the segmenter needs some and none are given. Masks over `largest` of the picture
+    are passed over for the next best. If all are, prompts are drawn once more, five of each kind above 0.5 and below
+    0.2 of the maximum; prompts that were given are not replaced.
+
+    Parameters
+    ----------
+    by : Segmenter
+    picture : what it looks at
+    other : the same scene at the radar's other frequency: positives are drawn where both are bright
+    prompts : taken as they are, instead of drawn ones
+    rng : a seed, or a generator to draw prompts from; None: draw none
+    condition : "los" or "nlos", the thresholds for drawing
+    largest : share of the picture; None: `largest_share`
+
+    Raises
+    ------
+    InputError
+        The picture is the same everywhere; prompts are needed, and there are neither prompts nor `rng`; none can be
+        drawn (see `power_prompts`); or every mask is too large.
+    UnknownNameError
+        No such condition.
+    """
+    if condition not in _CONDITIONS:
+        raise UnknownNameError("condition", condition, _CONDITIONS)
+    if picture.power is not None and picture.power.min() == picture.power.max() > 0:
+        raise InputError("the picture is equally bright everywhere: there is nothing to segment")
+    limit = largest_share(picture) if largest is None else largest
+    generator = None if rng is None else seed_or_generator(rng)
+
+    def draw(thresholds: Thresholds, count: int | None = None) -> Prompts:
+        if generator is None:
+            raise InputError(f"{by.name} needs prompts, which are drawn at random: pass rng=0, say, or prompts")
+        return power_prompts(picture, other=other, thresholds=thresholds, count=count, rng=generator)
+
+    if prompts is not None:
+        prompts.check_on(picture)
+        attempts = [lambda: prompts]
+    else:
+        attempts = [(lambda: draw(_CONDITIONS[condition])) if by.needs_prompts else lambda: None]
+        if generator is not None:
+            attempts.append(lambda: draw(RETRY, RETRY_COUNT))
+    for attempt in attempts:
+        points = attempt()
+        candidates = by.segment(picture, points)
+        best = _choice(candidates, limit)
+        if best is not None:
+            inside, score = candidates.masks[best], float(candidates.scores[best])
+            return Segmented(picture=picture, inside=inside, prompts=points, score=score)
+    advice = "pass rng=0, say, to try with prompts drawn at random" if prompts is None and generator is None else (
+        "choose prompts of your own"
+    )  # fmt: skip
+    raise InputError(
+        f"every mask covers more than {100 * limit:.0f} % of the picture, too much for an object; {advice}, or use "
+        "another method"
+    )
+
+
+def segment(
+    image: SarImage,
+    *,
+    other_band: SarImage | None = None,
+    method: str | Segmenter = "wave",
+    prompts: Prompts | None = None,
+    rng: int | np.random.Generator | None = None,
+    condition: str = "los",
+) -> Mask:
+    """The mask of the object in an image, by the rules of `find_mask` (paper section 6.1).
+
+    Parameters
+    ----------
+    image : SarImage, best at 77 GHz
+    other_band : the same scene at the radar's other frequency, on a grid of its own. Prompts are drawn where both
+        bands are bright; "wave" looks at both
+    method : name of a segmenter, such as "wave", "classical" or "sam", or a segmenter
+    prompts : taken as they are; None: drawn from power, where the segmenter needs some
+    rng : a seed, or a generator to draw prompts from; needed where prompts are drawn
+    condition : "los" or "nlos", the thresholds for drawing
+
+    Returns
+    -------
+    Mask
+        On the image's grid seen along z.
+
+    Raises
+    ------
+    InputError
+        The image is blank, the bands have no place in common or are nowhere bright together, prompts must be drawn and
+        `rng` is missing, or every mask is too large.
+    UnknownNameError
+        No such method, or condition.
+    """
+    by = segmenter(method) if isinstance(method, str) else _checked(method)
+    picture = project(image, other_band=other_band)
+    other = None if other_band is None else project(other_band)
+    return find_mask(by, picture, other=other, prompts=prompts, rng=rng, condition=condition).mask

@@ -1,0 +1,137 @@
+"""The segmenter "wave": a small network of our own, trained on simulated images alone, run by ONNX Runtime.
+
+It looks at the image, not at its coloured picture: both bands where there are both, in slices along z. Prompts are not
+needed; a user's points are taken into account. Its model card says what it learned from.
+"""
+
+import os
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+from millisight.core import check_readable, printable
+from millisight.core.errors import DamagedFileError, FormatError, InputError
+from millisight.data import Picture, Prompts
+from millisight.perception import SPACING, canvas_axes, canvas_power, open_network, read_description, resampling_weights
+from millisight.perception.segmentation._segmentation import SEGMENTERS, Candidates
+from millisight.perception.segmentation._wave_input import WAVE_CHANNELS, wave_input
+
+WAVE_WEIGHTS = Path(__file__).with_name("weights") / "wave.onnx"
+"""Shipped; its description lies beside it as .json."""
+
+_STEPS = (0.0, 0.15, -0.15, 0.3)  # from the description's cut: one mask each
+_SMALLEST_PART = 0.1  # of a mask, as a share of its largest part
+
+
+@SEGMENTERS.add("wave")
+class WaveSegmenter:
+    """Masks by the `wave` network.
+
+    Parameters
+    ----------
+    weights : ONNX file as `millisight train segmenter` writes it, its description beside it; None: the shipped one
+
+    Raises
+    ------
+    ImportError
+        ONNX Runtime is not installed.
+    DamagedFileError, FormatError, FileError
+        The weights are damaged, are no weights of this network, or cannot be read.
+    """
+
+    name = "wave"
+    needs_prompts = False
+
+    def __init__(self, weights: str | os.PathLike[str] | None = None):
+        path = check_readable(WAVE_WEIGHTS if weights is None else weights)
+        self.description = _read_description(path.with_suffix(".json"))
+        self._session = open_network(path, self.description["sha256"], needed_by=self.name, channels=len(WAVE_CHANNELS))
+
+    def probability(self, picture: Picture, prompts: Prompts | None = None) -> np.ndarray:
+        """(A, B) float32, how probable it is that the object lies over each pixel of the picture.
+
+        Raises
+        ------
+        InputError
+            The picture is a photo or blank, or the other band has no place in common with it.
+        """
+        image = picture.image
+        if image is None or picture.grid_xy is None:
+            raise InputError("wave looks at radar images, and this picture is a photo; use another method")
+        grid = picture.grid_xy
+        if not np.any(image.values):
+            raise InputError("the image is 0 everywhere, and there is nothing to segment; check how it was formed")
+        x, y = canvas_axes(grid)
+        power = canvas_power(image, x, y)
+        other = None if picture.other_band is None else canvas_power(picture.other_band, x, y)
+        if other is not None and not other.any():
+            raise InputError(
+                "the other band is 0 wherever the image is, or on another grid; image both bands over one place, or "
+                "leave it out"
+            )
+        channels = wave_input(power, other, _canvas_points(prompts, picture, x, y))
+        (logits,) = self._session.run(None, {self._session.get_inputs()[0].name: channels[None]})
+        inner = logits[0, : len(x), : len(y)]
+        fine = resampling_weights(x, grid.x) @ inner @ resampling_weights(y, grid.y).T
+        return 1 / (1 + np.exp(-fine))
+
+    def segment(self, picture: Picture, prompts: Prompts | None = None) -> Candidates:
+        """Masks that begin at several probabilities, the one that did best on the validation scenes first.
+
+        A mask's score is the intersection over union that the probabilities let expect of it; the first one's is at
+        least as high as the others'.
+
+        Raises
+        ------
+        InputError
+            As `probability`.
+        """
+        probability = self.probability(picture, prompts)
+        cut = min(self.description["cut"], 0.9 * float(probability.max()))
+        cuts = [cut, *(cut + step for step in _STEPS[1:] if 0.05 < cut + step < probability.max())]
+        masks = np.stack([_without_small_parts(probability > c) for c in cuts])
+        scores = np.array([_expected_iou(mask, probability) for mask in masks])
+        scores[0] = scores.max()
+        order = np.argsort(-scores, kind="stable")
+        return Candidates(masks=masks[order], scores=scores[order])
+
+
+def _canvas_points(
+    prompts: Prompts | None, picture: Picture, x: np.ndarray, y: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Positive and negative points (n, 2) as indices into the canvas's pixels."""
+    if prompts is None or picture.grid_xy is None:
+        return np.zeros((0, 2), int), np.zeros((0, 2), int)
+    prompts.check_on(picture)
+    places = picture.grid_xy.x[prompts.points[:, 0]], picture.grid_xy.y[prompts.points[:, 1]]
+    points = np.column_stack(
+        [abs(axis - place[:, None]).argmin(axis=1) for axis, place in zip((x, y), places, strict=True)]
+    )
+    return points[prompts.positive], points[~prompts.positive]
+
+
+def _without_small_parts(mask: np.ndarray) -> np.ndarray:
+    """The mask without its parts that are much smaller than its largest."""
+    from scipy.ndimage import label
+
+    parts, _ = cast("tuple[np.ndarray, int]", label(mask, structure=np.ones((3, 3))))
+    sizes = np.bincount(parts.ravel())
+    sizes[0] = 0
+    return mask & (sizes >= _SMALLEST_PART * sizes.max())[parts]
+
+
+def _expected_iou(mask: np.ndarray, probability: np.ndarray) -> float:
+    """Of a mask, by expected intersection and union: sum of p inside over inside plus the sum of p outside."""
+    return float(probability[mask].sum() / (mask.sum() + probability[~mask].sum()))
+
+
+def _read_description(path: Path) -> dict[str, Any]:
+    """What the weights' JSON holds, checked as far as it is used."""
+    held = read_description(path, "cut", "channels")
+    cut = held["cut"]
+    if held["channels"] != list(WAVE_CHANNELS) or held.get("spacing") != SPACING:
+        raise FormatError(f"{printable(path)}: the weights are of another version of the network; train anew")
+    if not isinstance(cut, float) or not 0 < cut < 1:
+        raise DamagedFileError(f"{printable(path)}: cut is {cut!r}; expected a number between 0 and 1")
+    return held

@@ -1,0 +1,317 @@
+"""Training of classifiers: the recipe, examples from scenes, and the calibration of the answers."""
+
+import dataclasses
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import field
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from millisight.core import checked_integer, checked_number, checked_numbers, checked_record, put, record
+from millisight.core.errors import InputError, UnknownNameError
+from millisight.meshes import CATALOGUE, SHAPE_CLASSES
+from millisight.perception import canvas_axis, resampled_power, resampling_weights
+from millisight.perception.classification import (
+    CLASSIFIER_CHANNELS,
+    CLASSIFIER_SIDE,
+    masked_channels,
+    square_symmetries,
+)
+from millisight.perception.training import _augmentation as augmentation
+from millisight.perception.training._calibration import answer_scores, best_temperature, best_threshold, cross_entropy
+from millisight.perception.training._loop import Schedule, run
+from millisight.perception.training._scenes import RANDOM_OBJECTS, SCENE_PARTS, SceneParts, SceneSettings
+from millisight.perception.training._training import RECIPES, SceneRequest, TrainingScene, TrainingScenes, held_back
+
+if TYPE_CHECKING:
+    from torch import Tensor, nn
+
+MODELS_TAUGHT = ("both", "edge", "specular")
+"""Which of the simulator's images a network is taught with; `both` is the paper's way."""
+PHYSICS = "paper's simulator: specular and edge reflections of vertices"
+
+_BANDS = {"small": ("77_ghz", "24_ghz"), "paper": ("77_ghz",)}  # by network
+_RANDOM = {shape: name for name, shape in RANDOM_OBJECTS.items()}  # names of scenes of a class's random shapes
+_STRETCH = 0.25
+_IN_A_BOX = 0.6  # of the scenes with a sheet have it as bright as a carton's lid
+_LID_DB = (-18.0, 0.0)  # that is, relative to the object's maximum
+_ONE_BAND = 0.3  # of the examples have no 24 GHz image
+_HELD_EVERY = 6  # scene of each object is for validation
+_HELD_VIEWS = 3  # examples of each scene of validation
+_POOL_SEED = 1 << 21  # apart from any epoch's, and from validation's
+_SMOOTHING = 0.05  # of the labels
+
+
+@RECIPES.add("classifier")
+@record
+class ClassifierRecipe:
+    """How a classifier is trained.
+
+    Attributes
+    ----------
+    name : of the weights
+    about : for the weights' description
+    classes : names of catalogue objects by class; empty: the catalogue's own classes but "other", the paper's four
+    without : objects that no scene shows
+    tests : objects that no scene shows because they will test; one that `classes` names need not be in the catalogue:
+        the description of the weights then holds the class of an object of your own
+    scenes : of each class; its objects share them evenly. Every sixth of an object's is for validation
+    drawn : of each class besides, scenes of shapes drawn at random (`meshes.random_shape`), every sixth for validation
+    vertices, spacing, widest : of the scenes, see SceneSettings
+    stretch : of the scenes of each class, see SceneSettings; 0.25 of those that are not named
+    parts : "both", "edge" or "specular"
+    network : "small", or the "paper"'s
+    batch : examples in a batch
+    examples : of each class as many and of each of its scenes; an epoch has them all, each turned or mirrored
+    schedule : its seed is that of everything
+    """
+
+    stem = "classifier"
+
+    name: str = "classifier"
+    about: str = ""
+    classes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    without: tuple[str, ...] = ()
+    tests: tuple[str, ...] = ()
+    scenes: int = 96
+    drawn: int = 0
+    vertices: int = 3000
+    spacing: tuple[float, float, float] = (0.003, 0.003, 0.015)
+    widest: float = 0.32
+    stretch: Mapping[str, float] = field(default_factory=dict)
+    parts: str = "both"
+    network: str = "small"
+    batch: int = 32
+    examples: int = 6000
+    schedule: Schedule = field(default_factory=Schedule)
+
+    def __post_init__(self) -> None:
+        checked_record(self.name, str, name="name")
+        for shape, objects in self.classes.items():
+            if isinstance(objects, str) or not isinstance(objects, Sequence):
+                raise InputError(f"classes: {shape} is {objects!r}; expected a list of names of the catalogue")
+        own = {str(shape): tuple(str(name) for name in objects) for shape, objects in self.classes.items()}
+        for kind, value, known in (("parts", self.parts, MODELS_TAUGHT), ("network", self.network, _BANDS)):
+            if value not in known:
+                raise UnknownNameError(kind, value, known)
+        named = [name for objects in own.values() for name in objects]
+        for name in (*self.without, *self.tests, *named):
+            if name not in CATALOGUE and not (name in named and name in self.tests):
+                raise UnknownNameError("catalogue object", name, CATALOGUE)
+        put(
+            self,
+            classes=own,
+            scenes=checked_integer(self.scenes, name="scenes"),
+            drawn=checked_integer(self.drawn, name="drawn", minimum=0),
+            spacing=checked_numbers(self.spacing, name="spacing", count=3, unit="m", above=0),
+            stretch={
+                str(shape): checked_number(value, name=f"stretch of {shape}", minimum=0)
+                for shape, value in self.stretch.items()
+            },
+            batch=checked_integer(self.batch, name="batch"),
+            examples=checked_integer(self.examples, name="examples", minimum=self.batch),
+        )
+        _check_classes(self.objects)
+        for shape in self.objects if self.drawn else ():
+            if shape not in _RANDOM:
+                raise InputError(
+                    f"drawn is {self.drawn}, and {shape!r} is none of the classes whose shapes can be drawn at random, "
+                    f"{', '.join(_RANDOM)}; name these only, or set drawn to 0"
+                )
+        for shape in self.stretch:
+            if shape not in self.objects:
+                raise UnknownNameError("class", shape, self.objects)
+
+    @property
+    def every_object(self) -> Mapping[str, tuple[str, ...]]:
+        """Names of the objects of each class, whether trained with or not."""
+        return self.classes or {
+            shape: tuple(name for name, entry in CATALOGUE.items() if entry.shape_class == shape)
+            for shape in SHAPE_CLASSES[:-1]
+        }
+
+    @property
+    def objects(self) -> dict[str, tuple[str, ...]]:
+        """Names of the objects to train with, by class."""
+        left_out = {*self.without, *self.tests}
+        return {
+            shape: tuple(name for name in names if name not in left_out) for shape, names in self.every_object.items()
+        }
+
+    def scene_settings(self, shape: str) -> dict[str, SceneSettings]:
+        """How the scenes of a class are made, by the name of what they show: its objects, and random shapes."""
+        objects = self.objects[shape]
+        every = SceneSettings(
+            poses=max(-(-self.scenes // len(objects)), 2), vertices=self.vertices, spacing=self.spacing,
+            widest=self.widest, stretch=self.stretch.get(shape, _STRETCH),
+        )  # fmt: skip
+        made = dict.fromkeys(objects, every)
+        if self.drawn:
+            made[_RANDOM[shape]] = dataclasses.replace(every, poses=self.drawn, stretch=0.0)
+        return made
+
+    def scene_requests(self) -> list[SceneRequest]:
+        """Class by class, object by object."""
+        return [
+            SceneRequest("validation" if number % _HELD_EVERY == 1 else "training", name, number, label, settings)
+            for label, shape in enumerate(self.objects)
+            for name, settings in self.scene_settings(shape).items()
+            for number in range(settings.poses)
+        ]
+
+    def lesson(self, scenes: TrainingScenes) -> "ClassifierLesson":
+        """The classes of the objects of these scenes."""
+        return ClassifierLesson(self, scenes)
+
+    def summary(self, description: Mapping[str, Any]) -> str:
+        """Accuracy on the validation scenes."""
+        return (
+            f"{100 * description['validation']['accuracy']:.1f} % of the validation scenes right, by chance "
+            f"{100 / len(description['class_names']):.1f} %"
+        )
+
+
+def _check_classes(objects: Mapping[str, Sequence[str]]) -> None:
+    if len(objects) < 2:
+        raise InputError(f"classes are {list(objects)}; expected two at least, for there to be something to tell apart")
+    for shape, names in objects.items():
+        if not names:
+            raise InputError(
+                f"no object is left for the class {shape!r}; name some in classes, or fewer in without and tests"
+            )
+    every = [name for names in objects.values() for name in names]
+    for name in every:
+        if every.count(name) > 1:
+            raise InputError(f"{name} is named more than once in classes; expected each object in one class, once")
+
+
+class ClassifierExample(NamedTuple):
+    """Channels (C, S, S) as float16, which is fine enough for levels, and the index of the class."""
+
+    channels: np.ndarray
+    label: int
+
+
+class ClassifierLesson:
+    """Classes from channels; see `Lesson`."""
+
+    input_shape = len(CLASSIFIER_CHANNELS), CLASSIFIER_SIDE, CLASSIFIER_SIDE
+    free_axes, free_output_axes = {}, {}
+
+    def __init__(self, recipe: ClassifierRecipe, scenes: TrainingScenes):
+        self.recipe, self.scenes, self.seed = recipe, scenes, recipe.schedule.seed
+        held = held_back(
+            scenes, lambda one, rng: (example_of(one.parts, recipe, rng), one.label), views=_HELD_VIEWS, seed=self.seed
+        )
+        self.held, self.labels = [channels for channels, _ in held], np.array([label for _, label in held])
+        rng, some = np.random.default_rng([self.seed, _POOL_SEED]), scenes["training"]
+        self.pool = [
+            ClassifierExample(example_of(some[i].parts, recipe, rng).astype(np.float16), some[i].label)
+            for i in balanced(some, recipe.examples, rng)
+        ]
+
+    def network(self) -> "nn.Module":
+        """The recipe's."""
+        from millisight.perception.training.networks import classifier_network
+
+        return classifier_network(self.recipe.network, len(self.recipe.objects))
+
+    def batches(self, epoch: int) -> "Iterator[tuple[Tensor, ...]]":
+        """Channels and labels: every example once, turned or mirrored; whole batches only."""
+        import torch
+
+        rng, size = np.random.default_rng([self.seed, epoch]), self.recipe.batch
+        order = rng.permutation(len(self.pool))
+        for start in range(0, len(order) - size + 1, size):
+            some = [self.pool[i] for i in order[start : start + size]]
+            turned = [augmentation.turned(np.moveaxis(one.channels, 0, 2), int(rng.integers(8))) for one in some]
+            channels = np.moveaxis(np.stack(turned), 3, 1).astype(np.float32)
+            yield torch.from_numpy(np.ascontiguousarray(channels)), torch.tensor([one.label for one in some])
+
+    def loss(self, network: "nn.Module", batch: "tuple[Tensor, ...]") -> "Tensor":
+        """Cross-entropy with smoothed labels."""
+        from torch.nn import functional
+
+        channels, labels = batch
+        return functional.cross_entropy(network(channels), labels, label_smoothing=_SMOOTHING)
+
+    def score(self, network: "nn.Module") -> float:
+        """Less the mean cross-entropy."""
+        logits = _logits(network, [channels[None] for channels in self.held])
+        return -float(cross_entropy(logits, self.labels).mean())
+
+    def describe(self, network: "nn.Module") -> dict[str, Any]:
+        """Classes, calibration, and what `evaluation` needs to know of the scenes to find leaks."""
+        recipe, scenes = self.recipe, self.scenes
+        logits = _logits(network, [square_symmetries(channels) for channels in self.held])
+        temperature = best_temperature(logits, self.labels)
+        return {
+            "physics": PHYSICS,
+            "network": recipe.network,
+            "parts": recipe.parts,
+            "class_names": list(recipe.objects),
+            "classes": {shape: list(objects) for shape, objects in recipe.every_object.items()},
+            "bands": list(_BANDS[recipe.network]),
+            "channels": list(CLASSIFIER_CHANNELS),
+            "temperature": temperature,
+            "threshold": best_threshold(logits / temperature, self.labels),
+            "validation": answer_scores(logits / temperature, self.labels),
+            "objects": {
+                side: sorted({one.name for one in some} - set(RANDOM_OBJECTS)) for side, some in scenes.items()
+            },
+            "poses": _poses(scenes),
+            "scenes": {side: len(some) for side, some in scenes.items()},
+            "drawn": {side: sum(one.name in RANDOM_OBJECTS for one in some) for side, some in scenes.items()},
+            "seed": self.seed,
+        }
+
+
+def balanced(scenes: Sequence[TrainingScene], count: int, rng: np.random.Generator) -> list[int]:
+    """Indices of scenes: each class as often, and of a class each scene as often."""
+    by_class: dict[int, list[int]] = {}
+    for index, one in enumerate(scenes):
+        by_class.setdefault(one.label, []).append(index)
+    each, order = -(-count // len(by_class)), []
+    for some in by_class.values():
+        # One after another, in a new order each time round.
+        order += [int(i) for _ in range(-(-each // len(some))) for i in rng.permutation(some)][:each]
+    return [order[i] for i in rng.permutation(len(order))]
+
+
+def _logits(network: "nn.Module", inputs: Sequence[np.ndarray]) -> np.ndarray:
+    """(N, classes) float64 logits of N inputs (K, C, S, S), each the mean over its K views."""
+    return np.stack([run(network, one).mean(dim=0).double().cpu().numpy() for one in inputs])
+
+
+def _poses(scenes: TrainingScenes) -> dict[str, list[list[float]]]:
+    """How each object lay, scene after scene, in training and validation [degrees]."""
+    poses: dict[str, list[list[float]]] = {}
+    for some in scenes.values():
+        for scene in (one for one in some if one.name not in RANDOM_OBJECTS):
+            poses.setdefault(scene.name, []).append([round(float(angle), 2) for angle in scene.parts.angles_deg])
+    return poses
+
+
+def example_of(scene: SceneParts, recipe: ClassifierRecipe, rng: np.random.Generator) -> np.ndarray:
+    """(C, S, S) a classifier's input from a scene, mixed, masked and disturbed as drawn from `rng`."""
+    gains = augmentation.drawn_gains(rng)
+    if recipe.parts != "both":
+        gains["specular" if recipe.parts == "edge" else "edge"] = 0.0
+    hidden = bool(scene.scales["77_ghz"][SCENE_PARTS.index("sheet")] > 0)
+    if hidden and rng.random() < _IN_A_BOX:
+        gains["sheet"] = augmentation.amplitude(rng, *_LID_DB)
+    x, y = canvas_axis(scene.x), canvas_axis(scene.y)
+    along_x, along_y = resampling_weights(scene.x, x), resampling_weights(scene.y, y)
+    images = {"77_ghz": augmentation.mixed(scene, "77_ghz", gains, rng)}
+    if rng.random() >= _ONE_BAND:
+        images["24_ghz"] = augmentation.mixed(scene, "24_ghz", augmentation.other_gains(gains, rng), rng)
+    power = {band: resampled_power(image, along_x, along_y) for band, image in images.items()}
+    inside = along_x @ scene.inside.astype(np.float32) @ along_y.T
+    if rng.random() < 0.9:
+        mask = augmentation.erring_mask(
+            inside > min(0.5, inside.max() / 2), power["77_ghz"].max(axis=2), rng, hidden=hidden
+        )
+        inside = mask.astype(np.float32)
+    depths = recipe.spacing[2] * np.arange(power["77_ghz"].shape[2])
+    channels = masked_channels(power["77_ghz"], depths, inside, power.get("24_ghz"))
+    return augmentation.seen_otherwise(channels, rng)

@@ -1,0 +1,301 @@
+"""Simulated scenes to train on, each stored in parts that training mixes anew.
+
+A scene is an object of the catalogue, or a shape drawn at random, turned and placed at random; a plate that it lies on,
+as large as a tripod's or a table's; and a sheet above it, as a carton's lid. Each answers alone (the plate in the
+object's shadow), and since imaging is linear, a weighted sum of their images is the image of a scene with such weights
+(primer 14). The physics is `capture.simulate`'s point reflectors and nothing else.
+"""
+
+import dataclasses
+import hashlib
+import json
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from millisight.core import (
+    SPEED_OF_LIGHT,
+    atomic_path,
+    checked_integer,
+    checked_number,
+    checked_numbers,
+    printable,
+    put,
+    record,
+)
+from millisight.core.errors import DamagedFileError, UnknownNameError
+from millisight.data import Capture, Material, Radar, Scene, Trajectory, TriangleMesh, VoxelGrid
+from millisight.imaging import combine, form_image
+from millisight.meshes import CATALOGUE, RANDOM_SHAPES, build_object, random_shape
+from millisight.simulation import simulate
+
+BANDS = ("77_ghz", "24_ghz")
+SCENE_PARTS = ("specular", "edge", "plate", "sheet")
+"""Of a scene's image: the object's two answers, what it lies on, what hides it."""
+
+_PRESETS = {"77_ghz": "mito-sim-77ghz", "24_ghz": "mito-sim-24ghz"}
+_SAMPLES = {"77_ghz": 64, "24_ghz": 16}  # a chirp: the object is near, and fewer make no ambiguity
+_STEPS = {"77_ghz": (0.55, 0.85), "24_ghz": (0.4, 0.7)}  # wavelengths between positions
+_MOST_POSITIONS = 6_000  # over a large object they are further apart
+_TALLEST = 0.13  # object that is stood on another side [m]
+_UNSEEN = Material(name="unseen", reflection=1e-9)  # what shadows and does not answer
+
+RANDOM_OBJECTS = {f"any_{shape_class}": shape_class for shape_class in RANDOM_SHAPES}
+"""Names that scenes take for an object's, and the class of the shapes that they show: each scene another."""
+
+
+@record
+class SceneSettings:
+    """How scenes are made.
+
+    Attributes
+    ----------
+    without : objects that no scene shows: those that will test
+    validation : objects whose scenes judge the training, and are not trained on
+    poses : scenes of each object
+    vertices : of an object
+    spacing : of the images along x, y and z [m]
+    widest : of an image, which shows a part of a larger object [m]
+    stretch : objects are made longer or shorter along each of their axes, by a factor of exp(stretch) at most
+    """
+
+    without: tuple[str, ...] = ()
+    validation: tuple[str, ...] = ()
+    poses: int = 6
+    vertices: int = 3000
+    spacing: tuple[float, float, float] = (0.003, 0.003, 0.015)
+    widest: float = 0.22
+    stretch: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in (*self.without, *self.validation):
+            if name not in CATALOGUE:
+                raise UnknownNameError("catalogue object", name, CATALOGUE)
+        put(
+            self,
+            poses=checked_integer(self.poses, name="poses"),
+            vertices=checked_integer(self.vertices, name="vertices", minimum=100),
+            spacing=checked_numbers(self.spacing, name="spacing", count=3, unit="m", above=0),
+            widest=checked_number(self.widest, name="widest", unit="m", above=0.05),
+            stretch=checked_number(self.stretch, name="stretch", minimum=0),
+        )
+
+    @property
+    def objects(self) -> dict[str, tuple[str, ...]]:
+        """Names by "training" and "validation"."""
+        seen = [name for name in CATALOGUE if name not in self.without]
+        return {
+            "training": tuple(name for name in seen if name not in self.validation),
+            "validation": tuple(name for name in seen if name in self.validation),
+        }
+
+
+class SceneParts(NamedTuple):
+    """A scene's images, in parts.
+
+    Attributes
+    ----------
+    x, y : pixel centres [m]
+    inside : (X, Y) bool, where the object lies, seen along z
+    angles_deg : (3,) how it lies: turned about the fixed x, then y, then z axis [degrees]
+    images : by band the complex64 images (4, X, Y, Z) of `SCENE_PARTS`, each relative to its own maximum; with it
+    scales : by band these maxima (4,)
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    inside: np.ndarray
+    angles_deg: np.ndarray
+    images: dict[str, np.ndarray]
+    scales: dict[str, np.ndarray]
+
+
+def cached_scene(
+    name: str, number: int, settings: SceneSettings, *, seed: int, folder: str | os.PathLike[str]
+) -> SceneParts:
+    """The scene of this number with this object: read from `folder`, or made and written there.
+
+    Parameters
+    ----------
+    name : of the catalogue, or of `RANDOM_OBJECTS`
+    number : from 0 on
+    settings : SceneSettings
+    seed : each scene is drawn from it, its object's name and its number, and from nothing else
+    folder : that is there
+
+    Raises
+    ------
+    FileError, DamagedFileError
+    """
+    path = Path(folder) / f"{name}-{number}-{_digest(settings, seed)}.npz"
+    if not path.exists():
+        _write(path, make_scene(name, settings, rng=np.random.default_rng([seed, number, *name.encode()])))
+    return _read(path)
+
+
+def make_scene(name: str, settings: SceneSettings, *, rng: np.random.Generator) -> SceneParts:
+    """One scene with this object, drawn from `rng`.
+
+    Raises
+    ------
+    UnknownNameError, InputError
+        No such object, or the settings cannot be right.
+    """
+    target, angles_deg = _object(name, settings, rng)
+    bounds = target.mesh.bounds
+    plate = _plate(bounds, rng) if rng.random() < 0.65 else None
+    sheet = _sheet(bounds, rng) if rng.random() < 0.55 else None
+    lower, upper = _window(bounds, settings.widest, rng)
+    middle = (lower + upper)[:2] / 2 + rng.uniform(-0.015, 0.015, 2)
+    size = (upper - lower)[:2] + rng.uniform(-0.01, 0.05, 2)
+    grid = VoxelGrid.regular(lower, upper, settings.spacing)
+    stray = rng.uniform(0, 0.00015)  # of a row of the arm's, unknown to the imager [m]
+    images, scales = {}, {}
+    for band in BANDS:
+        radar = _radar(band)
+        step = rng.uniform(*_STEPS[band]) * SPEED_OF_LIGHT / radar.waveform.start_frequency
+        step = max(step, float(np.sqrt(size.prod() / _MOST_POSITIONS)))
+        trajectory = Trajectory.raster(size=(size[0], size[1]), step=step, center=(middle[0], middle[1], 0.0))
+        believed = _strayed(trajectory, stray, rng)
+        captures: list[Capture | None] = [
+            simulate(target, radar, trajectory, model=model) for model in ("specular", "edge")
+        ]
+        for scene in (plate and _answering(target, _UNSEEN) + plate, sheet):
+            if scene is None:
+                captures.append(None)
+                continue
+            specular, edge = (simulate(scene, radar, trajectory, model=model) for model in ("specular", "edge"))
+            captures.append(combine(specular, edge, (1.0, rng.uniform(0.1, 0.5))))
+        values = np.stack([_image(capture, believed, grid) for capture in captures])
+        peaks = abs(values).max(axis=(1, 2, 3))
+        images[band], scales[band] = values / np.where(peaks > 0, peaks, 1)[:, None, None, None], peaks
+    return SceneParts(grid.x, grid.y, footprint(target.mesh, grid.x, grid.y), np.array(angles_deg), images, scales)
+
+
+def footprint(mesh: TriangleMesh, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """(X, Y) bool, over which pixels centred at x (X,) and y (Y,) [m] a mesh lies, seen along z."""
+    from trimesh import Trimesh
+
+    places = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+    # A ray along an edge of two faces may miss both: few lie so once they are a little off round numbers.
+    above = np.column_stack([places + np.array([1.3e-6, 0.7e-6]), np.full(len(places), mesh.bounds[1, 2] + 0.1)])
+    down = np.broadcast_to([0.0, 0.0, -1.0], above.shape)
+    return Trimesh(mesh.vertices, mesh.faces, process=False).ray.intersects_any(above, down).reshape(len(x), len(y))
+
+
+def _object(name: str, settings: SceneSettings, rng: np.random.Generator) -> tuple[Scene, tuple[float, float, float]]:
+    """The object, mostly as it lies in the catalogue and a little tilted, sometimes on another side; and its angles."""
+    source: str | TriangleMesh = name
+    if name in RANDOM_OBJECTS:
+        source = random_shape(RANDOM_OBJECTS[name], rng)
+    elif settings.stretch:
+        mesh = build_object(name)
+        factors = np.exp(rng.uniform(-settings.stretch, settings.stretch, 3))
+        source = dataclasses.replace(mesh, vertices=mesh.vertices * factors)
+    tilt, turn, side = rng.uniform(-12, 12, 2), rng.uniform(0, 360), 90 * rng.integers(0, 4, 2)
+    angles = float(tilt[0]), float(tilt[1]), float(turn)
+    target = Scene.from_mesh(source, vertices=settings.vertices, rotate_deg=angles)
+    if rng.random() < 0.25:
+        turned = angles[0] + int(side[0]), angles[1] + int(side[1]), angles[2]
+        other = Scene.from_mesh(source, vertices=settings.vertices, rotate_deg=turned)
+        if other.mesh.extent[2] < _TALLEST:
+            target, angles = other, turned
+    half = target.mesh.extent[2] / 2
+    return target.moved((0.0, 0.0, -max(rng.uniform(0.20, 0.33), half + 0.12))), angles
+
+
+def _window(bounds: np.ndarray, widest: float, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Corners (3,) of the image of an object with these bounds (2, 3)."""
+    reach = rng.uniform((0.025, 0.025, 0.015), (0.07, 0.07, 0.05))
+    lower, upper = bounds[0] - reach, bounds[1] + reach
+    beyond = np.maximum(upper - lower - (widest, widest, 1.0), 0)
+    cut = rng.random(3) * beyond
+    return lower + cut, upper - (beyond - cut)
+
+
+def _plate(bounds: np.ndarray, rng: np.random.Generator) -> Scene:
+    """The plate under an object with these bounds (2, 3): smaller than it, or larger."""
+    lower, upper = bounds
+    sides = rng.uniform(0.05, 0.14, 2) if rng.random() < 0.6 else rng.uniform(0.12, 0.4, 2)
+    if rng.random() < 0.5:
+        sides[1] = sides[0]
+    thick = rng.uniform(0.003, 0.02)
+    place = (*(lower + upper)[:2] / 2 + rng.normal(0, 0.015, 2), lower[2] - thick / 2 - rng.uniform(0.0005, 0.006))
+    return _slab((*sides, thick), place, (0.0, 0.0, rng.choice([0.0, rng.uniform(0, 90)])))
+
+
+def _sheet(bounds: np.ndarray, rng: np.random.Generator) -> Scene:
+    """The sheet above an object with these bounds (2, 3)."""
+    lower, upper = bounds
+    sides = (upper - lower)[:2] * rng.uniform(1.0, 1.5, 2) + rng.uniform(0.03, 0.25, 2)
+    height = min(upper[2] + rng.uniform(0.02, 0.09), -0.04)
+    place = (*(lower + upper)[:2] / 2 + rng.normal(0, 0.02, 2), height)
+    return _slab((*sides, 0.004), place, (*rng.normal(0, 0.7, 2), rng.choice([0.0, rng.uniform(0, 90)])))
+
+
+def _slab(extents: Sequence[float], place: Sequence[float], turned_deg: Sequence[float]) -> Scene:
+    """A slab, its vertices close enough that only its specular answer, within 5 degrees, is smooth."""
+    from trimesh.creation import box
+
+    mesh: Any = box(extents).subdivide_to_size(0.009)
+    angles = (turned_deg[0], turned_deg[1], turned_deg[2])
+    return Scene.from_mesh(
+        TriangleMesh(vertices=mesh.vertices, faces=mesh.faces), vertices=None, rotate_deg=angles, material="metal"
+    ).moved(place)
+
+
+def _answering(scene: Scene, material: Material) -> Scene:
+    return Scene(objects=tuple(dataclasses.replace(target, material=material) for target in scene.objects))
+
+
+def _radar(band: str) -> Radar:
+    radar = Radar.preset(_PRESETS[band])
+    whole, few = radar.waveform, _SAMPLES[band]
+    rate = whole.sample_rate * few / whole.samples_per_chirp
+    return dataclasses.replace(radar, waveform=dataclasses.replace(whole, samples_per_chirp=few, sample_rate=rate))
+
+
+def _strayed(trajectory: Trajectory, stray: float, rng: np.random.Generator) -> Trajectory:
+    """Where the imager believes the positions to be: each row a little off."""
+    _, row = np.unique(trajectory.positions[:, 0], return_inverse=True)
+    return dataclasses.replace(
+        trajectory, positions=trajectory.positions + rng.normal(0, stray, (row.max() + 1, 3))[row]
+    )
+
+
+def _image(capture: Capture | None, believed: Trajectory, grid: VoxelGrid) -> np.ndarray:
+    if capture is None:
+        return np.zeros(grid.shape, np.complex64)
+    return form_image(dataclasses.replace(capture, trajectory=believed), grid, method="backprojection").values
+
+
+def _digest(settings: SceneSettings, seed: int) -> str:
+    made_by = {"seed": seed} | {name: getattr(settings, name) for name in ("vertices", "spacing", "widest", "stretch")}
+    return hashlib.sha256(json.dumps(made_by, sort_keys=True).encode()).hexdigest()[:12]
+
+
+def _write(path: Path, scene: SceneParts) -> None:
+    arrays: dict[str, Any] = {"x": scene.x, "y": scene.y, "inside": scene.inside, "angles_deg": scene.angles_deg}
+    for band in BANDS:
+        parts = scene.images[band].astype(np.complex64)
+        arrays[band] = parts.view(np.float32).astype(np.float16)
+        arrays[f"{band}_scales"] = scene.scales[band]
+    with atomic_path(path) as temporary, open(temporary, "wb") as file:
+        np.savez(file, **arrays)
+
+
+def _read(path: Path) -> SceneParts:
+    try:
+        with np.load(path, allow_pickle=False) as held:
+            images = {band: held[band].astype(np.float32).view(np.complex64) for band in BANDS}
+            scales = {band: held[f"{band}_scales"] for band in BANDS}
+            scene = SceneParts(held["x"], held["y"], held["inside"], held["angles_deg"], images, scales)
+    except (OSError, ValueError, KeyError, EOFError, ImportError) as error:
+        raise DamagedFileError(f"{printable(path)} is no scene of this training: {error}; delete it") from error
+    shape = scene.inside.shape
+    if any(values.shape[:3] != (len(SCENE_PARTS), *shape) for values in images.values()):
+        raise DamagedFileError(f"{printable(path)}: its images and its mask differ in size; delete it")
+    return scene

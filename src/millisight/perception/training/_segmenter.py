@@ -1,0 +1,255 @@
+"""Training of the segmenter "wave": its recipe, and examples from scenes.
+
+An example is mixed and disturbed by `augmentation`, cut somewhere, turned, prompted; some lack a band.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import field
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from millisight.core import checked_integer, checked_record, put, record
+from millisight.core.errors import InputError
+from millisight.perception import FLOOR_DB, SPACING, canvas_axis, resampled_power, resampling_weights
+from millisight.perception.segmentation import WAVE_CHANNELS, WAVE_SLICES, wave_input
+from millisight.perception.training import _augmentation as augmentation
+from millisight.perception.training._loop import Schedule, run
+from millisight.perception.training._scenes import SceneParts, SceneSettings
+from millisight.perception.training._training import RECIPES, SIDES, SceneRequest, TrainingScenes, held_back
+
+if TYPE_CHECKING:
+    from torch import Tensor, nn
+
+CUTS = tuple(round(0.2 + 0.05 * i, 2) for i in range(13))
+"""Probabilities at which a mask might begin; the best by mean F2 on the validation scenes is taken."""
+EXAMPLE_SIDE = 64
+"""Pixels of an example along x and y."""
+
+_RECALL = 2  # beta of F2: a part of the object that is missed counts more than a rim that is not the object's
+_VIEWS = 2  # examples of each validation scene
+_AT_ONCE = 16  # examples that are judged together
+_ONE_BAND, _OTHER_ALONE = 0.35, 0.12  # shares of examples: 77 GHz without 24, 24 without 77
+_PROMPTED = 0.35
+_POINT_SHARE = 0.0125  # of pixels, prompts by power: as published of pixels two and a half times as many
+_OTHER = WAVE_CHANNELS.index("other")
+
+
+@RECIPES.add("segmenter")
+@record
+class SegmenterRecipe:
+    """How the segmenter "wave" is trained: scenes, network, schedule.
+
+    Attributes
+    ----------
+    name : of the weights
+    about : for the weights' description
+    scenes, schedule : see there; the schedule's seed is that of everything
+    widths : of the network's four sizes, in channels
+    batch : examples in a batch
+    views : examples of each scene in an epoch
+    """
+
+    stem = "wave"
+
+    name: str = "wave"
+    about: str = ""
+    scenes: SceneSettings = field(default_factory=SceneSettings)
+    schedule: Schedule = field(default_factory=Schedule)
+    widths: tuple[int, ...] = (16, 32, 64, 96)
+    batch: int = 16
+    views: int = 4
+
+    def __post_init__(self) -> None:
+        checked_record(self.name, str, name="name")
+        widths = tuple(checked_integer(width, name="widths", minimum=8) for width in self.widths)
+        if len(widths) != 4 or any(width % 8 for width in widths):
+            raise InputError(f"widths are {list(widths)}; expected four multiples of 8")
+        for side, names in self.scenes.objects.items():
+            if not names:
+                raise InputError(f"no object is left for {side}; name some in scenes.validation, and not all others")
+        put(
+            self,
+            widths=widths,
+            batch=checked_integer(self.batch, name="batch"),
+            views=checked_integer(self.views, name="views"),
+        )
+
+    def scene_requests(self) -> list[SceneRequest]:
+        """All scenes of the objects to train with, then those of the objects to validate with."""
+        return [
+            SceneRequest(side, name, number, 0, self.scenes)
+            for side in SIDES
+            for name in self.scenes.objects[side]
+            for number in range(self.scenes.poses)
+        ]
+
+    def lesson(self, scenes: TrainingScenes) -> "SegmenterLesson":
+        """Masks of the objects of these scenes."""
+        return SegmenterLesson(self, scenes)
+
+    def summary(self, description: Mapping[str, Any]) -> str:
+        """F1 on the validation scenes."""
+        return f"F1 on the validation scenes {max(description['validation']['mean F1 by cut'].values()):.3f}"
+
+
+class SegmenterLesson:
+    """Masks from channels; see `Lesson`."""
+
+    input_shape = len(WAVE_CHANNELS), EXAMPLE_SIDE, EXAMPLE_SIDE
+    free_axes, free_output_axes = {2: "a", 3: "b"}, {1: "a", 2: "b"}
+
+    def __init__(self, recipe: SegmenterRecipe, scenes: TrainingScenes):
+        self.recipe, self.scenes, self.seed = recipe, scenes, recipe.schedule.seed
+        self.held = held_back(scenes, lambda scene, rng: example_of(scene.parts, rng), views=_VIEWS, seed=self.seed)
+
+    def network(self) -> "nn.Module":
+        """With the recipe's widths."""
+        from millisight.perception.training.networks import WaveNetwork
+
+        return WaveNetwork(self.recipe.widths)
+
+    def batches(self, epoch: int) -> "Iterator[tuple[Tensor, ...]]":
+        """Channels, share of each pixel inside, weights; of each scene the recipe's number of views."""
+        import torch
+
+        rng, scenes = np.random.default_rng([self.seed, epoch]), self.scenes["training"]
+        order = np.concatenate([rng.permutation(len(scenes)) for _ in range(self.recipe.views)])
+        for start in range(0, len(order), self.recipe.batch):
+            examples = [example_of(scenes[i].parts, rng) for i in order[start : start + self.recipe.batch]]
+            yield tuple(torch.from_numpy(np.stack(values)) for values in zip(*examples, strict=True))
+
+    def loss(self, network: "nn.Module", batch: "tuple[Tensor, ...]") -> "Tensor":
+        """Cross-entropy a pixel plus 1 less the soft Dice coefficient of each example."""
+        from torch.nn import functional
+
+        channels, inside, weight = batch
+        logits = network(channels)
+        entropy = functional.binary_cross_entropy_with_logits(logits, inside, reduction="none")
+        found = logits.sigmoid() * weight
+        shared = 2 * (found * inside).sum(dim=(1, 2)) + 1
+        dice = shared / (found.sum(dim=(1, 2)) + inside.sum(dim=(1, 2)) + 1)
+        return (entropy * weight).sum() / weight.sum() + (1 - dice).mean()
+
+    def score(self, network: "nn.Module") -> float:
+        """Mean F1 at the best cut."""
+        return max(self._f_by_cut(network, 1).values())
+
+    def describe(self, network: "nn.Module") -> dict[str, Any]:
+        """The cut, and the scores that chose it."""
+        by_cut = {f"mean F{beta} by cut": self._f_by_cut(network, beta) for beta in (1, _RECALL)}
+        last = by_cut[f"mean F{_RECALL} by cut"]
+        return {
+            "channels": list(WAVE_CHANNELS),
+            "spacing": SPACING,
+            "floor_db": FLOOR_DB,
+            "cut": max(last, key=lambda cut: (last[cut], -cut)),
+            "validation": {name: {f"{c:g}": round(f, 4) for c, f in values.items()} for name, values in by_cut.items()},
+            "objects": {side: list(names) for side, names in self.recipe.scenes.objects.items()},
+            "scenes": {side: len(some) for side, some in self.scenes.items()},
+        }
+
+    def _f_by_cut(self, network: "nn.Module", beta: int) -> dict[float, float]:
+        """Mean F-score of the masks that begin at each of `CUTS`; recall weighs `beta` times as much as precision."""
+        scores = []
+        for start in range(0, len(self.held), _AT_ONCE):
+            some = self.held[start : start + _AT_ONCE]
+            logits = run(network, np.stack([example.channels for example in some])).cpu().numpy()
+            for example, logit in zip(some, logits, strict=True):
+                truth, valid = example.inside > 0.5, example.weight > 0
+                scores.append([_f_score((logit > np.log(cut / (1 - cut))) & valid, truth, beta) for cut in CUTS])
+        return dict(zip(CUTS, np.mean(scores, axis=0).tolist(), strict=True))
+
+
+def _f_score(mask: np.ndarray, truth: np.ndarray, beta: int) -> float:
+    either = mask.sum() + beta**2 * truth.sum()
+    return float((1 + beta**2) * (mask & truth).sum() / either) if either else 1.0
+
+
+class SegmenterExample(NamedTuple):
+    """One input of the network, and what it should find.
+
+    Attributes
+    ----------
+    channels : (C, 64, 64) float32, as `WAVE_CHANNELS`
+    inside : (64, 64) float32, share of each pixel over which the object lies
+    weight : (64, 64) float32, 1 where there is an image, else 0
+    """
+
+    channels: np.ndarray
+    inside: np.ndarray
+    weight: np.ndarray
+
+
+def example_of(scene: SceneParts, rng: np.random.Generator) -> SegmenterExample:
+    """An example of a scene, drawn from `rng`."""
+    alone = rng.random() < _OTHER_ALONE
+    gains = augmentation.drawn_gains(rng)
+    first = augmentation.mixed(scene, "24_ghz" if alone else "77_ghz", gains, rng)
+    second = None
+    if not alone and rng.random() >= _ONE_BAND:
+        second = augmentation.mixed(scene, "24_ghz", augmentation.other_gains(gains, rng), rng)
+    scale = rng.uniform(0.85, 1.2)
+    along_x, along_y = _window(scene.x, scale, rng), _window(scene.y, scale, rng)
+    first = first[:, :, _depths(first.shape[2], rng)]
+    power = resampled_power(first, along_x, along_y)
+    other = None if second is None else resampled_power(second, along_x, along_y)
+    inside = along_x @ scene.inside.astype(np.float32) @ along_y.T
+    power, inside = augmentation.turned(power, way := int(rng.integers(8))), augmentation.turned(inside, way)
+    other = None if other is None else augmentation.turned(other, way)
+    channels = wave_input(power, other, _prompts(power, inside > 0.5, rng))
+    channels[: 1 + WAVE_SLICES] = augmentation.distorted(channels[: 1 + WAVE_SLICES], rng)
+    if other is not None:
+        channels[_OTHER] = augmentation.distorted(channels[_OTHER][None], rng)[0]
+    return _placed(channels, inside, rng)
+
+
+def _window(known: np.ndarray, scale: float, rng: np.random.Generator) -> np.ndarray:
+    """(w, k) weights onto the network's pixels, of a part of the image, its coordinates scaled."""
+    axis = canvas_axis((known - known[0]) * scale)
+    low, high = (int(rng.integers(0, 4)) if rng.random() < 0.4 else 0 for _ in range(2))
+    axis = axis[low : len(axis) - high] + rng.uniform(-0.5, 0.5) * SPACING
+    return resampling_weights((known - known[0]) * scale, axis)[:EXAMPLE_SIDE]
+
+
+def _depths(count: int, rng: np.random.Generator) -> slice:
+    """Of an image's voxels along z, those that are left."""
+    low, high = rng.integers(0, 2, 2) if count > 5 else (0, 0)
+    return slice(int(low), count - int(high))
+
+
+def _prompts(power: np.ndarray, inside: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Positive and negative points (n, 2): most often none, else a user's clicks, which are right, or from power."""
+    none = np.zeros((0, 2), int)
+    if rng.random() > _PROMPTED:
+        return none, none
+    if rng.random() < 0.5:
+        return _drawn(inside, int(rng.integers(0, 5)), rng), _drawn(~inside, int(rng.integers(0, 5)), rng)
+    seen = np.sqrt(power).mean(axis=2)
+    seen = seen / max(seen.max(), 1e-12)
+    bright, dark = seen > 0.4, seen < rng.choice([0.02, 0.05])
+    counts = [max(1, round(_POINT_SHARE * where.sum())) for where in (bright, dark)]
+    return _drawn(bright, counts[0], rng), _drawn(dark, counts[1], rng)
+
+
+def _drawn(where: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
+    candidates = np.argwhere(where)
+    return candidates[rng.permutation(len(candidates))[:count]]
+
+
+def _placed(channels: np.ndarray, inside: np.ndarray, rng: np.random.Generator) -> SegmenterExample:
+    """The example on pixels of `EXAMPLE_SIDE`, 0 where it has no image."""
+    across, along = inside.shape
+    a, b = (
+        int(rng.integers(0, (EXAMPLE_SIDE - size) // 8 + 1)) * 8 if rng.random() < 0.3 else 0
+        for size in (across, along)
+    )
+    held = np.zeros((len(channels), EXAMPLE_SIDE, EXAMPLE_SIDE), np.float32)
+    held[:, a : a + across, b : b + along] = channels[:, :across, :along]
+    truth, weight = (
+        np.zeros((EXAMPLE_SIDE, EXAMPLE_SIDE), np.float32),
+        np.zeros((EXAMPLE_SIDE, EXAMPLE_SIDE), np.float32),
+    )
+    truth[a : a + across, b : b + along] = inside
+    weight[a : a + across, b : b + along] = 1
+    return SegmenterExample(held, truth, weight)

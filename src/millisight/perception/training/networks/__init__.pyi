@@ -1,0 +1,4 @@
+from ._classifiers import PaperNetwork as PaperNetwork
+from ._classifiers import SmallNetwork as SmallNetwork
+from ._classifiers import classifier_network as classifier_network
+from ._wave import WaveNetwork as WaveNetwork

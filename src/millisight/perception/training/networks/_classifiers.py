@@ -1,0 +1,74 @@
+"""The classifiers' networks in torch, for training: the paper's, and a small one that uses more of what radar gives."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from millisight.perception.classification import CLASSIFIER_CHANNELS
+
+_GROUPS = 8
+_MAGNITUDE = CLASSIFIER_CHANNELS.index("magnitude")
+_PAPER_SIDE = 224
+_PAPER_WIDTHS = (16, 128, 256, 512, 512)
+_PAPER_STRIDES = (2, 2, 2, 2, 1)
+_PAPER_POOLED = 2
+_PAPER_CONNECTED = (1024, 512, 256)
+
+
+class SmallNetwork(nn.Module):
+    """Four times two convolutions, the first of which halves; mean and maximum over what is left; one layer more.
+
+    It sees all channels: the mask, the paper's projection, levels of eight slices along z, the other band. Groups of
+    channels are normalised over each image, not over batches, so that training and use are one function.
+    """
+
+    def __init__(self, classes: int, widths: Sequence[int] = (24, 48, 64, 96)):
+        super().__init__()
+        steps: list[nn.Module] = []
+        for inputs, outputs in zip((len(CLASSIFIER_CHANNELS), *widths[:-1]), widths, strict=True):
+            for channels, stride in ((inputs, 2), (outputs, 1)):
+                convolution = nn.Conv2d(channels, outputs, 3, stride=stride, padding=1, bias=False)
+                steps += [convolution, nn.GroupNorm(_GROUPS, outputs), nn.ReLU()]
+        self.seen = nn.Sequential(*steps)
+        self.dropout = nn.Dropout(0.3)
+        self.last = nn.Linear(2 * widths[-1], classes)
+
+    def forward(self, channels: Tensor) -> Tensor:
+        """(N, classes) logits of channels (N, C, S, S)."""
+        x = self.seen(channels)
+        return self.last(self.dropout(torch.cat([x.mean(dim=(2, 3)), x.amax(dim=(2, 3))], dim=1)))
+
+
+class PaperNetwork(nn.Module):
+    """The paper's: five convolutions, fully connected layers, from the masked projection alone.
+
+    Convolutions of 3 x 3 with strides 2, 2, 2, 2, 1 and connected layers as in its released form, which has one layer
+    more than the paper's three: 1024, 512, 256, classes. What joins the two is not published: here the last 14 x 14
+    are averaged to 2 x 2.
+    """
+
+    def __init__(self, classes: int):
+        super().__init__()
+        steps: list[nn.Module] = []
+        for a, b, stride in zip((1, *_PAPER_WIDTHS), _PAPER_WIDTHS, _PAPER_STRIDES, strict=False):
+            steps += [nn.Conv2d(a, b, 3, stride=stride, padding=1), nn.ReLU()]
+        self.seen = nn.Sequential(*steps)
+        sizes = (_PAPER_WIDTHS[-1] * _PAPER_POOLED**2, *_PAPER_CONNECTED)
+        layers: list[nn.Module] = []
+        for a, b in pairwise(sizes):
+            layers += [nn.Linear(a, b), nn.ReLU()]
+        self.connected = nn.Sequential(*layers, nn.Linear(sizes[-1], classes))
+
+    def forward(self, channels: Tensor) -> Tensor:
+        """(N, classes) logits of channels (N, C, S, S)."""
+        magnitude = channels[:, _MAGNITUDE : _MAGNITUDE + 1]
+        x = self.seen(functional.interpolate(magnitude, size=(_PAPER_SIDE, _PAPER_SIDE), mode="bilinear"))
+        return self.connected(functional.avg_pool2d(x, x.shape[-1] // _PAPER_POOLED).flatten(1))
+
+
+def classifier_network(name: str, classes: int) -> nn.Module:
+    """The network "small" or "paper", with new weights from torch's generator."""
+    return {"small": SmallNetwork, "paper": PaperNetwork}[name](classes)

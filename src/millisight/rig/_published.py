@@ -1,0 +1,147 @@
+"""Scans written in the published layout and in HDF5."""
+
+import os
+import secrets
+import shutil
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from millisight.core import checked_path, make_folder, printable
+from millisight.core.errors import FileError, InputError
+from millisight.data import CameraFrame, Trajectory
+from millisight.io import save
+from millisight.io.mito import (
+    BASE_ORIGIN,
+    INFO_NAME,
+    RecordedRow,
+    checked_radar,
+    place_of,
+    radar_folder,
+    read_experiment,
+    read_info,
+    write_published,
+    write_raw_experiment,
+)
+from millisight.rig._protocols import RadarDevice, Recording
+
+CAPTURE_NAME, LOG_NAME = "recorded.capture.h5", "recorded.log.h5"
+"""Our own files beside a radar's raw ones: frames at the logged poses, clocks taken to agree; and the arm's log."""
+
+
+class PublishedWriter:
+    """Writes a scan as an experiment of the published layout: a `ScanWriter`.
+
+    Rows go to disk as they come. The experiment appears under its name when its raw files are whole, and not at all
+    when something fails before.
+
+    Parameters
+    ----------
+    out : the experiment's folder `<id>_<name>/robot_collected/<ax>_<ay>_<az>/exp<N>/los` or `nlos`
+        (`experiment_folder` makes the name); it must not be there yet
+    info : for `experiment_info.json`: "aperture size", "rx offset", "background", and whatever else
+    hdf5 : write captures of our own besides
+
+    The radars' names must be those of the layout, "77_ghz" and "24_ghz".
+    """
+
+    def __init__(self, out: str | os.PathLike[str], *, info: Mapping[str, Any], hdf5: bool = True):
+        self.path = Path(os.path.abspath(checked_path(out)))
+        self._info, self._hdf5 = info, hdf5
+        self._spools: dict[str, _Spool] = {}
+        self._radars: Sequence[RadarDevice] = ()
+
+    @contextmanager
+    def recording(self, radars: Sequence[RadarDevice]) -> Iterator[None]:
+        """Keep what is not whole yet in a folder beside the experiment's, gone in the end.
+
+        Raises
+        ------
+        UnknownNameError
+            A radar is none of the layout's.
+        InputError
+            The experiment is there already, or another of its number is set up differently.
+        FileError
+            The folder's name is none of the layout's, or something cannot be written.
+        """
+        self._radars = [radar for radar in radars if checked_radar(radar.name)]
+        self._check()
+        out = self.path
+        self._part = make_folder(out.parent.with_name(f".{out.parent.name}.{secrets.token_hex(4)}.part"))
+        try:
+            self._spools = {radar.name: _Spool(make_folder(self._part / "rows" / radar.name)) for radar in radars}
+            yield
+        except FileError:
+            raise
+        except OSError as error:
+            why = error.strerror or error
+            raise FileError(f"cannot write {printable(out)}: {why}; nothing was recorded") from error
+        finally:
+            shutil.rmtree(self._part, ignore_errors=True)
+
+    def add_picture(self, frame: CameraFrame) -> None:
+        folder = make_folder(self._part / self.path.name / "unprocessed" / "camera")
+        write_published(folder / "continuous.pkl", frame)
+
+    def add_row(self, radar: RadarDevice, recording: Recording) -> None:
+        self._spools[radar.name].add(recording)
+
+    def finish(self, log: Trajectory) -> None:
+        for radar in self._radars:
+            # From the arm's base frame to the radar's transmitter in the radar frame.
+            positions = log.positions - BASE_ORIGIN + radar.mount
+            mounted = Trajectory(times=log.times, positions=positions, orientations=log.orientations)
+            write_raw_experiment(
+                self._part / self.path.name, radar.name, self._spools[radar.name], mounted, info=self._info
+            )
+        os.replace(self._part / INFO_NAME, self.path.parent / INFO_NAME)
+        os.replace(self._part / self.path.name, self.path)
+        shutil.rmtree(self._part, ignore_errors=True)
+        for radar in self._radars if self._hdf5 else ():
+            raw = radar_folder(self.path, radar.name, processed=False)
+            scan = read_experiment(self.path, radar.name)
+            save(raw / CAPTURE_NAME, scan.to_capture(), reproducible=True)
+            save(raw / LOG_NAME, scan.log, reproducible=True)
+
+    def _check(self) -> None:
+        out = self.path
+        place_of(out)
+        if out.exists():
+            raise InputError(f"{printable(out)} is there already; remove it, or record under another number")
+        other = out.parent / INFO_NAME
+        if other.exists() and read_info(other) != dict(self._info):
+            raise InputError(
+                f"{printable(other)} says {read_info(other)}; expected {dict(self._info)}: line of sight and not of "
+                "one experiment are set up alike, record under another number"
+            )
+        make_folder(out.parent)
+
+
+class _Spool(Sequence):
+    """Rows on disk until they are all there; what is asked for is mapped, not read."""
+
+    def __init__(self, folder: Path):
+        self._folder = folder
+        self._rows: list[tuple[int, float]] = []
+
+    def add(self, recording: Recording) -> None:
+        # The number in a published file's name is its time in seconds.
+        number = int(recording.first_time)
+        if self._rows:
+            number = max(number, self._rows[-1][0] + 1)
+        np.save(self._path(len(self._rows)), recording.samples)
+        self._rows.append((number, recording.first_time))
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def __getitem__(self, index: Any) -> Any:
+        number, created = self._rows[index]
+        frames = np.load(self._path(index % len(self)), mmap_mode="r")
+        return RecordedRow(number=number, created=created, frames=frames)
+
+    def _path(self, index: int) -> Path:
+        return self._folder / f"{index}.npy"

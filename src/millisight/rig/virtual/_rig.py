@@ -1,0 +1,189 @@
+"""A whole virtual rig: the devices of one world, and the truth that only they know."""
+
+import time
+
+import numpy as np
+
+from millisight.core.errors import InputError, UnknownNameError
+from millisight.data import LAYERED, Trajectory
+from millisight.rig import ArmPose, ScanPlan
+from millisight.rig.virtual._arm import VirtualArm
+from millisight.rig.virtual._camera import VirtualCamera
+from millisight.rig.virtual._clocks import WorldTime
+from millisight.rig.virtual._layout import WorldLayout, build_layout
+from millisight.rig.virtual._published import BASE_ORIGIN
+from millisight.rig.virtual._radar import Frames, VirtualRadar
+from millisight.rig.virtual._settings import RadarSettings
+from millisight.rig.virtual._world import World
+
+# Keys of the devices' random numbers: one that is added changes none of the others.
+_ARM, _CAMERA, _RADAR = 1, 2, 3
+_ABOVE = 0.10  # of the camera over the aperture [m]
+_MOST_FRAMES = 1e8
+_SAMPLED = 60  # frames
+_SHARING = 10  # rows that share what the optics keep of one
+_MOST_PLANNED = 200  # poses of a row
+_VALUE_BYTES = {"77_ghz": 2, "24_ghz": 6}  # int16, and text
+
+
+class VirtualRig:
+    """The devices of a world: what `record_scan` takes, besides the plan.
+
+    Parameters
+    ----------
+    world : World
+    layout : `build_layout(world)`, where it has been built already
+    frames : what a perfect radar would measure; None: the optics of the layout
+
+    Attributes
+    ----------
+    world, layout : as given
+    arm, radars, camera : devices
+    plan : ScanPlan of the world's scan
+    """
+
+    def __init__(self, world: World, *, layout: WorldLayout | None = None, frames: Frames | None = None):
+        self.world = world
+        self.layout = build_layout(world) if layout is None else layout
+        now = WorldTime()
+        self.arm = VirtualArm(world.arm, now, world.rng(_ARM))
+        self._frames = frames or optics_of(self.layout)
+        self.radars = tuple(
+            VirtualRadar(settings, now, self._radar_frame, self._frames, world.rng(_RADAR, int(settings.name[:2])))
+            for settings in world.radars
+        )
+        self.camera = VirtualCamera(
+            world.camera,
+            self.layout,
+            lambda: self.arm.true_positions(np.array([now.now]))[0],
+            world.rng(_CAMERA),
+        )
+        self.plan = plan_of(world)
+
+    def truth(self, name: str) -> Trajectory:
+        """Where the radar `name` truly was when it took its frames: radar frame [m], times of its own clock [s].
+
+        Raises
+        ------
+        UnknownNameError
+            The world has no such radar.
+        """
+        radar = self._radar(name)
+        times = radar.frame_times
+        return Trajectory(times=radar.settings.clock.reading(times), positions=self._radar_frame(times) + radar.mount)
+
+    def planned(self, name: str) -> Trajectory:
+        """Where it would have been had the arm kept to its plan; see `truth`."""
+        radar = self._radar(name)
+        times = radar.frame_times
+        positions = self.arm.planned_positions(times) - BASE_ORIGIN + radar.mount
+        return Trajectory(times=radar.settings.clock.reading(times), positions=positions)
+
+    @property
+    def photo_pose(self) -> np.ndarray:
+        """(4, 4) camera frame to radar frame, where the picture is to be taken."""
+        return self.world.camera.pose(self.plan.photo.position - BASE_ORIGIN)  # type: ignore[union-attr]
+
+    def estimated_seconds(self) -> float:
+        """How long the echoes of the whole plan would take here [s], from those of a piece of its middle row."""
+        start, end = self.plan.rows[len(self.plan.rows) // 2]
+        length = float(np.linalg.norm(end.position - start.position))
+        total = 0.0
+        for radar in self.radars:
+            moving = int(self.world.arm.duration(length) / radar.frame_period) + 1
+            some = min(moving, _SAMPLED)
+            share = (np.arange(some) - some / 2) / moving + 0.5
+            places = start.position + share[:, None] * (end.position - start.position) - BASE_ORIGIN + radar.mount
+            # The first call makes the model ready, which is then done for the whole scan. What the second casts anew
+            # serves the rows near by, too.
+            _seconds(self._frames, radar.settings, places[:1])
+            first, again = (_seconds(self._frames, radar.settings, places) for _ in range(2))
+            rows = len(self.plan.rows)
+            total += moving / some * (rows * again + max(1.0, rows / _SHARING) * max(0.0, first - again))
+        return total
+
+    def estimated_bytes(self) -> int:
+        """How large the raw files would be."""
+        values = 0
+        for radar in self.radars:
+            shape = (int(radar.settings.chirps or 1), len(radar.radar.array.rx_positions))
+            per_frame = 2 * int(np.prod(shape)) * radar.radar.waveform.samples_per_chirp
+            values += _VALUE_BYTES[radar.name] * per_frame * self.plan.frames(radar.frame_period)
+        return values * len(self.plan.rows)
+
+    def _radar(self, name: str) -> VirtualRadar:
+        for radar in self.radars:
+            if radar.name == name:
+                return radar
+        raise UnknownNameError("radar of this world", name, [radar.name for radar in self.radars])
+
+    def _radar_frame(self, times: np.ndarray) -> np.ndarray:
+        """(n, 3) true positions of the radar frame in the world [m] at true times (n,) [s]."""
+        return self.arm.true_positions(times) - BASE_ORIGIN
+
+
+def _seconds(frames: Frames, settings: RadarSettings, positions: np.ndarray) -> float:
+    started = time.perf_counter()
+    frames(settings, Trajectory(times=np.arange(len(positions)), positions=positions))
+    return time.perf_counter() - started
+
+
+def plan_of(world: World) -> ScanPlan:
+    """The scan of a world in the base frame, with time for its slowest row.
+
+    Raises
+    ------
+    InputError
+        It would take more frames than any disk holds.
+    """
+    scan = world.scan
+    rows = [
+        (ArmPose(position=np.add(BASE_ORIGIN, (x, y0, 0.0))), ArmPose(position=np.add(BASE_ORIGIN, (x, y1, 0.0))))
+        for x in scan.row_places
+        for y0, y1 in [(scan.corner[1], scan.corner[1] + scan.size[1])]
+    ]
+    if scan.pattern == "serpentine":
+        rows[1::2] = [(end, start) for start, end in rows[1::2]]
+    middle = np.array([*scan.middle, _ABOVE]) - world.camera.offset
+    photo = middle if world.camera.at is None else np.array(world.camera.at)
+    row_time = 2 * world.arm.settle + world.arm.duration(scan.size[1])
+    plan = ScanPlan(rows=tuple(rows), row_time=row_time, photo=ArmPose(position=photo + BASE_ORIGIN))
+    paces = {f"the {radar.name} radar": float(radar.frame_period or 0) for radar in world.radars}
+    for what, period in (*paces.items(), ("the log", 1 / world.arm.log_rate)):
+        count = len(rows) * row_time / period
+        if not count <= _MOST_FRAMES:
+            raise InputError(
+                f"{what} would take {count:.3g} frames or poses, one each {period:g} s; expected {_MOST_FRAMES:.0e} at "
+                "most: a faster arm, fewer rows, or a longer period"
+            )
+    return plan
+
+
+def optics_of(layout: WorldLayout) -> Frames:
+    """What a perfect radar measures of a layout, by the rig's optics."""
+    # Numba is loaded when echoes are computed, not when a world is checked.
+    from millisight.rig.virtual._occluders import Sheet
+    from millisight.rig.virtual._optics import EchoModel, Part
+
+    world = layout.world
+    parts = tuple(Part(mesh=part.mesh, material=part.material) for part in layout.parts)
+    sheets = tuple(Sheet(corner=p.corner, u=p.u, v=p.v, layers=LAYERED[p.stack]) for p in layout.panels)
+    models: dict[RadarSettings, EchoModel] = {}
+
+    def frames(settings: RadarSettings, trajectory: Trajectory) -> np.ndarray:
+        if settings not in models:
+            models[settings] = EchoModel(
+                parts, settings.radar, _planned(world, settings), edges=world.optics.edges,
+                bounces=world.optics.bounces, occluders=sheets, antenna=settings.antenna, rng=world.seed,
+            )  # fmt: skip
+        return models[settings].frames(trajectory)
+
+    return frames
+
+
+def _planned(world: World, settings: RadarSettings) -> Trajectory:
+    """About where a radar's transmitter will be, in the radar frame."""
+    along = np.linspace(0, 1, min(_MOST_PLANNED, plan_of(world).frames(settings.frame_period or 1.0)))[:, None]
+    rows = [start.position + along * (end.position - start.position) for start, end in plan_of(world).rows]
+    positions = np.concatenate(rows) - BASE_ORIGIN + np.array(settings.mount)
+    return Trajectory(times=np.arange(len(positions)), positions=positions)

@@ -1,0 +1,271 @@
+"""All that returns echoes, as the arrays that kernels take, and the frames that it makes for some poses."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from millisight.core import SPEED_OF_LIGHT, product
+from millisight.core.errors import CoverageError, InputError
+from millisight.data import Radar, TriangleMesh, Waveform
+from millisight.meshes import LIFT, RayCaster
+from millisight.rig.virtual import _kernels as _kernels
+from millisight.rig.virtual import _path_kernels as _path_kernels
+from millisight.rig.virtual._antenna import Antenna
+from millisight.rig.virtual._edges import Edges, sharp_edges
+from millisight.rig.virtual._multipath import double_bounces
+from millisight.rig.virtual._occluders import Sheet, sheet_tables
+from millisight.rig.virtual._patches import REACH, Patches, cut, gather
+from millisight.rig.virtual._surface import Boundary, fitted
+
+EDGE_DEG = 20.0
+"""Edges that turn by more diffract [degrees]; of a finely faceted round body none does."""
+
+# The phase that a bin's series must bear, half a band off the centre: by half a bin, and by a cluster's half diagonal
+# on both legs. The sum is 0.9, see _kernels.ORDER.
+_BIN_PHASE, _CLUSTER_PHASE = 0.3, 0.6
+_WIDEST_CLUSTER = 0.03  # over which an antenna's pattern is as good as linear [m]
+_LEAST_SLOPE = 1.0  # of a single frequency [rad/m]: bins of 0.6 m
+
+Pairs = tuple[np.ndarray, np.ndarray]
+"""(M,) first and (M,) second patches of double bounces."""
+
+
+class Band(NamedTuple):
+    """A radar's band, and how finely it has paths and surfaces divided.
+
+    center, half : of the frequencies, and half their range [Hz]
+    carrier : 1 over the wavelength at the centre [1/m]
+    slope : half the range as a wave number [rad/m]
+    width : of range bins [m]
+    cell : of clusters [m]
+    """
+
+    center: float
+    half: float
+    carrier: float
+    slope: float
+    width: float
+    cell: float
+
+    @classmethod
+    def of(cls, waveform: Waveform) -> "Band":
+        half = float(np.ptp(waveform.frequencies)) / 2
+        slope = 2 * np.pi * half / SPEED_OF_LIGHT
+        rounded = max(slope, _LEAST_SLOPE)
+        cell = min(_WIDEST_CLUSTER, _CLUSTER_PHASE / np.sqrt(3) / rounded)
+        center = waveform.center_frequency
+        return cls(center, half, center / SPEED_OF_LIGHT, slope, 2 * _BIN_PHASE / rounded, cell)
+
+
+class SurfaceScatterers:
+    """Patches of solids and sheets, and edges of solids.
+
+    Parameters
+    ----------
+    solids : meshes and their surfaces; they cast shadows
+    sheets : cast none
+    radar : what looks at them
+    edges : whether solids have edges that diffract
+    antenna : its pattern; None: none
+    rng : of rough surfaces' random phases
+
+    Attributes
+    ----------
+    places : (V, 3) of patches, then edges: just above them [m]
+    directions : (2, V, 3) normals of their faces: a patch has one, twice
+    caster : what casts shadows on them
+    """
+
+    def __init__(
+        self,
+        solids: Sequence[tuple[TriangleMesh, Boundary]],
+        sheets: Sequence[Sheet],
+        radar: Radar,
+        *,
+        edges: bool,
+        antenna: Antenna | None,
+        rng: int | np.random.Generator | None,
+    ):
+        band = Band.of(radar.waveform)
+        reach = REACH / band.carrier
+        faces = [(mesh.vertices[mesh.faces], surface) for mesh, surface in solids]
+        faces += [face for sheet in sheets for face in sheet.faces(band.center)]
+        surfaces = [surface for _, surface in faces]
+        patches = gather([cut(triangles, reach) for triangles, _ in faces], band.cell)
+        self._radar, self._band = radar, band
+        self._surface, self._starts = patches.surface, patches.starts
+        self._corners, self._centroids, self._normals = patches.corners, patches.centroids, patches.normals
+        self._areas, self._cluster, self._centers = patches.areas, patches.cluster, patches.centers
+        self._table, self._cones = _patch_table(patches, band, _phasors(surfaces, patches, rng)), _cones(patches)
+        coherent, self._terms, self._diffuse = fitted(surfaces, band.center, band.half)
+        self._coherent = np.stack([np.real(coherent), np.imag(coherent)], axis=2)
+        self._sheets, self._sheet_tables = sheet_tables(sheets, band.center, band.half)
+        self._exponents = np.zeros(2) if antenna is None else antenna.exponents
+
+        found = [sharp_edges(mesh, EDGE_DEG, 2 * reach) for mesh, _ in solids] if edges else []
+        strengths = [-complex(surface.coherent(band.center, 1.0)) for surface in surfaces]
+        self._edges, self._edge_cluster = _edge_table(found, strengths, patches)
+        lifted = [edge.middles + LIFT * edge.lift for edge in found]
+        self.places = np.concatenate([self._centroids + LIFT * self._normals, *lifted])
+        one, other = [edge.normals for edge in found], [edge.others for edge in found]
+        self.directions = np.stack([np.concatenate([self._normals, *some]) for some in (one, other)])
+
+        # Patches that cast shadows and mirror; padding does neither.
+        self._solid = np.flatnonzero((patches.surface < len(solids))[self._cluster] & (self._areas > 0))
+        self.caster = RayCaster(self._corners[self._solid], centered=True)
+
+    def check_clearance(self, antennas: np.ndarray) -> None:
+        """Refuse antennas (A, 3) [m] nearer to a surface than the sums are good for.
+
+        Raises
+        ------
+        CoverageError
+        """
+        from scipy.spatial import KDTree
+
+        distance = KDTree(self._centers).query(antennas)[0]
+        nearest = int(distance.argmin())
+        if distance[nearest] < 2 * self._band.cell:
+            raise CoverageError(
+                f"an antenna at {np.round(antennas[nearest], 3).tolist()} m is {distance[nearest] * 1000:.1f} mm from "
+                f"a surface; expected at least {2000 * self._band.cell:.0f} mm: raise the aperture, or lower the object"
+            )
+
+    def bounces_from(self, place: np.ndarray) -> Pairs:
+        """Double bounces for antennas about `place` (3,) [m]."""
+        solid = self._solid
+        first, second = double_bounces(place, self._centroids[solid], self._normals[solid], self.caster)
+        return solid[first], solid[second]
+
+    def _bounce_table(self, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(M, 20) and (M, 2), see `_path_kernels.bounce_echoes`."""
+        start, normal = self._centroids[first], self._normals[second]
+        columns = (
+            start, self._normals[first], normal, self._corners[first, 0] - start, self._corners[first, 1] - start,
+            self._areas[first], np.einsum("mi,mi->m", start - self._centroids[second], normal),
+            start - self._centers[self._cluster[first]],
+        )  # fmt: skip
+        return np.column_stack(columns), self._cluster[np.column_stack([first, second])]
+
+    def frames(
+        self,
+        antennas: np.ndarray,
+        axes: np.ndarray,
+        light: np.ndarray,
+        mirrors: Sequence[tuple[int, Pairs]],
+    ) -> np.ndarray:
+        """(P, T, R, N) complex64 frames.
+
+        Parameters
+        ----------
+        antennas : (P, T + R, 3) transmitters, then receivers [m]
+        axes : (P, 3, 3) the radar's x, y and -z
+        light : (P (T + R), V) how much of `places` each antenna sees
+        mirrors : for how many poses, one after the other, which double bounces; none: without
+        """
+        poses, count = antennas.shape[:2]
+        transmitters = len(self._radar.array.tx_positions)
+        t, r = np.arange(transmitters), np.arange(transmitters, count)
+        first = count * np.arange(poses)[:, None, None]
+        channels = np.stack(np.broadcast_arrays(first + t[:, None], first + r), axis=-1).reshape(-1, 2)
+        flat = antennas.reshape(-1, 3)
+        legs = np.empty((len(flat), len(self._centers), _kernels.LEG), dtype=np.float32)
+        _path_kernels.fill_legs(
+            flat, np.repeat(axes, count, axis=0), self._exponents, self._centers, self._sheets, self._sheet_tables, legs
+        )
+        lowest, bins = self._bins(flat, len(channels), far=len(mirrors) > 0)
+        scale = self._band.carrier, self._band.slope, lowest, self._band.width
+        _kernels.surface_echoes(
+            channels, flat, light, legs, self._table, self._starts, self._centers, self._cones, self._surface,
+            self._coherent, self._terms, self._diffuse, *scale, bins,
+        )  # fmt: skip
+        if len(self._edges):
+            _path_kernels.edge_echoes(
+                channels, flat, light[:, len(self._centroids) :], legs, self._edges, self._edge_cluster, *scale, bins
+            )
+        each, start = transmitters * (count - transmitters), 0
+        for run, pairs in mirrors:
+            some = slice(start, start + run * each)
+            _path_kernels.bounce_echoes(
+                channels[some], flat, legs, *self._bounce_table(*pairs), self._centers, self._surface, self._coherent,
+                *scale, bins[some],
+            )  # fmt: skip
+            start = some.stop
+        samples = product(bins.reshape(len(bins), -1), self._bin_matrix(lowest, bins.shape[1]))
+        return samples.reshape(poses, transmitters, count - transmitters, -1)
+
+    def _bins(self, antennas: np.ndarray, channels: int, *, far: bool) -> tuple[int, np.ndarray]:
+        """The lowest bin that any path needs, and (C, B, ORDER) empty ones; `far`: for double bounces too."""
+        lower, upper = self._centers.min(axis=0), self._centers.max(axis=0)
+        aside = np.maximum(np.maximum(lower - antennas, antennas - upper), 0)
+        across = np.maximum(abs(lower - antennas), abs(antennas - upper))
+        slack = 4 * self._band.cell + 2 * self._band.width
+        shortest = 2 * np.linalg.norm(aside, axis=1).min() - slack
+        longest = 2 * np.linalg.norm(across, axis=1).max() + slack
+        if far:
+            longest += 2 * np.linalg.norm(upper - lower)
+        lowest = int(np.floor(shortest / self._band.width))
+        count = int(np.ceil(longest / self._band.width)) - lowest + 1
+        return lowest, np.zeros((channels, count, _kernels.ORDER), dtype=np.complex64)
+
+    def _bin_matrix(self, lowest: int, count: int) -> np.ndarray:
+        """(B ORDER, N) samples of each term of each bin: ν^m exp(-i k (D + path_offset)) f / f_c."""
+        frequencies = self._radar.waveform.frequencies
+        paths = self._band.width * (lowest + np.arange(count)) + self._radar.path_offset
+        waves = np.exp(-2j * np.pi / SPEED_OF_LIGHT * np.outer(paths, frequencies)) * frequencies / self._band.center
+        nu = (frequencies - self._band.center) / (self._band.half or 1.0)
+        matrix = waves[:, None] * nu ** np.arange(_kernels.ORDER)[:, None]
+        return matrix.reshape(-1, len(frequencies)).astype(np.complex64)
+
+
+def _phasors(surfaces: Sequence[Boundary], patches: Patches, rng: int | np.random.Generator | None) -> np.ndarray:
+    """(N,) complex normal numbers of mean square 1 for the patches of rough surfaces, 0 for the others."""
+    rough = np.array([surface.roughness > 0 for surface in surfaces])[patches.surface][patches.cluster]
+    phasors = np.zeros(len(rough), dtype=complex)
+    if rough.any():
+        if rng is None:
+            raise InputError("a part is rough, which needs random phases: pass rng=0, say")
+        draws = np.random.default_rng(rng).standard_normal((int(rough.sum()), 2))
+        phasors[rough] = draws @ np.array([1, 1j]) / np.sqrt(2)
+    return phasors
+
+
+def _patch_table(patches: Patches, band: Band, phasors: np.ndarray) -> np.ndarray:
+    """(ROWS, N) float32, see `_kernels.ROWS`."""
+    centroids, areas = patches.centroids, patches.areas
+    random = np.sqrt(areas / np.pi) * phasors
+    rows = (
+        (centroids - patches.centers[patches.cluster]).T,
+        patches.normals.T,
+        (patches.corners[:, 0] - centroids).T,
+        (patches.corners[:, 1] - centroids).T,
+        (areas * band.carrier, np.real(random), np.imag(random)),
+    )
+    return np.concatenate(rows).astype(np.float32)
+
+
+def _cones(patches: Patches) -> np.ndarray:
+    """(G, 5) see `_kernels.surface_echoes`."""
+    away = np.linalg.norm(patches.centroids - patches.centers[patches.cluster], axis=1)
+    return np.column_stack([patches.cones, np.maximum.reduceat(away, patches.starts[:-1])])
+
+
+def _edge_table(
+    found: Sequence[Edges], strengths: Sequence[complex], patches: Patches
+) -> tuple[np.ndarray, np.ndarray]:
+    """(E, 19) and (E,), see `_path_kernels.edge_echoes`."""
+    from scipy.spatial import KDTree
+
+    tables, clusters = [np.zeros((0, 19))], [np.zeros(0, dtype=np.int64)]
+    tree = KDTree(patches.centers)
+    for edges, strength in zip(found, strengths, strict=False):
+        cluster = np.asarray(tree.query(edges.middles)[1]) if len(edges) else clusters[0]
+        strong = np.tile([strength.real, strength.imag], (len(edges), 1))
+        columns = (
+            edges.middles, edges.along, edges.normals, edges.into, edges.lengths, edges.openings, strong,
+            edges.middles - patches.centers[cluster],
+        )  # fmt: skip
+        tables.append(np.column_stack(columns))
+        clusters.append(cluster)
+    return np.concatenate(tables), np.concatenate(clusters)

@@ -1,0 +1,15 @@
+from ._coverage import aperture_over as aperture_over
+from ._coverage import check_coverage as check_coverage
+from ._kernels import node_signals as node_signals
+from ._models import SCATTERING_MODELS as SCATTERING_MODELS
+from ._models import ScatteringModel as ScatteringModel
+from ._models import parameter as parameter
+from ._models import parameters_of as parameters_of
+from ._models import scattering_model as scattering_model
+from ._noise import add_noise as add_noise
+from ._noise import check_noise as check_noise
+from ._simulate import simulate as simulate
+from .models._diffuse import DiffuseModel as DiffuseModel
+from .models._edge import EdgeModel as EdgeModel
+from .models._rough import RoughModel as RoughModel
+from .models._specular import SpecularModel as SpecularModel

@@ -1,0 +1,84 @@
+"""Where to measure a scene from: an aperture over it, and whether one covers it."""
+
+import numpy as np
+
+from millisight.core import checked_number, checked_numbers, checked_record
+from millisight.core.errors import CoverageError
+from millisight.data import Radar, Scene, Trajectory
+
+MARGIN = 0.05
+"""By how much an aperture stands out around an object on every side, where nothing is said [m]."""
+
+_OFF = 1e-3  # by which a scene may stand out on one side [m]: resampling moves its middle by less
+
+
+def aperture_over(
+    scene: Scene,
+    radar: Radar,
+    *,
+    size: tuple[float, float] | None = None,
+    step: float | None = None,
+    height: float = 0.2,
+    center: tuple[float, float, float] | None = None,
+) -> Trajectory:
+    """A planar raster over a scene.
+
+    Parameters
+    ----------
+    scene : what is looked at
+    radar : what measures; its wavelength is the default step's
+    size : along x and y [m]; None: 5 cm more than the scene on every side
+    step : between neighbouring positions [m]; None: half a wavelength at the centre frequency
+    height : over `center` [m]
+    center : (3,) what it is centred over [m]; None: the middle of the scene's bounding box
+
+    Raises
+    ------
+    InputError
+        An argument cannot be right.
+
+    Examples
+    --------
+    >>> scene = Scene.from_mesh("golf_ball", vertices=200)
+    >>> aperture_over(scene, Radar.preset("mito-sim-24ghz"), height=0.15)
+    Trajectory(529 poses, x -0.0684 to 0.0683 m, y -0.06838 to 0.06831 m, z 0.15 to 0.15 m)
+    """
+    bounds = checked_record(scene, Scene, name="scene").mesh.bounds
+    wavelength = checked_record(radar, Radar, name="radar").waveform.wavelength
+    wide = np.ptp(bounds, axis=0)[:2] + 2 * MARGIN
+    height = checked_number(height, name="height", unit="m")
+    x, y, z = bounds.mean(axis=0) if center is None else checked_numbers(center, name="center", count=3, unit="m")
+    return Trajectory.raster(
+        size=(wide[0], wide[1]) if size is None else size,
+        step=wavelength / 2 if step is None else step,
+        center=(x, y, z + height),
+    )
+
+
+def check_coverage(scene: Scene, trajectory: Trajectory) -> None:
+    """Refuse an aperture that the scene outgrows, in width or in height.
+
+    Raises
+    ------
+    CoverageError
+    """
+    lower, upper = checked_record(scene, Scene, name="scene").mesh.bounds
+    first, last = trajectory.positions.min(axis=0), trajectory.positions.max(axis=0)
+    for i, name in enumerate("xy"):
+        if upper[i] - lower[i] > last[i] - first[i] + 1e-9:
+            raise CoverageError(
+                f"the object is {(upper[i] - lower[i]) * 100:.1f} cm wide along {name}, the aperture only "
+                f"{(last[i] - first[i]) * 100:.1f} cm; enlarge the aperture, rotate the object, or check the mesh's "
+                "unit"
+            )
+        if lower[i] < first[i] - _OFF or upper[i] > last[i] + _OFF:
+            raise CoverageError(
+                f"the object lies at {name} {lower[i]:.3f} to {upper[i]:.3f} m, the aperture at {name} "
+                f"{first[i]:.3f} to {last[i]:.3f} m; move one of them"
+            )
+    middle = (lower[2] + upper[2]) / 2
+    if upper[2] >= first[2]:
+        raise CoverageError(
+            f"the object reaches {(upper[2] - middle) * 100:.1f} cm above its centre, the aperture hangs at "
+            f"{(first[2] - middle) * 100:.1f} cm; raise the aperture or rotate the object"
+        )

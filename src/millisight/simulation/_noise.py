@@ -1,0 +1,54 @@
+"""Receiver noise (primer 15)."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from millisight.core import checked_number, with_step
+from millisight.core.errors import InputError
+from millisight.data import Capture
+
+
+def add_noise(capture: Capture, *, snr_db: float, rng: int | np.random.Generator | None) -> Capture:
+    """The capture with complex white Gaussian noise: mean |S|² of all its frames over the noise's variance (primer 15).
+
+    Parameters
+    ----------
+    capture : frames in memory; not empty
+    snr_db : [dB]
+    rng : a seed, or a generator to draw one from; the seed goes into the metadata
+
+    Raises
+    ------
+    InputError
+        The ratio or the seed cannot be right, or the capture is empty.
+    """
+    snr_db = check_noise(snr_db, rng)
+    # Squared in float32 and summed in float64: no second array of the frames' size.
+    power = sum(float(np.sum(f.real**2 + f.imag**2, dtype=np.float64)) for f in capture.frames) / capture.frames.size
+    if not power > 0:
+        raise InputError("snr_db asks for noise relative to a signal, but no vertex is lit: the capture is empty")
+    seed = int(rng.integers(2**63) if isinstance(rng, np.random.Generator) else rng)  # type: ignore[arg-type]
+    generator = np.random.default_rng(seed)
+    scale = np.float32(np.sqrt(power / 10 ** (snr_db / 10) / 2))
+    frames = np.empty(capture.frames.shape, dtype=np.complex64)
+    for p in range(len(frames)):
+        noise = generator.standard_normal((*frames.shape[1:], 2), dtype=np.float32)
+        frames[p] = capture.frames[p] + scale * noise.view(np.complex64)[..., 0]
+    frames.flags.writeable = False
+    metadata = with_step(capture.metadata, "add_noise", snr_db=snr_db, seed=seed)
+    return replace(capture, frames=frames, metadata=metadata)
+
+
+def check_noise(snr_db: float, rng: object) -> float:
+    """`snr_db` [dB] as a number; `InputError` before any work where noise could not be added with it and `rng`."""
+    number = checked_number(snr_db, name="snr_db", unit="dB")
+    if abs(number) > 300:
+        raise InputError(f"snr_db is {number:g} dB; expected between -300 and 300 dB")
+    if rng is None:
+        raise InputError("snr_db adds noise, which needs a seed: pass rng=0, say")
+    if isinstance(rng, np.random.Generator):
+        return number
+    if isinstance(rng, bool) or not isinstance(rng, int | np.integer) or rng < 0:
+        raise InputError(f"rng is {rng!r}; expected a seed, a whole number from 0 on, or a numpy Generator")
+    return number

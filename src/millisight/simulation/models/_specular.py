@@ -1,0 +1,47 @@
+"""Specular: a smooth surface answers where it mirrors the transmitter to the receiver."""
+
+from typing import ClassVar
+
+import numpy as np
+
+from millisight.core import record
+from millisight.data import TriangleMesh
+from millisight.simulation._models import SCATTERING_MODELS, check_angle, parameter
+
+
+@SCATTERING_MODELS.add("specular")
+@record
+class SpecularModel:
+    """Vertices answer whose normal about halves the angle between transmitter and receiver (paper Eq. 6, primer 11).
+
+    Attributes
+    ----------
+    tau_deg : largest angle between the normal and the bisector of the directions to TX and RX [degrees]
+    two_sided : the opposite normal counts too, for meshes with flipped faces
+    """
+
+    name: ClassVar[str] = "specular"
+    tau_deg: float = parameter(5.0, "Specular: largest angle off the normal [degrees].")
+    two_sided: bool = parameter(False, "Specular: opposite normals count too.")
+
+    def __post_init__(self) -> None:
+        check_angle(self.tau_deg, "tau_deg")
+
+    def candidates(self, mesh: TriangleMesh) -> np.ndarray:
+        return np.ones(len(mesh.vertices), dtype=bool)
+
+    def weights(self, tx_positions, rx_positions, points, normals) -> np.ndarray:
+        from millisight.simulation import _kernels as _kernels
+
+        shape = (*tx_positions.shape[:2], rx_positions.shape[1])
+        lit = np.empty((*shape, len(points)), dtype=bool)
+        _kernels.specular(
+            np.broadcast_to(tx_positions[:, :, None], (*shape, 3)).reshape(-1, 3),
+            np.broadcast_to(rx_positions[:, None], (*shape, 3)).reshape(-1, 3),
+            np.ascontiguousarray(points.T),
+            np.ascontiguousarray(normals.T),
+            np.cos(np.radians(self.tau_deg)),
+            self.two_sided,
+            lit.reshape(-1, len(points)),
+        )
+        return lit

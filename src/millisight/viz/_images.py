@@ -1,0 +1,204 @@
+"""Figures of images: projections, slices, and many images side by side, all panels in one scale."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.colors import Colormap
+from matplotlib.figure import Figure
+
+from millisight.core import checked_array, checked_colormap, checked_number
+from millisight.core.errors import InputError, UnknownNameError
+from millisight.data import SarImage, TriangleMesh, VoxelGrid
+from millisight.viz._outline import PLANE, cross_section, outline_of
+from millisight.viz._style import (
+    Panel,
+    Scale,
+    add_colour_bar,
+    borders,
+    draw_lines,
+    draw_outline,
+    grid_box,
+    label_view,
+    place_panels,
+    show_pixels,
+    styled,
+)
+
+
+@styled
+def plot_image(
+    image: SarImage,
+    *,
+    mesh: TriangleMesh | None = None,
+    scale: str = "linear",
+    dynamic_range_db: float = 30,
+    colormap: str | Colormap | Sequence[str | Colormap | None] | None = None,
+    title: str | None = None,
+) -> Figure:
+    """The mean of |I| along z, y and x, each over its own maximum; `SarImage.plot`.
+
+    Parameters
+    ----------
+    image : SarImage
+    mesh : its outline is drawn over the pictures; in the image's frame [m]
+    scale : "linear", |I| / max, or "db"
+    dynamic_range_db : how far under the maximum the dB scale reaches
+    colormap : Matplotlib's name, or a plug-in's; None: that of all pictures, see `set_colormap`. Of several, there is a
+        block of panels for each, one above the other
+    title : written above
+
+    Raises
+    ------
+    UnknownNameError, InputError
+    """
+    shades = Scale.checked(scale, dynamic_range_db)
+    names = colormap if isinstance(colormap, Sequence) and not isinstance(colormap, str) else [colormap]
+    if not names:
+        raise InputError("colormap is empty; expected at least one name, such as 'inferno'")
+    maps = [checked_colormap(name) for name in names]
+    outlines = {axis: outline_of(mesh, axis) for axis in PLANE} if mesh is not None else {}
+    figure, rows, bars = place_panels([Panel.views_of(grid_box(image.grid))] * len(maps), title=title)
+    for row, bar, colours in zip(rows, bars, maps, strict=True):
+        for axes, axis in zip(row, PLANE, strict=True):
+            show_pixels(axes, *_coordinates(image.grid, axis), shades(image.project(axis)), shades, colours)
+            if mesh is not None:
+                draw_outline(axes, outlines[axis], axis)
+            label_view(axes, axis)
+        add_colour_bar(bar, shades, colours, f"mean {shades.unit}")
+    return figure
+
+
+@styled
+def plot_slices(
+    image: SarImage,
+    *,
+    at: Sequence[float] | np.ndarray | None = None,
+    mesh: TriangleMesh | None = None,
+    scale: str = "db",
+    dynamic_range_db: float = 30,
+    colormap: str | Colormap | None = None,
+    title: str | None = None,
+) -> Figure:
+    """|I| in the three planes through a point, relative to the maximum of the whole image.
+
+    Parameters
+    ----------
+    image : SarImage
+    at : (3,) the point [m], moved to the nearest voxel; default the brightest voxel
+    mesh : its cross-section is drawn, and faintly its silhouette; in the image's frame [m]
+    scale, dynamic_range_db : as for `plot_image`
+    colormap : as for `plot_image`
+    title : written above
+
+    Raises
+    ------
+    UnknownNameError
+    InputError
+        `at` lies outside the grid.
+    """
+    shades, colours = Scale.checked(scale, dynamic_range_db), checked_colormap(colormap)
+    wanted = image.peak if at is None else checked_array(at, name="at", shape=(3,), unit="m")
+    index = _nearest_voxel(image.grid, wanted)
+    point = [float(getattr(image.grid, axis)[i]) for axis, i in zip("xyz", index, strict=True)]
+    magnitude = image.magnitude
+    figure, (row,), (bar,) = place_panels([Panel.views_of(grid_box(image.grid))], title=title)
+    for axes, axis in zip(row, PLANE, strict=True):
+        number = "xyz".index(axis)
+        values = shades(magnitude.take(index[number], axis=number), magnitude.max())
+        show_pixels(axes, *_coordinates(image.grid, axis), values, shades, colours)
+        right, up = (point[i] for i in PLANE[axis])
+        axes.axvline(right, color="white", linewidth=0.5, linestyle=(0, (4, 4)), alpha=0.55)
+        axes.axhline(up, color="white", linewidth=0.5, linestyle=(0, (4, 4)), alpha=0.55)
+        if mesh is not None:
+            draw_outline(axes, mesh, axis, inner=False, alpha=0.45)
+            draw_lines(axes, cross_section(mesh, axis, point[number]), color="white", width=0.8, zorder=5)
+        label_view(axes, axis, f"{axis} = {1e3 * point[number]:.4g} mm".replace("-", "\u2212"))
+    add_colour_bar(bar, shades, colours)
+    return figure
+
+
+@styled
+def plot_sheet(
+    images: Mapping[str, SarImage],
+    *,
+    meshes: Mapping[str, TriangleMesh] | None = None,
+    columns: int | None = None,
+    scale: str = "linear",
+    dynamic_range_db: float = 30,
+    colormap: str | Colormap | None = None,
+    title: str | None = None,
+) -> Figure:
+    """Many images side by side, all equally large: the mean of |I| along z, each over its own maximum.
+
+    Parameters
+    ----------
+    images : name -> image, shown in this order
+    meshes : name -> mesh, whose outline is drawn over the image of that name [m]
+    columns : pictures in a row; default about as wide as high
+    scale, dynamic_range_db : as for `plot_image`
+    colormap : as for `plot_image`
+    title : written above
+
+    Raises
+    ------
+    UnknownNameError
+        A mesh has no image of its name.
+    InputError
+    """
+    if not images:
+        raise InputError("a sheet of no images; expected at least one")
+    meshes = dict(meshes or {})
+    for name in meshes:
+        if name not in images:
+            raise UnknownNameError("image", name, images)
+    shades, colours = Scale.checked(scale, dynamic_range_db), checked_colormap(colormap)
+    if columns is None:
+        columns = min(6, int(np.ceil(np.sqrt(1.5 * len(images)))))
+    columns = min(int(checked_number(columns, name="columns", minimum=1)), len(images))
+    own = [Panel.around(borders(i.grid.x, 1e-3), borders(i.grid.y, 1e-3)) for i in images.values()]
+    # Every picture shows as much as the widest and the highest need, about its own middle.
+    shown = np.array([[-0.5, 0.5]]).T * [max(p.size[k] for p in own) for k in (0, 1)]
+    panels = [Panel(*map(tuple, (np.mean([p.u, p.v], axis=1) + shown).T)) for p in own]
+    alike = all(np.allclose(np.ravel(p), np.ravel(panels[0])) for p in panels)
+    rows = [[[panel] for panel in panels[i : i + columns]] for i in range(0, len(panels), columns)]
+    gaps = (0.16, 0.34) if alike else (0.5, 0.6)
+    figure, axes_rows, bars = place_panels(
+        rows, title=title, width=1.8 + 2.6 * columns, height=1.2 + 3.2 * len(rows), gaps=gaps
+    )
+    all_axes = [axes for row in axes_rows for axes in row]
+    for number, (axes, (name, image)) in enumerate(zip(all_axes, images.items(), strict=True)):
+        show_pixels(axes, image.grid.x, image.grid.y, shades(image.project("z")), shades, colours)
+        if name in meshes:
+            draw_outline(axes, meshes[name], "z")
+        axes.set_title(name, fontsize=9, pad=4)
+        lowest, leftmost = number + columns >= len(panels), number % columns == 0
+        axes.set(xlabel="x [m]" if lowest else "", ylabel="y [m]" if leftmost else "")
+        axes.tick_params(labelbottom=lowest or not alike, labelleft=leftmost or not alike)
+    for bar in bars[1:]:
+        bar.remove()
+    places = [bar.get_position() for bar in bars[:1]] + [row[0].get_position() for row in axes_rows]
+    low, high = min(p.y0 for p in places), max(p.y1 for p in places)
+    tall = min(high - low, 3.2 / figure.get_size_inches()[1])
+    bars[0].set_position((places[0].x0, high - tall, places[0].width, tall))
+    add_colour_bar(bars[0], shades, colours, f"mean {shades.unit}")
+    return figure
+
+
+def _coordinates(grid: VoxelGrid, axis: str) -> tuple[np.ndarray, np.ndarray]:
+    """The grid's coordinates to the right and up in a view along `axis` [m]."""
+    right, up = ("xyz"[i] for i in PLANE[axis])
+    return getattr(grid, right), getattr(grid, up)
+
+
+def _nearest_voxel(grid: VoxelGrid, point: np.ndarray) -> list[int]:
+    index = []
+    for name, value in zip("xyz", point, strict=True):
+        coordinates = getattr(grid, name)
+        edge = borders(coordinates, np.inf)
+        if not edge[0] <= value <= edge[-1]:
+            raise InputError(
+                f"at has {name} = {value:g} m, outside the image, which reaches from {coordinates[0]:g} to "
+                f"{coordinates[-1]:g} m; choose a point inside"
+            )
+        index.append(int(np.abs(coordinates - value).argmin()))
+    return index

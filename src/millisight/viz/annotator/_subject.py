@@ -1,0 +1,202 @@
+"""What is annotated: a radar image or a photograph, and how it lies on the screen.
+
+A picture's pixel [i, j] is (x_i, y_j) of a radar image and row and column of a photo. On the screen x runs to the right
+and y upwards, as in every figure; a photo is shown as it was taken. A place on the screen is (column, row) from the
+upper left.
+"""
+
+import os
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from millisight.core import PUBLISHED_COLORMAP, check_readable, colormap_names, printable, record
+from millisight.core.errors import DamagedFileError, FileError, FormatError, InputError
+from millisight.data import CameraFrame, Picture, SarImage
+from millisight.datasets import checksum
+from millisight.io.mito import origin
+from millisight.perception import coloured, project
+
+PHOTO_SUFFIXES = (".png", ".jpg", ".jpeg")
+_MOST_PIXELS = 50_000_000
+_LARGEST_FILE = 1 << 30  # bytes; an image of 130 million voxels
+
+
+@record
+class OpenedPicture:
+    """A picture to annotate.
+
+    Attributes
+    ----------
+    path : the file it came from
+    sha256 : of that file, hexadecimal
+    picture : Picture, what segmenters look at
+    other_band : the file of the same scene at the radar's other frequency; None: there is none
+    """
+
+    path: Path
+    sha256: str
+    picture: Picture
+    other_band: Path | None = None
+
+    @property
+    def origin(self) -> str:
+        """The file's name; within a dataset its path from the object's folder on, the same on every machine."""
+        return origin(self.path)
+
+    @property
+    def is_radar(self) -> bool:
+        return self.picture.grid_xy is not None
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Columns and rows on the screen."""
+        a, b = self.picture.shape
+        return (a, b) if self.is_radar else (b, a)
+
+    @property
+    def colormaps(self) -> tuple[str, ...]:
+        """Names of colour maps to look at it in; segmenters look at the first, whatever is shown. A photo has none."""
+        return tuple(dict.fromkeys((PUBLISHED_COLORMAP, *colormap_names()))) if self.is_radar else ()
+
+    @property
+    def spacing(self) -> tuple[float, float]:
+        """Of columns and rows: of a radar image in metres, of a photo 1."""
+        grid = self.picture.grid_xy
+        if grid is None:
+            return 1.0, 1.0
+        steps = [float(np.diff(axis).mean()) if len(axis) > 1 else 0.0 for axis in (grid.x, grid.y)]
+        return steps[0] or steps[1] or 1e-3, steps[1] or steps[0] or 1e-3
+
+    def shown(self, pixels: np.ndarray) -> np.ndarray:
+        """(rows, columns, ...) on the screen of an array (A, B, ...) over the picture's pixels."""
+        return np.ascontiguousarray(pixels.swapaxes(0, 1)[::-1]) if self.is_radar else pixels
+
+    def on_screen(self, points: np.ndarray) -> np.ndarray:
+        """(n, 2) places [column, row] on the screen of the picture's pixels (n, 2) [i, j]."""
+        i, j = np.asarray(points).reshape(-1, 2).T
+        return np.stack([i, self.picture.shape[1] - 1 - j] if self.is_radar else [j, i], axis=1)
+
+    def on_picture(self, places: np.ndarray) -> np.ndarray:
+        """(n, 2) the picture's pixels [i, j] at places (n, 2) [column, row] on the screen."""
+        column, row = np.asarray(places).reshape(-1, 2).T
+        return np.stack([column, self.picture.shape[1] - 1 - row] if self.is_radar else [row, column], axis=1)
+
+    def coloured(self, colours: str) -> np.ndarray:
+        """(rows, columns, 3) uint8 for the screen; `colours` is a colour map for radar images, ignored for photos.
+
+        Raises
+        ------
+        InputError
+            No colour map goes by that name.
+        """
+        power = self.picture.power
+        return self.shown(self.picture.rgb if power is None else coloured(power, colours))
+
+
+def open_picture(path: str | os.PathLike[str], *, other_band: str | os.PathLike[str] | None = None) -> OpenedPicture:
+    """Open what can be annotated: PNG or JPEG, HDF5 files of ours, pickles of the published layout.
+
+    Radar images are projected along z as published; camera frames give their picture.
+
+    Parameters
+    ----------
+    path : the file
+    other_band : an image of the same scene at the radar's other frequency, for segmenters that look at both
+
+    Raises
+    ------
+    FileError, FormatError, DamagedFileError
+        There is no such file, it holds no picture, or is damaged.
+    InputError
+        `other_band` with a photograph.
+    """
+    path = _of_bearable_size(check_readable(path))
+    read = _photo if path.suffix.lower() in PHOTO_SUFFIXES else _recorded
+    content = read(path)
+    if isinstance(content, SarImage):
+        picture = project(content, other_band=None if other_band is None else _image(Path(other_band)))
+    elif other_band is not None:
+        raise InputError(f"{printable(path)} is a photograph, which has no other band; leave the other band out")
+    else:
+        picture = Picture(rgb=content)
+    other = None if other_band is None else Path(other_band)
+    return OpenedPicture(path=path, sha256=checksum(path), picture=picture, other_band=other)
+
+
+def _of_bearable_size(path: Path) -> Path:
+    size = os.path.getsize(path)
+    if size > _LARGEST_FILE:
+        raise FileError(
+            f"{printable(path)} has {size / 1e9:.1f} GB; what is annotated is read whole, up to "
+            f"{_LARGEST_FILE / 1e9:.1f} GB: make an image of fewer voxels (`millisight image --grid`)"
+        )
+    return path
+
+
+def _image(path: Path) -> SarImage:
+    content = _recorded(_of_bearable_size(check_readable(path)))
+    if not isinstance(content, SarImage):
+        raise FormatError(f"{printable(path)} holds a camera's picture; expected a radar image")
+    return content
+
+
+def _recorded(path: Path) -> SarImage | np.ndarray:
+    """A radar image, or a camera frame's (H, W, 3) picture, of a file of ours or of the published layout."""
+    content = _reader(path)(path)
+    if isinstance(content, CameraFrame):
+        return content.rgb
+    if not isinstance(content, SarImage):
+        raise FormatError(
+            f"{printable(path)} holds a {type(content).__name__}, which is no picture; expected an image that "
+            "`millisight image` wrote, a camera frame, or a PNG or JPEG file"
+        )
+    return content
+
+
+def _reader(path: Path) -> Callable[[Path], Any]:
+    if path.suffix.lower() == ".pkl":
+        from millisight.io.mito import read_published
+
+        return lambda path: read_published(path).record
+    from millisight.io import load
+
+    return load
+
+
+def _photo(path: Path) -> np.ndarray:
+    """(H, W, 3) uint8 of a PNG or JPEG file, turned as its camera was held; transparency is shown on white."""
+    from PIL import Image, ImageOps, UnidentifiedImageError
+
+    name = printable(path)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of its size, which is judged here; of odd metadata
+            opened = Image.open(path, formats=("PNG", "JPEG"))
+        with opened:
+            if opened.width * opened.height > _MOST_PIXELS:
+                raise Image.DecompressionBombError
+            upright = ImageOps.exif_transpose(_eight_bits(opened))
+            if upright.has_transparency_data:
+                upright = Image.alpha_composite(Image.new("RGBA", upright.size, "white"), upright.convert("RGBA"))
+            return np.asarray(upright.convert("RGB"))
+    except UnidentifiedImageError as error:
+        raise FormatError(f"{name} is no PNG or JPEG picture, whatever its name says; convert it") from error
+    except Image.DecompressionBombError as error:
+        raise InputError(f"{name} has more than {_MOST_PIXELS:.0e} pixels; make a smaller one") from error
+    except (OSError, SyntaxError, ValueError) as error:
+        raise DamagedFileError(f"{name} is damaged: {error}; make or copy it again") from error
+
+
+def _eight_bits(opened: Any) -> Any:
+    """A picture of 16 bits a pixel in 8, over its own range; others as they are."""
+    from PIL import Image
+
+    if not opened.mode.startswith("I"):
+        return opened
+    values = np.asarray(opened, dtype=np.float64)
+    span = float(np.ptp(values)) or 1.0
+    return Image.fromarray(np.round((values - values.min()) / span * 255).astype(np.uint8))

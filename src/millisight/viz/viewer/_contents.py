@@ -1,0 +1,379 @@
+"""What files hold for the viewer: images, and what belongs around each of them."""
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from millisight.core import check_readable, checked_numbers, checked_record, printable, put, record
+from millisight.core.errors import DamagedFileError, FileError, FormatError, InputError
+from millisight.data import Mask, SarImage, TriangleMesh, VoxelGrid
+from millisight.viz import grid_box
+from millisight.viz.viewer._levels import MOST_VOXELS, Levels, levels_of, mixed_levels
+from millisight.viz.viewer._titles import titles_of
+
+_LARGEST_PICKLE = 1 << 30  # [bytes]: a pickle can only be read whole
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+_MODELS = {"_specular": "specular", "_edges": "edge"}
+
+
+@record
+class Exhibit:
+    """One thing to look at: an image and what is around it, or what is around alone.
+
+    Attributes
+    ----------
+    title : str
+    levels : of the image as it is shown first; None: there is no image
+    pair : specular and edge image of one simulation, which the viewer weighs anew; None: one image as it is
+    share : of the edge image in `levels`, a2 / (a1 + a2)
+    masks, meshes : in the image's frame
+    paths : (P, 3) each, positions of the radar [m]
+    """
+
+    title: str
+    levels: Levels | None
+    pair: tuple[SarImage, SarImage] | None = None
+    share: float = 0.0
+    masks: tuple[Mask, ...] = ()
+    meshes: tuple[TriangleMesh, ...] = ()
+    paths: tuple[np.ndarray, ...] = ()
+
+    def __post_init__(self) -> None:
+        checked_record(self.title, str, name="title")
+        put(self, masks=tuple(self.masks), meshes=tuple(self.meshes), paths=tuple(self.paths))
+        if self.levels is None and not self.meshes and not self.paths:
+            raise InputError("an exhibit without image, mesh and path; expected at least one of them")
+
+    @property
+    def bounds(self) -> np.ndarray:
+        """(2, 3) the box of the image, or else of what is around it [m]."""
+        if self.levels is not None:
+            return grid_box(self.levels.grid)
+        boxes = [mesh.bounds for mesh in self.meshes]
+        boxes += [np.array([path.min(axis=0), path.max(axis=0)]) for path in self.paths]
+        return np.array([np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)])
+
+
+class Contents(NamedTuple):
+    """What to show, and what there is to say about the files."""
+
+    exhibits: tuple[Exhibit, ...]
+    notes: tuple[str, ...]
+
+
+class _Image(NamedTuple):
+    path: Path
+    grid: VoxelGrid
+    metadata: Mapping[str, Any]
+    image: SarImage | None  # None: too large, its levels alone were read
+    levels: Levels | None  # None: not yet asked for
+    path_beside: np.ndarray | None  # positions of the radar that its file holds
+
+
+class _Found(NamedTuple):
+    images: list[_Image]
+    masks: list[tuple[Path, Mask]]
+    meshes: list[TriangleMesh]  # in the world frame
+    mesh_files: list[Path]
+    paths: list[tuple[np.ndarray, Mapping[str, Any]]]  # positions, and the metadata of their capture
+
+
+def gather(
+    paths: Sequence[str | os.PathLike[str]],
+    *,
+    combine: bool = True,
+    alpha: tuple[float, float] = (0.5, 0.5),
+    unit: str | None = None,
+) -> Contents:
+    """Everything that files hold for the viewer, put together by what belongs to what.
+
+    Images in HDF5 that have more than 32 million voxels are read in slabs and looked at in blocks. A mask goes over
+    the image in its folder, or else over every image with its pixels. A capture goes around the images made of it, or
+    else around all. A mesh of a file stands where the image's metadata say that it was simulated.
+
+    Parameters
+    ----------
+    paths : files: images, captures, trajectories, masks, meshes, scenes in HDF5; images and masks as pickles of the
+        published layout; mesh files
+    combine : make one exhibit of the specular and the edge image of a simulation
+    alpha : their weights at first (paper Eq. 8)
+    unit : of mesh files whose unit is not clear
+
+    Raises
+    ------
+    FileError, FormatError, DamagedFileError, MeshError
+        A file cannot be read, or holds nothing to look at.
+    InputError
+        Nothing was given, or the weights cannot be right.
+    """
+    a1, a2 = checked_numbers(alpha, name="alpha", count=2, minimum=0)
+    if not a1 + a2 > 0:
+        raise InputError("alpha is (0, 0); expected at least one weight above zero")
+    share = a2 / (a1 + a2)
+    found = _Found([], [], [], [], [])
+    for path in paths:
+        _read(check_readable(path), found)
+    if not paths:
+        raise InputError("no file to look at; expected at least one")
+    notes: list[str] = []
+    groups = _pairs(found.images) if combine else [(image,) for image in found.images]
+    masks = _masks_of(found, notes)
+    titles = iter(titles_of([group[0].path for group in groups], [len(group) == 2 for group in groups]))
+    exhibits = []
+    for group in groups:
+        first = group[0]
+        pair = (group[0].image, group[1].image) if len(group) == 2 else None
+        exhibits.append(
+            Exhibit(
+                title=next(titles),
+                levels=mixed_levels(*pair, share) if pair else _levels(first),  # pyright: ignore[reportArgumentType]
+                pair=pair,  # pyright: ignore[reportArgumentType]
+                share=share if pair else 0.0,
+                masks=tuple(masks.get(first.path, ())),
+                meshes=(*found.meshes, *(_placed(path, first.metadata, unit) for path in found.mesh_files)),
+                paths=_paths_of(first, found),
+            )
+        )
+    for exhibit in exhibits:
+        if exhibit.levels is not None and exhibit.levels.peak == 0:
+            notes.append(f"{exhibit.title} is 0 everywhere: there is nothing to show of it")
+    if not exhibits:
+        if not found.meshes and not found.mesh_files and not found.paths:
+            raise InputError("only masks were given; pass the images that they belong to as well")
+        meshes = (*found.meshes, *(_placed(path, {}, unit) for path in found.mesh_files))
+        title = " + ".join(printable(Path(path).name) for path in paths)
+        exhibits = [Exhibit(title=title, levels=None, meshes=meshes, paths=tuple(p for p, _ in found.paths))]
+    for image, exhibit in zip((g[0] for g in groups), exhibits, strict=False):
+        if exhibit.levels is not None and exhibit.levels.block != (1, 1, 1):
+            whole, block = " x ".join(map(str, image.grid.shape)), " x ".join(map(str, exhibit.levels.block))
+            notes.append(
+                f"{printable(image.path.name)} has {whole} voxels: read in slabs, and the strongest of each {block} "
+                "voxels is shown"
+            )
+    return Contents(tuple(exhibits), tuple(notes))
+
+
+# Reading ---------------------------------------------------------------------------------------------------------
+
+
+def _read(path: Path, found: _Found) -> None:
+    """Put what a file holds where it belongs in `found`."""
+    from millisight.meshes import FORMATS
+
+    with open(path, "rb") as file:
+        start = file.read(8)
+    if start == _HDF5:
+        _read_hdf5(path, found)
+    elif path.suffix == ".pkl":
+        _read_pickle(path, found)
+    elif path.suffix.lower().removeprefix(".") in FORMATS:
+        found.mesh_files.append(path)
+    else:
+        raise FormatError(
+            f"{printable(path)} cannot be shown (it starts with {start!r}); expected an image, "
+            "capture, mask, mesh or scene that millisight wrote (HDF5), processed_image*.pkl or radar_masks*.pkl of "
+            f"the published dataset, or a mesh file ({', '.join(FORMATS)})"
+        )
+
+
+def _read_hdf5(path: Path, found: _Found) -> None:
+    from millisight.io import load, open_capture, provenance
+
+    kind = provenance(path)["record"]
+    if kind == "Capture":
+        with open_capture(path) as capture:
+            found.paths.append((capture.trajectory.positions, capture.metadata))
+    elif kind == "Trajectory":
+        found.paths.append((load(path).positions, {}))
+    elif kind == "SarImage":
+        found.images.append(_hdf5_image(path))
+    elif kind == "Mask":
+        found.masks.append((path, load(path)))
+    elif kind == "TriangleMesh":
+        found.meshes.append(load(path))
+    elif kind in ("Scene", "SceneObject"):
+        found.meshes.append(load(path).mesh)
+    else:
+        raise FormatError(
+            f"{printable(path)} holds a {kind}; the viewer shows SarImage, Mask, Capture, Trajectory, TriangleMesh, "
+            "SceneObject and Scene"
+        )
+
+
+def _hdf5_image(path: Path) -> _Image:
+    """An image; of one with too many voxels for memory the levels, read in slabs."""
+    import h5py
+
+    from millisight.io import load
+
+    with h5py.File(path, "r") as file:
+        values: Any = file.get("values")
+        if getattr(values, "size", 0) <= MOST_VOXELS:  # where there are none, `load` says so
+            image = load(path)
+            return _Image(path, image.grid, image.metadata, image, None, _beside(path))
+        try:
+            if values.id.get_storage_size() < values.nbytes:
+                raise InputError("less is stored than its shape claims")
+            grid = VoxelGrid(**{name: file[f"grid/{name}"][...] for name in "xyz"})  # pyright: ignore
+            levels = levels_of(grid, values, most=MOST_VOXELS)
+        except (OSError, LookupError, TypeError, ValueError) as error:
+            reason = " ".join(str(error).split())
+            raise DamagedFileError(f"{printable(path)} is damaged: {reason}; make or copy it again") from error
+    return _Image(path, grid, {}, None, levels, None)
+
+
+def _read_pickle(path: Path, found: _Found) -> None:
+    from millisight.io.mito import read_published
+
+    size = os.path.getsize(path)
+    if size > _LARGEST_PICKLE:
+        raise FileError(
+            f"{printable(path)} has {size / 1e9:.1f} GB; a pickle must be read whole, and is shown up to 1 GB: convert "
+            "it with `millisight dataset convert` and pass the HDF5 file, which is read in slabs"
+        )
+    published = read_published(path)
+    if isinstance(published.record, SarImage):
+        image = published.record
+        found.images.append(_Image(path, image.grid, image.metadata, image, None, _antennas(published.extras)))
+    elif isinstance(published.record, Mask):
+        found.masks.append((path, published.record))
+    else:
+        raise FormatError(
+            f"{printable(path)} holds a {type(published.record).__name__}; of the published dataset the viewer shows "
+            "processed_image*.pkl and radar_masks*.pkl"
+        )
+
+
+def _beside(path: Path) -> np.ndarray | None:
+    """The radar's positions that a converted image's file holds."""
+    from millisight.io import load_extras
+    from millisight.io.mito import kind_of
+
+    return _antennas(load_extras(path)) if kind_of("radars", path.name) else None
+
+
+def _antennas(extras: Mapping[str, Any]) -> np.ndarray | None:
+    """(P, 3) where a published image's file says that the antennas were [m], in the image's frame."""
+    from millisight.io.mito import BASE_ORIGIN
+
+    for name, table in extras.items():
+        shape = getattr(table, "shape", ())
+        if not name.startswith("antenna_locs") or len(shape) != 2 or shape[0] < 2 or shape[1] not in (3, 7):
+            continue
+        positions = np.asarray(table[:, :3], dtype=float)
+        if np.isfinite(positions).all():
+            return positions if name == "antenna_locs" else positions - BASE_ORIGIN
+    return None
+
+
+# What belongs to what ----------------------------------------------------------------------------------------------
+
+
+def _levels(image: _Image) -> Levels:
+    if image.levels is not None:
+        return image.levels
+    return levels_of(image.grid, image.image.values)  # pyright: ignore[reportOptionalMemberAccess]
+
+
+def _model(image: _Image) -> str | None:
+    """ "specular" or "edge", where it is the image of one of the two and nothing else."""
+    from millisight.io.mito import kind_of
+
+    history = image.metadata.get("history", ())
+    if any(step.get("step") == "combine" for step in history):
+        return None
+    stated = [step.get("model") for step in history if step.get("step") == "simulate"]
+    if stated:
+        return stated[-1] if stated[-1] in ("specular", "edge") else None
+    kind = kind_of("radars", image.path.name)
+    return _MODELS.get(kind[1]) if kind else None
+
+
+def _stem(image: _Image) -> tuple[Path, str]:
+    """The folder, and the file's name less the word for the model."""
+    name = image.path.name.lower()
+    for word in ("specular", "edges", "edge"):
+        name = name.replace(word, "")
+    return image.path.resolve().parent, name
+
+
+def _pairs(images: list[_Image]) -> list[tuple[_Image, ...]]:
+    """Specular and edge images of one simulation together, everything else alone, in the order given."""
+    left, groups = list(images), []
+    while left:
+        image = left.pop(0)
+        model = _model(image)
+        fitting = [
+            other
+            for other in left
+            if {model, _model(other)} == {"specular", "edge"}
+            and image.image
+            and other.image
+            and _same_run(image, other)
+        ]
+        fitting = [other for other in fitting if _stem(other) == _stem(image)] or (fitting if len(fitting) == 1 else [])
+        if fitting:
+            left = [other for other in left if other is not fitting[0]]
+            groups.append((image, fitting[0]) if model == "specular" else (fitting[0], image))
+        else:
+            groups.append((image,))
+    return groups
+
+
+def _same_run(a: _Image, b: _Image) -> bool:
+    """Whether two images are in memory, on one grid and, where they tell, of one scene."""
+    if a.image is None or b.image is None:
+        return False
+    same_grid = all(np.array_equal(getattr(a.grid, name), getattr(b.grid, name)) for name in "xyz")
+    return same_grid and a.metadata.get("scene_bounds") == b.metadata.get("scene_bounds")
+
+
+def _masks_of(found: _Found, notes: list[str]) -> dict[Path, list[Mask]]:
+    """The masks over each image, by its path."""
+    over: dict[Path, list[Mask]] = {}
+    for path, mask in found.masks:
+        fitting = [image for image in found.images if _fits(mask, image.grid)]
+        near = [image for image in fitting if image.path.resolve().parent == path.resolve().parent]
+        for image in near or fitting:
+            over.setdefault(image.path, []).append(mask)
+        if not fitting:
+            notes.append(f"{printable(path.name)} is left out: no image given has its pixels")
+    return over
+
+
+def _fits(mask: Mask, grid: VoxelGrid) -> bool:
+    return np.array_equal(mask.grid_xy.x, grid.x) and np.array_equal(mask.grid_xy.y, grid.y)
+
+
+def _paths_of(image: _Image, found: _Found) -> tuple[np.ndarray, ...]:
+    """The radar's paths that belong to an image, and its file's own."""
+    own = () if image.path_beside is None else (image.path_beside,)
+    return (*(path for path, metadata in found.paths if _belongs(image, metadata, found.images)), *own)
+
+
+def _belongs(image: _Image, capture: Mapping[str, Any], images: list[_Image]) -> bool:
+    """Whether an image was made of a capture, or no image was, or the capture does not tell."""
+    made = [other for other in images if capture and _made_of(other.metadata, capture)]
+    return not made or any(other is image for other in made)
+
+
+def _made_of(image: Mapping[str, Any], capture: Mapping[str, Any]) -> bool:
+    """Whether an image's metadata continue those of a capture."""
+    done = list(capture.get("history", ()))
+    plain = all(image.get(key) == value for key, value in capture.items() if key != "history")
+    return plain and list(image.get("history", ()))[: len(done)] == done
+
+
+def _placed(path: Path, metadata: Mapping[str, Any], unit: str | None) -> TriangleMesh:
+    """The mesh of a file, where `millisight simulate` put it if the image says so, or else as the file has it."""
+    from millisight.data import Scene
+    from millisight.meshes import load_mesh
+
+    placed = metadata.get("placed")
+    if not isinstance(placed, Mapping):
+        return load_mesh(path, unit=unit)
+    turned = placed.get("rotate_deg", (0.0, 0.0, 0.0))
+    return Scene.from_mesh(path, vertices=None, unit=unit or placed.get("unit"), rotate_deg=turned).mesh

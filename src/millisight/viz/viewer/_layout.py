@@ -1,0 +1,124 @@
+"""Panes side by side in one view, as if each had a camera of its own and all cameras moved alike.
+
+One camera turns around the origin. The panes are put side by side across its line of sight, and each is turned by as
+much as the camera sees it from aside: so all are seen from the same direction, wherever the camera is.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from millisight.viz.viewer._contents import Contents
+from millisight.viz.viewer._pane import Pane, Placement
+from millisight.viz.viewer._settings import ViewSettings
+
+FOV = math.radians(24)
+"""The view's angle, upright: narrow, so that what is beside is hardly seen from aside."""
+
+
+MOST_POINTS = 400_000
+"""Drawn in all panes together: what turns smoothly without a graphics card."""
+
+VIEWS = {
+    "aslant": (-0.28, -0.80, 0.62),
+    "above": (0.0, -1e-3, 1.0),
+    "front": (0.0, -1.0, 0.0),
+    "right": (1.0, 0.0, 0.0),
+}
+"""Where the camera looks from."""
+
+
+class PaneGrid:
+    """The panes in a server's scene.
+
+    Parameters
+    ----------
+    server : viser's
+    contents, settings : what is shown, and how
+    """
+
+    def __init__(self, server: Any, contents: Contents, settings: ViewSettings):
+        self.contents, self._server = contents, server
+        server.gui.configure_theme(
+            dark_mode=True, show_logo=False, show_share_button=False, control_width="medium", brand_color=(34, 139, 230)
+        )
+        most = MOST_POINTS // len(contents.exhibits)
+        self.panes = [Pane(server.scene, e, f"/pane{i}", most) for i, e in enumerate(contents.exhibits)]
+        self.radius = max(pane.radius for pane in self.panes) * 1.12
+        self.distance = start_camera(len(self.panes), self.radius)
+        camera = self.camera_of("aslant")
+        server.initial_camera.fov = FOV
+        server.initial_camera.near = self.distance / 100
+        server.initial_camera.far = self.distance * 100
+        server.initial_camera.look_at = (0.0, 0.0, 0.0)
+        server.initial_camera.position = tuple(camera)
+        self.place(camera, np.array([0.0, 0.0, 1.0]))
+        self.show(settings)
+
+    def camera_of(self, view: str) -> np.ndarray:
+        """(3,) where the camera stands for one of `VIEWS`, so that all panes are seen."""
+        return self.distance * _unit(np.array(VIEWS[view]))
+
+    def place(self, camera: np.ndarray, up: np.ndarray) -> None:
+        """Put the panes side by side as seen from a camera at (3,)."""
+        if not np.linalg.norm(camera) > 0:
+            return
+        with self._server.atomic():
+            for pane, placement in zip(self.panes, placed(len(self.panes), self.radius, camera, up), strict=True):
+                pane.place(placement)
+
+    def show(self, settings: ViewSettings) -> None:
+        """Draw the panes by these settings."""
+        for pane in self.panes:
+            pane.weigh(settings)
+        peaks = [pane.levels.peak if pane.levels is not None else 0.0 for pane in self.panes]
+        with self._server.atomic():
+            for pane, peak in zip(self.panes, peaks, strict=True):
+                under = 20 * np.log10(peak / max(peaks)) if settings.common and peak > 0 else 0.0
+                pane.show(settings, float(under))
+
+
+def rows_and_columns(count: int) -> tuple[int, int]:
+    """How many panes stand above each other and beside each other: up to three in a row, then nearly a square."""
+    columns = count if count <= 3 else math.ceil(math.sqrt(count))
+    return math.ceil(count / columns), columns
+
+
+def placed(count: int, radius: float, camera: np.ndarray, up: np.ndarray) -> list[Placement]:
+    """Where `count` panes go, each in a ball of `radius` [m], for a camera at (3,) that looks at the origin.
+
+    Parameters
+    ----------
+    up : (3,) what is up in the view; need not be exactly across the line of sight
+    """
+    ahead = _unit(-camera)
+    right = np.cross(ahead, up)
+    if np.linalg.norm(right) < 1e-6:  # straight down, where `up` says nothing
+        right = np.array([1.0, 0.0, 0.0])
+    right = _unit(right)
+    above = np.cross(right, ahead)
+    rows, columns = rows_and_columns(count)
+    result = []
+    for number in range(count):
+        row, column = divmod(number, columns)
+        in_row = min(columns, count - row * columns)
+        offset = 2 * radius * ((column - (in_row - 1) / 2) * right + ((rows - 1) / 2 - row) * above)
+        result.append(Placement(offset, _turn(ahead, _unit(offset - camera)), above * radius))
+    return result
+
+
+def start_camera(count: int, radius: float, *, aspect: float = 1.5) -> float:
+    """How far off a camera sees all panes [m], in a view `aspect` times as wide as it is high."""
+    rows, columns = rows_and_columns(count)
+    half = max(rows, columns / aspect) * radius
+    return 1.08 * half / math.tan(FOV / 2)
+
+
+def _unit(vector: np.ndarray) -> np.ndarray:
+    return vector / np.linalg.norm(vector)
+
+
+def _turn(start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """The quaternion w x y z of the shortest turn of one unit vector into another, less than half a turn away."""
+    return _unit(np.concatenate([[1 + start @ end], np.cross(start, end)]))

@@ -1,0 +1,271 @@
+"""One exhibit drawn into a viser scene: under one frame, around the middle of its box."""
+
+from collections.abc import Hashable
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.ticker import MaxNLocator
+
+from millisight.data import Mask, PixelGrid
+from millisight.viz import borders, grid_box
+from millisight.viz.viewer._contents import Exhibit
+from millisight.viz.viewer._levels import Cloud, Levels, mixed_levels
+from millisight.viz.viewer._settings import ViewSettings
+
+_MOST_SLABS = 32
+_MOST_PATH = 6_000  # positions drawn of a path
+_QUARTER = 0.5**0.5
+# Turns of a picture, whose columns run along its x and whose rows along its y, into the plane across each axis.
+_ACROSS = ((0.5, 0.5, 0.5, 0.5), (_QUARTER, _QUARTER, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+_BOX, _PATH, _MASK, _MESH, _PLANE = (140, 148, 158), (74, 163, 223), (0, 229, 160), (196, 202, 210), (110, 118, 128)
+
+
+class Placement(NamedTuple):
+    """Where a pane goes: position (3,) [m], turn as quaternion (4,) w x y z; and where its title is in it (3,) [m]."""
+
+    position: np.ndarray
+    wxyz: np.ndarray
+    title: np.ndarray
+
+
+class Pane:
+    """An exhibit in a scene; `show` draws anew what a change of settings changed, and nothing else.
+
+    Parameters
+    ----------
+    scene : viser's, of the server
+    exhibit : Exhibit
+    name : of its frame, such as "/pane0"
+    most : points drawn at most
+    """
+
+    def __init__(self, scene: Any, exhibit: Exhibit, name: str, most: int):
+        self.exhibit, self.name, self.most = exhibit, name, most
+        self.levels, self.offset_db = exhibit.levels, 0.0
+        self.cloud: Cloud | None = None
+        self._scene, self._share = scene, exhibit.share
+        self._drawn: dict[str, Hashable] = {}
+        self._nodes: dict[str, list[Any]] = {}
+        self.middle = exhibit.bounds.mean(axis=0)
+        self._frame = scene.add_frame(name, show_axes=False)
+        self._title = scene.add_label(
+            f"{name}/title", exhibit.title, anchor="bottom-center", font_screen_scale=1.1, position=(0, 0, self.radius)
+        )
+
+    @property
+    def radius(self) -> float:
+        """Of the ball around the pane's middle that holds its image [m]."""
+        return float(np.linalg.norm(np.ptp(self.exhibit.bounds, axis=0)) / 2)
+
+    def place(self, placement: Placement) -> None:
+        """Put the pane where the camera's place demands it."""
+        self._frame.position, self._frame.wxyz = placement.position, placement.wxyz
+        self._title.position = placement.title
+
+    def weigh(self, settings: ViewSettings) -> None:
+        """Weigh specular and edge image anew, where there are two."""
+        if self.exhibit.pair is not None and settings.share != self._share:
+            self.levels, self._share = mixed_levels(*self.exhibit.pair, settings.share), settings.share
+
+    def show(self, settings: ViewSettings, offset_db: float) -> None:
+        """Draw what `settings` ask for; levels lie `offset_db` under the maximum that dB count from."""
+        self.offset_db = offset_db
+        looks = (settings.threshold_db, settings.range_db, settings.colormap, offset_db, self._share)
+        if self.levels is not None:
+            self._draw("points", settings.points and looks, self._draw_points, settings)
+            self._draw("slices", settings.slices and (*looks, settings.at), self._draw_slices, settings)
+            self._draw("volume", settings.volume and looks, self._draw_volume, settings)
+        self._draw("mesh", settings.mesh, self._draw_meshes)
+        self._draw("path", settings.path, self._draw_paths)
+        self._draw("mask", settings.mask, self._draw_masks)
+        self._draw("box", settings.box, self._draw_box)
+
+    def _draw(self, part: str, wanted: Hashable, draw: Any, *arguments: Any) -> None:
+        """Draw a part where what it depends on has changed; hide it where it is not wanted."""
+        if not wanted:
+            for node in self._nodes.get(part, ()):
+                node.visible = False
+            return
+        if self._drawn.get(part) == wanted:
+            for node in self._nodes[part]:
+                node.visible = True
+            return
+        old = self._nodes.get(part, [])
+        self._nodes[part] = draw(*arguments)
+        self._drawn[part] = wanted
+        names = {node.name for node in self._nodes[part]}
+        for node in old:
+            if node.name not in names:
+                node.remove()
+
+    # The image ---------------------------------------------------------------------------------------------------
+
+    def _draw_points(self, settings: ViewSettings) -> list[Any]:
+        levels = _shown(self.levels)
+        self.cloud = cloud = levels.strongest(settings.threshold_db - self.offset_db, self.most)
+        steps = [float(np.diff(a).mean()) for a in (levels.grid.x, levels.grid.y, levels.grid.z) if len(a) > 1]
+        return [
+            self._scene.add_point_cloud(
+                f"{self.name}/points", cloud.points - self.middle.astype(np.float32),
+                settings.colours(cloud.db + np.float32(self.offset_db)), point_size=0.9 * min(steps, default=1e-3),
+                point_shape="circle", point_shading="flat", precision="float32",
+            )
+        ]  # fmt: skip
+
+    def _draw_slices(self, settings: ViewSettings) -> list[Any]:
+        levels, nodes = _shown(self.levels), []
+        for axis, at in enumerate(settings.at):
+            picture, place = levels.slice(axis, at)
+            nodes += [
+                self._picture(
+                    f"slice_{'xyz'[axis]}", _rgba(picture + np.float32(self.offset_db), settings, 1.0), axis, place
+                ),
+                self._lines(f"slice_{'xyz'[axis]}_rim", _rim(grid_box(levels.grid), axis, place), _PLANE),
+            ]
+        return nodes
+
+    def _draw_volume(self, settings: ViewSettings) -> list[Any]:
+        slabs = _shown(self.levels).slabs(2, _MOST_SLABS)
+        return [
+            self._picture(f"slab_{i}", _rgba(picture + np.float32(self.offset_db), settings, 0.55), 2, place)
+            for i, (picture, place) in enumerate(slabs)
+        ]
+
+    def _picture(self, name: str, rgba: np.ndarray, axis: int, place: float) -> Any:
+        """A picture in the plane across an axis, as wide as the image."""
+        lower, upper = grid_box(_shown(self.levels).grid)
+        width, height = (float((upper - lower)[i]) for i in range(3) if i != axis)
+        position = (lower + upper) / 2
+        position[axis] = place
+        return self._scene.add_image(
+            f"{self.name}/{name}", rgba, width, height, format="png", wxyz=_ACROSS[axis],
+            position=position - self.middle, cast_shadow=False, receive_shadow=False,
+        )  # fmt: skip
+
+    # What is around it -------------------------------------------------------------------------------------------
+
+    def _draw_meshes(self) -> list[Any]:
+        return [
+            self._scene.add_mesh_simple(
+                f"{self.name}/mesh_{i}", mesh.vertices - self.middle, mesh.faces, color=_MESH, side="double",
+                opacity=0.3 if self.levels is not None else None, cast_shadow=False, receive_shadow=False,
+            )
+            for i, mesh in enumerate(self.exhibit.meshes)
+        ]  # fmt: skip
+
+    def _draw_paths(self) -> list[Any]:
+        nodes = []
+        for i, path in enumerate(self.exhibit.paths):
+            lower, upper = path.min(axis=0), path.max(axis=0)
+            lower[2] = upper[2] = (lower[2] + upper[2]) / 2
+            nodes += [
+                self._lines(f"path_{i}", path_lines(path), _PATH, 1.0),
+                self._lines(f"aperture_{i}", _rim(np.array([lower, upper]), 2, upper[2]), _PATH, 2.5),
+            ]
+        return nodes
+
+    def _draw_masks(self) -> list[Any]:
+        nodes = []
+        for i, mask in enumerate(self.exhibit.masks):
+            floor, ceiling = self.exhibit.bounds[:, 2]
+            nodes += [
+                self._lines(f"mask_{i}_{name}", np.insert(mask_outline(mask), 2, z, axis=2), _MASK, 2.5)
+                for name, z in (("floor", floor), ("ceiling", ceiling))
+                if mask.inside.any()
+            ]
+        return nodes
+
+    def _draw_box(self) -> list[Any]:
+        """The image's box, with ticks along three of its edges."""
+        bounds = self.exhibit.bounds
+        nodes = [self._lines("box", _box_edges(bounds), _BOX, 1.0)]
+        lower, upper = bounds
+        out = 0.045 * float(np.ptp(bounds, axis=0).max())
+        # Along those edges that stand outside as the camera first looks.
+        corners = (lower, lower, np.array([upper[0], lower[1], lower[2]]))
+        away = (np.array([0, -out, 0]), np.array([-out, 0, 0]), np.array([out, -out, 0]) * 0.7)
+        ticks = []
+        for axis in range(3):
+            start, stop = lower[axis], upper[axis]
+            share = (stop - start) / float(np.ptp(bounds, axis=0).max())
+            values = MaxNLocator(nbins=max(2, round(4 * share)), steps=[1, 2, 2.5, 5, 10]).tick_values(start, stop)
+            for i, value in enumerate(v for v in values if start - 1e-9 <= v <= stop + 1e-9):
+                at = corners[axis].copy()
+                at[axis] = value
+                ticks.append([at, at + away[axis] * 0.35])
+                nodes.append(self._label(f"tick_{'xyz'[axis]}_{i}", f"{value:.4g}", at + away[axis]))
+            at = corners[axis].copy()
+            at[axis] = (start + stop) / 2
+            nodes.append(self._label(f"axis_{'xyz'[axis]}", f"{'xyz'[axis]} [m]", at + 2.3 * away[axis]))
+        nodes.append(self._lines("ticks", np.array(ticks), _BOX, 1.0))
+        return nodes
+
+    def _label(self, name: str, text: str, at: np.ndarray) -> Any:
+        return self._scene.add_label(
+            f"{self.name}/{name}", text.replace("-", "\u2212"), position=at - self.middle, anchor="center-center",
+            font_screen_scale=0.72,
+        )  # fmt: skip
+
+    def _lines(self, name: str, segments: np.ndarray, colour: tuple[int, int, int], width: float = 1.5) -> Any:
+        """(n, 2, 3) segments in the world frame."""
+        return self._scene.add_line_segments(
+            f"{self.name}/{name}", (segments - self.middle).astype(np.float32), colour, thickness=width,
+            thickness_units="screen",
+        )  # fmt: skip
+
+
+def _shown(levels: Levels | None) -> Levels:
+    if levels is None:
+        raise ValueError("a pane without image draws none")
+    return levels
+
+
+def _rgba(db: np.ndarray, settings: ViewSettings, opacity: float) -> np.ndarray:
+    """(rows, columns, 4) uint8: transparent under the threshold; of less than full opacity, the stronger the denser."""
+    alpha = np.full(db.shape, 255 * opacity, dtype=np.float32)
+    if opacity < 1:
+        alpha *= np.clip(0.25 + 0.75 * (1 + db / settings.range_db), 0.25, 1)
+    alpha[db < settings.threshold_db] = 0
+    return np.concatenate([settings.colours(db), alpha.astype(np.uint8)[..., None]], axis=-1)
+
+
+def _rim(bounds: np.ndarray, axis: int, place: float) -> np.ndarray:
+    """(4, 2, 3) the rim of the plane across `axis` at `place`, in the box `bounds`."""
+    u, v = (i for i in range(3) if i != axis)
+    corners = np.full((4, 3), place)
+    corners[:, u] = bounds[[0, 1, 1, 0], u]
+    corners[:, v] = bounds[[0, 0, 1, 1], v]
+    return np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
+
+
+def _box_edges(bounds: np.ndarray) -> np.ndarray:
+    """(12, 2, 3) the edges of a box."""
+    upright = [[[bounds[i, 0], bounds[j, 1], z] for z in bounds[:, 2]] for i in (0, 1) for j in (0, 1)]
+    return np.concatenate([_rim(bounds, 2, bounds[0, 2]), _rim(bounds, 2, bounds[1, 2]), upright])
+
+
+def mask_outline(mask: Mask) -> np.ndarray:
+    """(n, 2, 2) the borders between pixels inside and outside a mask [m]."""
+    grid: PixelGrid = mask.grid_xy
+    x, y = borders(grid.x, 1e-3), borders(grid.y, 1e-3)
+    inside = np.pad(mask.inside, 1).astype(np.int8)
+    i, j = np.nonzero(np.diff(inside[:, 1:-1], axis=0))
+    across_x = np.stack([np.stack([x[i], y[j]], -1), np.stack([x[i], y[j + 1]], -1)], axis=1)
+    i, j = np.nonzero(np.diff(inside[1:-1], axis=1))
+    across_y = np.stack([np.stack([x[i], y[j]], -1), np.stack([x[i + 1], y[j]], -1)], axis=1)
+    return np.concatenate([across_x, across_y])
+
+
+def path_lines(path: np.ndarray) -> np.ndarray:
+    """(n, 2, 3) segments along (P, 3) positions; of many, so many that a screen can show, and all turns."""
+    moves = np.diff(path, axis=0)
+    turning = (moves[1:] * moves[:-1]).sum(axis=1) < 0.5 * np.linalg.norm(moves[1:], axis=1) * np.linalg.norm(
+        moves[:-1], axis=1
+    )
+    every = -(-len(path) // _MOST_PATH)
+    kept = np.unique(np.concatenate([np.arange(0, len(path), every), [len(path) - 1]]))
+    turns = np.flatnonzero(turning) + 1
+    if len(turns) <= _MOST_PATH:
+        kept = np.union1d(kept, turns)
+    shown = path[kept]
+    return np.stack([shown[:-1], shown[1:]], axis=1)

@@ -1,0 +1,167 @@
+"""The viewer's panel: every control, and what it says about the files."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from html import escape
+from typing import Any
+
+import numpy as np
+
+from millisight.core import colormap_names
+from millisight.core.errors import MillisightError
+from millisight.viz import grid_box
+from millisight.viz.viewer._layout import VIEWS, PaneGrid
+from millisight.viz.viewer._levels import FLOOR_DB
+from millisight.viz.viewer._settings import ViewSettings, colour_bar
+
+
+class ControlPanel:
+    """The controls of a viewer, beside its scene.
+
+    Parameters
+    ----------
+    gui : viser's, of the server
+    panes : what is shown
+    settings : to begin with
+    change : changes settings, by name
+    look_from : (client, view) moves a browser's camera
+    picture, page : (client) what a browser shows, as PNG and as HTML
+    """
+
+    def __init__(
+        self, gui: Any, panes: PaneGrid, settings: ViewSettings, *, change: Any, look_from: Any, picture: Any, page: Any
+    ):
+        self._gui, self._panes, self._change, self._look_from = gui, panes, change, look_from
+        self._exhibits = panes.contents.exhibits
+        self._images = [e for e in self._exhibits if e.levels is not None]
+        gui.main_panel.dock_right()
+        if any(e.pair for e in self._exhibits):
+            self._add_weights(settings)
+        if self._images:
+            self._add_image(settings)
+        self._add_around(settings)
+        self._add_views()
+        self._add_export(picture, page)
+        self._about = gui.add_html("")
+        self.update(settings)
+
+    def update(self, settings: ViewSettings) -> None:
+        """Show the colour bar, the weights and the facts of what is shown now."""
+        if self._images:
+            self._bar.content = colour_bar(settings)
+            for slider in self._sliders:
+                slider.visible = settings.slices
+        if any(e.pair for e in self._exhibits):
+            self._weights.content = _formula(settings.share)
+        self._about.content = self._facts(settings)
+
+    # The controls --------------------------------------------------------------------------------------------------
+
+    def _add_weights(self, settings: ViewSettings) -> None:
+        with self._gui.add_folder("Weights"):
+            slider = self._gui.add_slider("edge share", 0.0, 1.0, 0.01, settings.share, hint="a2 / (a1 + a2)")
+            self._weights = self._gui.add_html(_formula(settings.share))
+        self._bind(slider, "share")
+
+    def _add_image(self, settings: ViewSettings) -> None:
+        with self._gui.add_folder("Image"):
+            self._check("points", "points", settings, "voxels above the threshold")
+            self._check("slices", "slices", settings, "three planes, which can be moved")
+            self._add_slices(settings)
+            self._check("volume", "volume", settings, "all slices along z, half transparent")
+            threshold = self._gui.add_slider(
+                "threshold [dB]", FLOOR_DB, 0.0, 0.5, max(settings.threshold_db, FLOOR_DB), hint="weaker is hidden"
+            )
+            reach = self._gui.add_slider(
+                "range [dB]", 5.0, -FLOOR_DB, 1.0, float(np.clip(settings.range_db, 5, -FLOOR_DB)),
+                hint="how far down the colours reach",
+            )  # fmt: skip
+            names = dict.fromkeys((settings.colormap, *colormap_names()))
+            colormap = self._gui.add_dropdown("colours", tuple(names), initial_value=settings.colormap)
+            if len(self._images) > 1:
+                self._check("common", "one scale for all", settings, "dB under the strongest image's maximum")
+            self._bar = self._gui.add_html(colour_bar(settings))
+        self._bind(threshold, "threshold_db")
+        self._bind(reach, "range_db")
+        self._bind(colormap, "colormap")
+
+    def _add_slices(self, settings: ViewSettings) -> None:
+        boxes = [grid_box(e.levels.grid) for e in self._images if e.levels is not None]
+        lower, upper = np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
+        self._sliders = []
+        lower, upper = np.floor(lower * 1e3) / 1e3, np.ceil(upper * 1e3) / 1e3
+        for axis, name in enumerate("xyz"):
+            first, last = float(lower[axis]), float(upper[axis])
+            at = float(np.clip(round(settings.at[axis], 3), first, last))
+            slider = self._gui.add_slider(f"{name} [m]", first, last, 0.001, at, visible=settings.slices)
+            slider.on_update(lambda _: self._change(at=tuple(float(s.value) for s in self._sliders)))
+            self._sliders.append(slider)
+
+    def _add_around(self, settings: ViewSettings) -> None:
+        with self._gui.add_folder("Around it"):
+            if any(e.meshes for e in self._exhibits):
+                self._check("mesh", "mesh", settings)
+            if any(e.paths for e in self._exhibits):
+                self._check("path", "radar's path", settings, "positions and outline of the aperture")
+            if any(e.masks for e in self._exhibits):
+                self._check("mask", "mask", settings)
+            self._check("box", "box and axes", settings)
+
+    def _add_views(self) -> None:
+        with self._gui.add_folder("Look from"):
+            buttons = self._gui.add_button_group("", tuple(VIEWS))
+
+        @buttons.on_click
+        def _(event: Any) -> None:
+            if event.client is not None:
+                self._look_from(event.client, buttons.value)
+
+    def _add_export(self, picture: Any, page: Any) -> None:
+        with self._gui.add_folder("Take away"):
+            shoot = self._gui.add_button("Screenshot (PNG)", hint="what is seen now, with the colour bar")
+            share = self._gui.add_button("Share (HTML)", hint="one file that opens in any browser, without network")
+
+        for button, kind, take, suffix in ((shoot, "picture", picture, "png"), (share, "page", page, "html")):
+
+            @button.on_click
+            def _(event: Any, kind: str = kind, take: Any = take, suffix: str = suffix) -> None:
+                with _explained(event.client, f"no {kind}"):
+                    event.client.send_file_download(f"millisight.{suffix}", take(event.client), save_immediately=True)
+
+    def _check(self, name: str, label: str, settings: ViewSettings, hint: str | None = None) -> None:
+        self._bind(self._gui.add_checkbox(label, getattr(settings, name), hint=hint), name)
+
+    def _bind(self, control: Any, name: str) -> None:
+        """Let a control change the setting of that name."""
+        control.on_update(lambda _: self._change(**{name: control.value}))
+
+    # What it says --------------------------------------------------------------------------------------------------
+
+    def _facts(self, settings: ViewSettings) -> str:
+        lines = []
+        for pane in self._panes.panes:
+            facts = [f"<b>{escape(pane.exhibit.title)}</b>"]
+            if pane.levels is not None:
+                voxels = " × ".join(map(str, pane.levels.grid.shape))
+                facts.append(f"{voxels} voxels, maximum {pane.levels.peak:.3g}")
+            if pane.cloud is not None and settings.points:
+                shown = f"{len(pane.cloud.db)} voxels shown"
+                if len(pane.cloud.db) < pane.cloud.above:
+                    shown += f", the strongest of {pane.cloud.above} above the threshold"
+                facts.append(shown)
+            lines.append("<br>".join(facts))
+        lines += [escape(note) for note in self._panes.contents.notes]
+        return '<div style="padding:4px 12px;font-size:0.8em;line-height:1.45">' + "<br>".join(lines) + "</div>"
+
+
+def _formula(share: float) -> str:
+    return f'<div style="padding:0 12px 6px;font-size:0.82em">I = {1 - share:.2f} specular + {share:.2f} edge</div>'
+
+
+@contextmanager
+def _explained(client: Any, title: str) -> Iterator[None]:
+    """Tell the user in the browser why what was asked for did not come."""
+    try:
+        yield
+    except MillisightError as error:
+        client.add_notification(title, str(error), color="red")

@@ -1,0 +1,82 @@
+"""What can be set in the viewer, and the colours that follow."""
+
+from dataclasses import field
+from functools import cache
+
+import numpy as np
+
+from millisight.core import checked_colormap, checked_number, colormap_in_use, put, record
+from millisight.core.errors import InputError
+from millisight.viz.viewer._levels import FLOOR_DB
+
+
+@record
+class ViewSettings:
+    """How images are shown.
+
+    Attributes
+    ----------
+    points, slices, volume : what of them: voxels above the threshold; three planes; all slabs, half transparent
+    threshold_db : weaker voxels are hidden [dB]
+    range_db : what the colours reach down to [dB]
+    colormap : Matplotlib's name, or a plug-in's; by default that of all pictures
+    common : dB under the maximum of all images, instead of each one's own
+    at : (x, y, z) of the planes [m], in world coordinates
+    share : of the edge image where specular and edge are weighed, a2 / (a1 + a2)
+    mesh, path, mask, box : whether they are shown
+    """
+
+    points: bool = True
+    slices: bool = False
+    volume: bool = False
+    threshold_db: float = -15.0
+    range_db: float = 30.0
+    colormap: str = field(default_factory=colormap_in_use)
+    common: bool = False
+    at: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    share: float = 0.5
+    mesh: bool = True
+    path: bool = True
+    mask: bool = True
+    box: bool = True
+
+    def __post_init__(self) -> None:
+        checked_colormap(self.colormap)
+        put(
+            self,
+            threshold_db=checked_number(self.threshold_db, name="threshold_db", unit="dB", minimum=FLOOR_DB),
+            range_db=checked_number(self.range_db, name="range_db", unit="dB", above=0),
+            share=checked_number(self.share, name="share", minimum=0),
+        )
+        if self.threshold_db > 0:
+            raise InputError(f"threshold_db is {self.threshold_db:g} dB, above the maximum; expected 0 or less")
+        if self.share > 1:
+            raise InputError(f"share is {self.share:g}; expected 0 (specular alone) to 1 (edge alone)")
+
+    def colours(self, db: np.ndarray) -> np.ndarray:
+        """(..., 3) uint8 of levels [dB]."""
+        step = np.clip(db * np.float32(255 / self.range_db) + np.float32(255), 0, 255).astype(np.uint8)
+        return palette(self.colormap)[step]
+
+
+@cache
+def palette(colormap: str) -> np.ndarray:
+    """(256, 3) uint8 of a colour map, from weak to strong."""
+    return (checked_colormap(colormap)(np.linspace(0, 1, 256))[:, :3] * 255 + 0.5).astype(np.uint8)
+
+
+def colour_bar(settings: ViewSettings) -> str:
+    """The colour bar as HTML: what is under the threshold is dimmed."""
+    stops = ", ".join(f"rgb({r},{g},{b})" for r, g, b in palette(settings.colormap)[::15].tolist())
+    hidden = 100 * float(np.clip(1 + settings.threshold_db / settings.range_db, 0, 1))
+    reference = "the strongest image's maximum" if settings.common else "each image's maximum"
+    labels = "".join(f"<span>{db:g}".replace("-", "\u2212") + "</span>" for db in
+                     (-settings.range_db, -settings.range_db * 2 / 3, -settings.range_db / 3, 0.0))  # fmt: skip
+    return (
+        '<div class="millisight-bar" style="padding:2px 12px 8px;font-size:0.82em">'
+        f'<div style="position:relative;height:14px;border-radius:3px;background:linear-gradient(to right,{stops})">'
+        f'<div style="position:absolute;left:0;top:0;bottom:0;width:{hidden:.1f}%;background:rgba(127,127,127,0.75);'
+        'border-right:2px solid #888"></div></div>'
+        f'<div style="display:flex;justify-content:space-between">{labels}</div>'
+        f"<div>dB under {reference}; grey: hidden</div></div>"
+    )

@@ -1,0 +1,1 @@
+"""What several tests need: small inputs, other processes, and answers to compare with."""

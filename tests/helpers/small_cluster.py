@@ -1,0 +1,56 @@
+"""A Dask cluster of processes on this machine, for tests and benchmarks."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from helpers.processes import wait_for
+from millisight.datasets.generation import engine_of
+
+
+class Cluster:
+    """A Dask cluster of processes on this machine, its workers of one thread each."""
+
+    def __init__(self, folder):
+        self._file = folder / "scheduler.json"
+        self._settings = {
+            "stdout": subprocess.DEVNULL,
+            "stderr": subprocess.DEVNULL,
+            "cwd": folder,
+            # One thread each in BLAS as well, as a nanny would see to.
+            "env": {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1]), "OPENBLAS_NUM_THREADS": "1"},
+        }
+        self._scheduler = self._started("dask_scheduler", "--port", "0")
+        self.workers = []
+        wait_for(self._file.exists)
+        self.address = json.loads(self._file.read_text())["address"]
+
+    def _started(self, name, *arguments):
+        command = [sys.executable, "-m", f"distributed.cli.{name}", "--scheduler-file", self._file, "--no-dashboard"]
+        return subprocess.Popen([*command, *arguments], **self._settings)
+
+    def of(self, workers):
+        """The address of the cluster, which has so many workers now."""
+        while len(self.workers) < workers:
+            self.workers.append(self._started("dask_worker", "--nthreads", "1", "--no-nanny"))
+        wait_for(lambda: engine_of(self.address).workers == workers)
+        return self.address
+
+    def processor_seconds(self):
+        """That all workers took of the processor so far."""
+        import psutil
+
+        times = [psutil.Process(worker.pid).cpu_times() for worker in self.workers]
+        return sum(time.user + time.system for time in times)
+
+    def kill_one(self):
+        worker = self.workers.pop()
+        worker.kill()
+        worker.wait()
+
+    def end(self):
+        for process in (*self.workers, self._scheduler):
+            process.kill()
+            process.wait()
