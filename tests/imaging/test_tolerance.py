@@ -13,11 +13,11 @@ import pytest
 import millisight as ms
 from helpers.oracles import C, point_frames, relative, shared
 from helpers.random_geometries import SCANS, draw
+from millisight.calibration import read_capture
 from millisight.core.errors import InputError
 from millisight.imaging import _plan
 from millisight.imaging._kernels import backproject
 from millisight.imaging._lengths import boxes, grid_in
-from millisight.io.description._description import read_capture
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples" / "captures"
 TOLERANCE = 0.005  # the default

@@ -5,7 +5,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 import typer
 
 from millisight.cli.console import check_outputs, say
@@ -227,7 +226,7 @@ def _result(
 
 def _words(prediction: "Prediction") -> str:
     """The answer: "box 0.93", or "not sure: box 0.41, can 0.35"."""
-    best = np.argsort(-prediction.probabilities, kind="stable")[: 1 if prediction.sure else 2]
+    best = (-prediction.probabilities).argsort(kind="stable")[: 1 if prediction.sure else 2]
     classes = ", ".join(f"{prediction.class_names[i]} {prediction.probabilities[i]:.2f}" for i in best)
     return classes if prediction.sure else f"{prediction.answer}: {classes}"
 
@@ -235,7 +234,7 @@ def _words(prediction: "Prediction") -> str:
 def _say_bars(prediction: "Prediction") -> None:
     """A line a class, the most probable first."""
     width = max(map(len, prediction.class_names))
-    for i in np.argsort(-prediction.probabilities, kind="stable"):
+    for i in (-prediction.probabilities).argsort(kind="stable"):
         share = float(prediction.probabilities[i])
         say(f"  {prediction.class_names[i]:<{width}}  {share:.2f}  {'#' * round(_BAR * share)}".rstrip())
     if prediction.threshold > 0:

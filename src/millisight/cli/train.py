@@ -61,8 +61,8 @@ def segmenter(
 ) -> None:
     """Train the segmenter "wave" on simulated scenes.
 
-    Writes the scenes, a checkpoint after each epoch, and in the end wave.onnx with its description wave.json. If it is
-    interrupted, run it again: it goes on, and the weights are the same.
+    Writes the scenes, a checkpoint after each epoch, and in the end wave.onnx with its description wave.json. Run it
+    again to continue after an interruption: the weights are the same.
 
     Example: millisight train segmenter examples/training/segmenter.toml -o wave
     """
@@ -90,7 +90,7 @@ def classifier(
     """Train a classifier on simulated scenes.
 
     Writes the scenes, a checkpoint after each epoch, and in the end classifier.onnx with its description
-    classifier.json. If it is interrupted, run it again: it goes on, and the weights are the same.
+    classifier.json. Run it again to continue after an interruption: the weights are the same.
 
     Example: millisight train classifier examples/training/classifier.toml -o classifier
     """
