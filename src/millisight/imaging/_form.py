@@ -19,7 +19,6 @@ from millisight.imaging._accuracy import (
 from millisight.imaging._backprojection import OVERSAMPLING, backproject, weighted_blocks
 from millisight.imaging._exact import image_at
 from millisight.imaging._fast import fast
-from millisight.imaging._sparse import sparse
 from millisight.imaging._windows import Window, range_weights, window_pair
 
 METHODS = ("fast", "backprojection", "exact", "sparse")
@@ -105,6 +104,8 @@ def form_image(
     if method == "exact":
         values = _exact(capture, grid, window, progress)
     elif method == "sparse":
+        from millisight.imaging._sparse import sparse  # Numba and SciPy: not for --help
+
         settings["oversampling"] = OVERSAMPLING if oversampling is None else int(oversampling)
         values, settings["solver"] = sparse(
             capture, grid, window=window, oversampling=settings["oversampling"], device=device, progress=progress
