@@ -8,6 +8,7 @@ Sign (primer 3): a reflector at path length d answers exp(-i 2 pi f d / c), and 
 """
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -22,12 +23,12 @@ _C0, _C1, _C2 = np.float32(0.999999222), np.float32(-19.7389825), np.float32(64.
 _C3, _C4, _C5 = np.float32(-85.2723973), np.float32(58.7940393), np.float32(-21.0767822)
 
 
-def distance(dx, dy, dz):
+def distance(dx: Any, dy: Any, dz: Any) -> Any:
     """Length of (dx, dy, dz), in the unit and precision of its arguments."""
     return math.sqrt(dx * dx + dy * dy + dz * dz)
 
 
-def refracted(across, depth, thicknesses, indices):
+def refracted(across: Any, depth: Any, thicknesses: Any, indices: Any) -> Any:
     """Path through plane layers by Snell's law [m of the medium behind them], from one side to `depth` beyond.
 
     Antenna and point are `across` apart along the layers and `depth` normal to them. Their sines add up by the root of
@@ -64,18 +65,18 @@ def refracted(across, depth, thicknesses, indices):
     return path
 
 
-def wrapped(cycles):
+def wrapped(cycles: Any) -> Any:
     """`cycles` less the nearest whole number: the phase in cycles, within half a cycle of zero."""
     return cycles - np.rint(cycles)
 
 
-def cosine(wrapped_cycles):
+def cosine(wrapped_cycles: Any) -> Any:
     """cos(2 pi t) in float32, |t| <= 1/2."""
     q = wrapped_cycles * wrapped_cycles
     return _C0 + q * (_C1 + q * (_C2 + q * (_C3 + q * (_C4 + q * _C5))))
 
 
-def sine(wrapped_cycles):
+def sine(wrapped_cycles: Any) -> Any:
     """sin(2 pi t) in float32, |t| <= 1/2."""
     q = wrapped_cycles * wrapped_cycles
     return wrapped_cycles * (_S0 + q * (_S1 + q * (_S2 + q * (_S3 + q * (_S4 + q * _S5)))))

@@ -70,7 +70,7 @@ def parameter(default: Any, about: str) -> Any:
     return dataclasses.field(default=default, metadata={"about": about})
 
 
-def parameters_of(model: Any) -> Mapping[str, dataclasses.Field]:
+def parameters_of(model: Any) -> Mapping[str, dataclasses.Field[Any]]:
     """The parameters of a model or of its class, by name."""
     return {field.name: field for field in dataclasses.fields(model)} if dataclasses.is_dataclass(model) else {}
 
