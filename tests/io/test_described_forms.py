@@ -353,7 +353,8 @@ def test_texts_that_are_plain(tmp_path):
         ("(1+2j) 3j # a\n\n1.5-2i 4\n", {}, [[1 + 2j, 3j], [1.5 - 2j, 4]]),
         ("0.5 + 2i   -1.5e0 - 0.25i\n", {}, [[0.5 + 2j, -1.5 - 0.25j]]), ("1;2;\n3;4;\n", {}, [[1, 2], [3, 4]]),
         ("! VNA, 1.5\nBEGIN\nf (Hz),dB\n1,2\n3,4\nEND\n5,6\n", {"skip_rows": 2, "rows": 2}, [[1, 2], [3, 4]]),
-        ("t;0;1\n1;2;3\n", {}, [[1, 2, 3]]), ("1e-3\t-2\n", {}, [[1e-3, -2]]), ("head\nmore, of it\n1;2\n", {"skip_rows": 2}, [[1, 2]]),
+        ("t;0;1\n1;2;3\n", {}, [[1, 2, 3]]),
+        ("1e-3\t-2\n", {}, [[1e-3, -2]]), ("head\nmore, of it\n1;2\n", {"skip_rows": 2}, [[1, 2]]),
     ):  # fmt: skip
         (tmp_path / "t.csv").write_text(content)
         assert np.array_equal(ms_read(tmp_path / "t.csv", **settings).values, expected)

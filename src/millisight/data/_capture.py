@@ -1,7 +1,7 @@
 """A capture: what a radar measured along a trajectory."""
 
 from dataclasses import field
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -53,7 +53,7 @@ class Capture:
     radar: Radar
     trajectory: Trajectory
     frames: Any
-    metadata: Metadata = field(default_factory=dict)
+    metadata: Metadata = field(default_factory=dict[str, Any])
     tx_points: np.ndarray | None = None
     rx_points: np.ndarray | None = None
     layers: Layers | None = None
@@ -113,7 +113,7 @@ class Capture:
     @property
     def in_memory(self) -> bool:
         """Whether the frames are a NumPy array (or what becomes one), rather than a dataset on disk."""
-        kind = type(self.frames)  # asked of the type: a closed dataset answers nothing
+        kind = cast(type[Any], type(self.frames))  # asked of the type: a closed dataset answers nothing
         return not (hasattr(kind, "id") and hasattr(kind, "chunks"))
 
     @property

@@ -1,3 +1,5 @@
+# Callers without types are checked, too.
+# pyright: reportUnnecessaryIsInstance=false
 """Scattering models: how strongly each vertex of a mesh answers to each pair of antennas (primer 10 to 12, primer 17).
 
 A model is one file of `millisight.simulation.models`, or an entry point "millisight.scattering" of another package.
