@@ -14,7 +14,7 @@ from millisight.core.errors import InputError
 from millisight.datasets import Dataset, Experiment, ObjectFolder, Simulation
 from millisight.io.mito import CAMERA_FRAME, CAMERA_MASK, IMAGE, RADAR_MASK, RADARS, RAW
 
-app = typer.Typer(
+app: typer.Typer = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
