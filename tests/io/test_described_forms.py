@@ -194,6 +194,19 @@ def test_antennas_for_each_pose(tmp_path):
     assert np.allclose(capture.tx_positions, tx)
     assert np.array_equal(capture.rx_positions, rx)
     same_image(capture, image_of(frames, tx, rx))
+    for old, new, message in (
+        (
+            'rx_points = { array = "rx" }\n',
+            "",
+            r"has no rx_points; expected both of tx_points and rx_points, or raster",
+        ),
+        ('array = "rx"', 'array = "tx"', r"rx_points is .*\(30, 3, 3\), each antenna .*; its shape is \(30, 2, 3\)"),
+        ("tx_points =", "tx_point =", "'tx_point'. Did you mean 'tx_points'"),
+        ('unit = "mm"', 'unit = "mil"', r"tx_points: 'mil'"),
+        ("[radar]", "[radar]\ntx_positions = [[0, 0, 0]]", r"tx_positions is .*them in \[positions\] alone"),
+    ):
+        with pytest.raises(ms.errors.MillisightError, match=message):
+            read_capture(written(tmp_path, text.replace(old, new)))
     # Saved and loaded, and with noise or a step of calibration, they are where they were.
     ms.save(tmp_path / "c.h5", capture)
     with ms.open_capture(tmp_path / "c.h5") as opened:
