@@ -30,11 +30,11 @@ from typing import TYPE_CHECKING, Any
 from millisight.core import checked_number, checked_record, printable, put, record
 from millisight.core.errors import FileError, InputError, UnknownNameError
 from millisight.data import MATERIALS, Material, TriangleMesh
+from millisight.meshes._shape_classes import SHAPE_CLASSES
 
 if TYPE_CHECKING:
     from manifold3d import Manifold
 
-SHAPE_CLASSES = ("can", "handle", "box", "sphere", "other")
 CATEGORIES = ("food", "kitchen", "tool", "shape", "task")
 SOURCES = ("scan", "reported", "table", "nominal")
 
