@@ -167,13 +167,7 @@ def read_as(kind: type[T], path: Path) -> T:
 
 
 def _under(path: Path, radar: str | None, condition: str | None, *, multispectral: bool) -> list[ImageSource]:
-    """Images at a path.
-
-    Raises
-    ------
-    FileError
-        The path does not exist, or holds no image.
-    """
+    """Images at a path; an error if there are none."""
     if not path.is_dir():
         path = check_readable(path)
         return [_source(path, condition, multispectral=multispectral)]

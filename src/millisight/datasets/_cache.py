@@ -22,12 +22,7 @@ def cache_key(paths: Iterable[Path], **settings: Any) -> str:
 
 
 def write_cached(path: Path, key: str, result: Any) -> None:
-    """Write a result, and the key by which it is known to be still true.
-
-    Raises
-    ------
-    FileError
-    """
+    """Write a result, and the key by which it is known to be still true."""
     write_text(path, json.dumps({"key": key, "checksum": _checksum(result), "result": result}, indent=1))
 
 

@@ -45,21 +45,13 @@ Checksums = dict[str, tuple[int, int, str]]
 
 @record
 class Converted:
-    """What came of a conversion.
+    """What came of a conversion."""
 
-    Attributes
-    ----------
-    manifest : of all that is in the converted dataset now
-    made, kept : how many items were converted, and how many were already
-    notes : (path, what is odd about it), of all items
-    failures : (path, why it was not converted)
-    """
-
-    manifest: Manifest
-    made: int
-    kept: int
-    notes: tuple[tuple[str, str], ...]
-    failures: tuple[tuple[str, str], ...]
+    manifest: Manifest  # of all that is in the converted dataset now
+    made: int  # items
+    kept: int  # items that were converted already
+    notes: tuple[tuple[str, str], ...]  # (path, what is odd about it), of all items
+    failures: tuple[tuple[str, str], ...]  # (path, why it was not converted)
 
 
 class _Job(NamedTuple):

@@ -23,22 +23,13 @@ class RemoteFile(NamedTuple):
 
 @record
 class Download:
-    """What was downloaded, or would be.
+    """What was downloaded, or would be."""
 
-    Attributes
-    ----------
-    repository : name on the hub
-    commit : its revision, by hash; all files are of this one
-    files : those wanted
-    there : how many of them were in the folder before, whole
-    failures : (path, why it was not downloaded)
-    """
-
-    repository: str
-    commit: str
-    files: tuple[RemoteFile, ...]
-    there: int
-    failures: tuple[tuple[str, str], ...] = ()
+    repository: str  # name on the hub
+    commit: str  # its revision, by hash; all files are of this one
+    files: tuple[RemoteFile, ...]  # those wanted
+    there: int  # how many of them were in the folder before, whole
+    failures: tuple[tuple[str, str], ...] = ()  # (path, why it was not downloaded)
 
     @property
     def size(self) -> int:

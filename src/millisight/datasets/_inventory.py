@@ -68,13 +68,7 @@ class _Part:
     items: tuple[Item, ...]
 
     def item(self, kind: str, *, radar: str = "", ext: str = "") -> Item:
-        """The item of that kind, radar ("": the first) and extension.
-
-        Raises
-        ------
-        FileError
-            There is none.
-        """
+        """The item of that kind, radar ("": the first) and extension; FileError if there is none."""
         for item in self.items:
             if item.kind == kind and item.ext == ext and radar in ("", item.radar):
                 return item

@@ -17,20 +17,12 @@ from millisight.io.mito import INFO, RAW, read_experiment, read_info, read_publi
 
 @record
 class Checked:
-    """What was found of one item.
+    """What was found of one item."""
 
-    Attributes
-    ----------
-    path : relative to the dataset
-    kind : of the item, or "listed" of a file that only the manifest names
-    problems : what is lost, damaged or missing of it
-    notes : what is odd, and nothing is lost
-    """
-
-    path: str
-    kind: str
-    problems: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
+    path: str  # relative to the dataset
+    kind: str  # of the item, or "listed" of a file that only the manifest names
+    problems: tuple[str, ...] = ()  # what is lost, damaged or missing of it
+    notes: tuple[str, ...] = ()  # what is odd, and nothing is lost
 
     @property
     def ok(self) -> bool:

@@ -82,14 +82,7 @@ class LabelledScene:
 
 
 def named_segmenter(name: str, options: Mapping[str, Any]) -> Segmenter:
-    """The segmenter of that name with its options; one for all scenes of a process.
-
-    Raises
-    ------
-    UnknownNameError
-    InputError
-        What it needs is not installed.
-    """
+    """The segmenter of that name with its options; one for all scenes of a process."""
     try:
         return _segmenter(name, json.dumps(dict(options), sort_keys=True))
     except ImportError as error:

@@ -70,37 +70,21 @@ class CloudSettings:
 
 
 class WeightTrial(NamedTuple):
-    """What one pair of weights scores.
+    """What one pair of weights scores."""
 
-    Attributes
-    ----------
-    weights : (a1, a2), their sum 1
-    score : FScore
-    points : of the simulated cloud
-    converged : whether the alignment did; False where there was none
-    translation : by which the simulated cloud was moved [m]; None where there was no alignment
-    problem : why there was none; "" otherwise
-    """
-
-    weights: tuple[float, float]
-    score: FScore
-    points: int
-    converged: bool
-    translation: tuple[float, float, float] | None = None
-    problem: str = ""
+    weights: tuple[float, float]  # (a1, a2), their sum 1
+    score: FScore  # FScore
+    points: int  # of the simulated cloud
+    converged: bool  # whether the alignment did; False where there was none
+    translation: tuple[float, float, float] | None = None  # of the simulated cloud [m]; None: not aligned
+    problem: str = ""  # why there was none; "" otherwise
 
 
 class SimulatorComparison(NamedTuple):
-    """A measured image against a specular and an edge image, for every weight.
+    """A measured image against a specular and an edge image, for every weight."""
 
-    Attributes
-    ----------
-    points : of the measured cloud
-    trials : one for each of W
-    """
-
-    points: int
-    trials: tuple[WeightTrial, ...]
+    points: int  # of the measured cloud
+    trials: tuple[WeightTrial, ...]  # one for each of W
 
     @property
     def best(self) -> WeightTrial:

@@ -251,14 +251,9 @@ def _sides(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _unbranched(vertices: np.ndarray, faces: np.ndarray, name: str) -> tuple[np.ndarray, int]:
-    """Faces without those that make an edge branch, and how many were removed.
+    """Faces without those that make an edge branch, and how many were removed; an error if over 1 % of edges branch.
 
     Where three or more faces share an edge, a flap (a face that ends in the open) goes first, then the smallest.
-
-    Raises
-    ------
-    MeshError
-        More than 1 % of the edges branch.
     """
     before = len(faces)
     while True:

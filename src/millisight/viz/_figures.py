@@ -246,10 +246,6 @@ def taken_axes(
     """`axes` as a list if they are `rows` x `columns`; of None those of a new figure.
 
     Its panels are `size` inches wide and `tall` times as high, which may differ from row to row.
-
-    Raises
-    ------
-    InputError
     """
     if axes is None:
         heights = np.broadcast_to(tall, rows).tolist()
@@ -298,12 +294,7 @@ def scale_bar(ax: Axes, *, color: str = "white") -> None:
 
 
 def show_photo(ax: Axes, photo: np.ndarray) -> None:
-    """A photo (H, W, 3) without ticks.
-
-    Raises
-    ------
-    InputError
-    """
+    """A photo (H, W, 3) without ticks."""
     check_shape(np.shape(photo), name="photo", shape=("H", "W", 3))
     ax.imshow(photo)
     ax.set(xticks=[], yticks=[], facecolor="white")

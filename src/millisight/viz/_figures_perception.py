@@ -145,15 +145,7 @@ def plot_depth_holes(
 def draw_mask_outline(
     ax: Axes, inside: np.ndarray, grid: PixelGrid | None, *, color: str = "white", style: str = "-"
 ) -> ContourSet | None:
-    """The outline of a mask, if it has one.
-
-    Parameters
-    ----------
-    ax : Axes
-    inside : (X, Y) bool on a radar image's grid; (H, W) on a photo
-    grid : None: a photo
-    color, style : of the line
-    """
+    """The outline of a mask, if it has one: (X, Y) on a radar image's grid; without a grid (H, W) on a photo."""
     if not inside.any() or inside.all() or min(inside.shape) < 2:
         return None
     look: dict[str, Any] = {"levels": [0.5], "colors": color, "linewidths": 1.2, "linestyles": style}

@@ -22,13 +22,7 @@ _BUSY = threading.Lock()
 
 
 def cluster_size(address: str) -> tuple[int, int]:
-    """How many workers a cluster has now, and how many cores each; 1 and 1 of one that has none yet.
-
-    Raises
-    ------
-    DeviceError
-        There is no scheduler at the address.
-    """
+    """How many workers a cluster has now, and how many cores each; 1 and 1 of one that has none yet."""
     with _client(address) as client:
         threads = client.nthreads().values()
     return max(1, len(threads)), max(1, min(threads, default=1))
@@ -39,11 +33,6 @@ def on_cluster(address: str, function: Callable[[T], Any], things: Sequence[T]) 
 
     What a worker was at when it was lost is done again by another; a thing that takes several workers down with it
     is given up.
-
-    Raises
-    ------
-    DeviceError
-        There is no scheduler at the address, or it has gone.
     """
     from distributed import as_completed
 

@@ -69,21 +69,13 @@ class Plan:
 
 @record
 class Generated:
-    """What came of a plan.
+    """What came of a plan."""
 
-    Attributes
-    ----------
-    manifest : of all that is in the dataset now
-    made, kept : how many jobs were done, and how many were already
-    failures : (job, why it was not done)
-    others : jobs of an earlier recipe whose files are there still
-    """
-
-    manifest: Manifest
-    made: int
-    kept: int
-    failures: tuple[tuple[str, str], ...]
-    others: tuple[str, ...]
+    manifest: Manifest  # of all that is in the dataset now
+    made: int  # jobs
+    kept: int  # jobs that were done already
+    failures: tuple[tuple[str, str], ...]  # (job, why it was not done)
+    others: tuple[str, ...]  # jobs of an earlier recipe whose files are there still
 
 
 def plan_dataset(

@@ -20,17 +20,9 @@ _LOCK_NAME = ".lock"
 
 
 class Ledger:
-    """The jobs that are done, by the path of their description `job.json`.
+    """The jobs that are done, by the path of their description `job.json`, in the dataset's folder `out`.
 
-    Parameters
-    ----------
-    out : the dataset's folder; it need not be there
-    settings : of the manifest: another dataset's is refused
-
-    Raises
-    ------
-    InputError
-        The folder holds something else.
+    `settings` are the manifest's: a folder with another dataset's is refused.
     """
 
     def __init__(self, out: Path, settings: Mapping[str, Any]):
@@ -64,13 +56,7 @@ class Ledger:
 
     @contextmanager
     def writing(self) -> Iterator[None]:
-        """Only in such a block jobs can be added, and only one at a time can have it.
-
-        Raises
-        ------
-        FileError
-            Another run is at work in the folder.
-        """
+        """Only in such a block jobs can be added, and only one at a time can have it."""
         make_folder(self._out)
         with _alone(self._out):
             if read_manifest(self._out) is None:

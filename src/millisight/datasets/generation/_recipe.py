@@ -43,22 +43,13 @@ def catalogue_name(name: str) -> str:
 
 @record
 class Objects:
-    """Which objects of the catalogue: all that any of these names; each once, in the order of the YCB numbers.
+    """Which objects of the catalogue: all that any of these names; each once, in the order of the YCB numbers."""
 
-    Attributes
-    ----------
-    names : "mug" or "025_mug"
-    categories : "food", "kitchen", "tool", "shape", "task"
-    classes : "can", "handle", "box", "sphere", "other"
-    all : every one
-    without : names of those that are left out after all
-    """
-
-    names: tuple[str, ...] = ()
-    categories: tuple[str, ...] = ()
-    classes: tuple[str, ...] = ()
-    all: bool = False
-    without: tuple[str, ...] = ()
+    names: tuple[str, ...] = ()  # "mug" or "025_mug"
+    categories: tuple[str, ...] = ()  # "food", "kitchen", "tool", "shape", "task"
+    classes: tuple[str, ...] = ()  # "can", "handle", "box", "sphere", "other"
+    all: bool = False  # every one
+    without: tuple[str, ...] = ()  # names of those that are left out after all
 
     def __post_init__(self) -> None:
         put(
@@ -117,18 +108,11 @@ class MeshFile:
 
 @record
 class Placed:
-    """An object of a scene of several.
+    """An object of a scene of several."""
 
-    Attributes
-    ----------
-    object : a name of the catalogue, or of one of the recipe's files
-    offset : x and y of its middle from the aperture's middle [m]
-    angles_deg : about the fixed x, then y, then z axis, whole [degrees]
-    """
-
-    object: str
-    offset: tuple[float, float] = (0.0, 0.0)
-    angles_deg: tuple[int, int, int] = (0, 0, 0)
+    object: str  # a name of the catalogue, or of one of the recipe's files
+    offset: tuple[float, float] = (0.0, 0.0)  # x and y of its middle from the aperture's middle [m]
+    angles_deg: tuple[int, int, int] = (0, 0, 0)  # about the fixed x, y, then z axis, whole
 
     def __post_init__(self) -> None:
         checked_record(self.object, str, name="object")
@@ -154,22 +138,14 @@ class SceneRecipe:
 
 @record
 class Poses:
-    """How every object lies: the stated angles, then drawn ones, other ones for each object.
+    """How every object lies: the stated angles, then drawn ones, other ones for each object."""
 
-    Attributes
-    ----------
-    angles_deg : about the fixed x, then y, then z axis, whole [degrees]
-    count : how many more are drawn, no two alike
-    x_deg, y_deg, z_deg : from which ranges, ends included
-    shift : how far from the aperture's middle each lies, along x and along y, at most [m]
-    """
-
-    angles_deg: tuple[tuple[int, int, int], ...] | None = None
-    count: int = 0
-    x_deg: tuple[int, int] = (0, 0)
+    angles_deg: tuple[tuple[int, int, int], ...] | None = None  # about the fixed x, y, then z axis, whole
+    count: int = 0  # how many more are drawn, no two alike
+    x_deg: tuple[int, int] = (0, 0)  # from which range, ends included
     y_deg: tuple[int, int] = (0, 0)
     z_deg: tuple[int, int] = (0, 359)
-    shift: float = 0.0
+    shift: float = 0.0  # how far from the aperture's middle each lies, along x and along y, at most [m]
 
     def __post_init__(self) -> None:
         count = checked_integer(self.count, name="count", minimum=0)
@@ -193,16 +169,10 @@ class Poses:
 
 @record
 class Voxels:
-    """The voxels of the images: the box that is published of this kind of image, finer, coarser, or a part of it.
+    """The voxels of the images: the box that is published of this kind of image, finer, coarser, or a part of it."""
 
-    Attributes
-    ----------
-    spacing : along x, y and z [m]
-    margin : how much is kept around the objects [m]; None: the whole box
-    """
-
-    spacing: tuple[float, float, float] = (0.0025, 0.0025, 0.01)
-    margin: float | None = None
+    spacing: tuple[float, float, float] = (0.0025, 0.0025, 0.01)  # along x, y and z [m]
+    margin: float | None = None  # how much is kept around the objects [m]; None: the whole box
 
     def __post_init__(self) -> None:
         put(self, spacing=checked_numbers(self.spacing, name="spacing", count=3, unit="m", above=0))

@@ -28,42 +28,24 @@ _BELOW, _ABOVE = 0.17, 0.05  # the published images reach so far under and over 
 
 
 class Seen(NamedTuple):
-    """An object before the simulator.
+    """An object before the simulator."""
 
-    Attributes
-    ----------
-    name : of the catalogue, or of its file
-    mesh : its file, relative to the dataset; "" for the catalogue's shape
-    material : of a mesh file
-    angles_deg : about the fixed x, then y, then z axis
-    offset : x and y of its middle from the aperture's [m]
-    """
-
-    name: str
-    mesh: str
-    material: str
-    angles_deg: tuple[int, int, int]
-    offset: tuple[float, float]
+    name: str  # of the catalogue, or of its file
+    mesh: str  # its file, relative to the dataset; "" for the catalogue's shape
+    material: str  # of a mesh file
+    angles_deg: tuple[int, int, int]  # about the fixed x, then y, then z axis
+    offset: tuple[float, float]  # x and y of its middle from the aperture's [m]
 
 
 @record
 class SimulatorJob:
-    """Simulated images of a scene by one radar, one image a model.
+    """Simulated images of a scene by one radar, one image a model."""
 
-    Attributes
-    ----------
-    folder : of the simulation, relative to the dataset
-    radar : "77_ghz" or "24_ghz"
-    objects : what is looked at
-    settings : how
-    sources : checksums of the mesh files, by their paths relative to the dataset
-    """
-
-    folder: str
-    radar: str
-    objects: tuple[Seen, ...]
-    settings: Simulator
-    sources: Mapping[str, str]
+    folder: str  # of the simulation, relative to the dataset
+    radar: str  # "77_ghz" or "24_ghz"
+    objects: tuple[Seen, ...]  # what is looked at
+    settings: Simulator  # how
+    sources: Mapping[str, str]  # checksums of the mesh files, by their paths relative to the dataset
 
     @property
     def key(self) -> str:
@@ -93,13 +75,7 @@ class SimulatorJob:
         }
 
     def check(self, root: Path) -> Cost:
-        """What it will cost.
-
-        Raises
-        ------
-        InputError, CoverageError, MeshError, FileError
-            The aperture does not cover the objects, or these reach up to it.
-        """
+        """What it will cost; an error if the aperture does not cover the objects, or these reach up to it."""
         scene = self._scene(root, vertices=None)
         lower, upper = scene.mesh.bounds
         trajectory = self._trajectory(scene)

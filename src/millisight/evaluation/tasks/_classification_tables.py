@@ -104,14 +104,7 @@ def classifier_table(
     data: str,
     notes: Sequence[str] = (),
 ) -> Table:
-    """What each classifier learned from, and how many of the images test it on what.
-
-    Parameters
-    ----------
-    evaluated : each variant, with its training and where the images stand for it
-    objects : by scene
-    data, notes : what the images are, for the title; said below
-    """
+    """What each classifier learned from, and how many of the images test it on what; `objects` are by scene."""
     rows: Rows = []
     near = []
     for variant, training, placed in evaluated:
@@ -291,13 +284,7 @@ def pair_table(answers: Sequence[ClassifierAnswer], split: str, *, data: str) ->
 
 
 def time_table(times: Mapping[Variant, Sequence[tuple[float, float]]], *, data: str) -> Table:
-    """Medians of how long an image takes.
-
-    Parameters
-    ----------
-    times : of each variant, for some images: the classification, and the segmentation before it [s]
-    data : what the images are, for the title
-    """
+    """Medians of how long a variant takes for an image: the classification, and the segmentation before it [s]."""
     rows: Rows = []
     for variant, some in times.items():
         if some:

@@ -118,17 +118,7 @@ def cached_scene(
 ) -> SceneParts:
     """The scene of this number with this object: read from `folder`, or made and written there.
 
-    Parameters
-    ----------
-    name : of the catalogue, or of `RANDOM_OBJECTS`
-    number : from 0 on
-    settings : SceneSettings
-    seed : each scene is drawn from it, its object's name and its number, and from nothing else
-    folder : that is there
-
-    Raises
-    ------
-    FileError, DamagedFileError
+    It is drawn from the seed, the object's name and the number, and from nothing else.
     """
     path = Path(folder) / f"{name}-{number}-{_digest(settings, seed)}.npz"
     if not path.exists():

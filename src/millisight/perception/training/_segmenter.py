@@ -167,18 +167,11 @@ def _f_score(mask: np.ndarray, truth: np.ndarray, beta: int) -> float:
 
 
 class SegmenterExample(NamedTuple):
-    """One input of the network, and what it should find.
+    """One input of the network, and what it should find."""
 
-    Attributes
-    ----------
-    channels : (C, 64, 64) float32, as `WAVE_CHANNELS`
-    inside : (64, 64) float32, share of each pixel over which the object lies
-    weight : (64, 64) float32, 1 where there is an image, else 0
-    """
-
-    channels: np.ndarray
-    inside: np.ndarray
-    weight: np.ndarray
+    channels: np.ndarray  # (C, 64, 64) float32, as `WAVE_CHANNELS`
+    inside: np.ndarray  # (64, 64) float32, share of each pixel over which the object lies
+    weight: np.ndarray  # (64, 64) float32, 1 where there is an image, else 0
 
 
 def example_of(scene: SceneParts, rng: np.random.Generator) -> SegmenterExample:

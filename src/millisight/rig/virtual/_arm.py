@@ -56,14 +56,7 @@ class _Stray:
 
 
 class VirtualArm:
-    """The arm of a virtual rig: an `Arm`, and for the virtual radars the truth of where it is.
-
-    Parameters
-    ----------
-    settings : how well it moves
-    time : the world's
-    rng : draws path error and encoder noise
-    """
+    """The arm of a virtual rig: an `Arm`, and for the virtual radars the truth of where it is."""
 
     def __init__(self, settings: ArmSettings, time: WorldTime, rng: np.random.Generator):
         self._settings = settings

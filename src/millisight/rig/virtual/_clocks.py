@@ -21,16 +21,10 @@ class WorldTime:
 
 @record
 class DeviceClock:
-    """A clock that is wrong: it shows EPOCH + offset + (1 + drift) t at the true time t.
+    """A clock that is wrong: it shows EPOCH + offset + (1 + drift) t at the true time t."""
 
-    Attributes
-    ----------
-    offset : what it is ahead by when the world begins [s]
-    drift : what it gains [s/s]; 50e-6 is 50 ppm
-    """
-
-    offset: float = 0.0
-    drift: float = 0.0
+    offset: float = 0.0  # what it is ahead by when the world begins [s]
+    drift: float = 0.0  # what it gains [s/s]; 50e-6 is 50 ppm
 
     def __post_init__(self) -> None:
         put(

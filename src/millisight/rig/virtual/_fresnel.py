@@ -50,12 +50,7 @@ def boundary(before: np.ndarray, behind: np.ndarray) -> np.ndarray:
 
 
 def checked_permittivity(value: Any, name: str = "permittivity") -> complex:
-    """`value` as a complex number that no passive medium contradicts.
-
-    Raises
-    ------
-    InputError
-    """
+    """`value` as a complex number that no passive medium contradicts."""
     permittivity = complex(checked_array(value, name=name, shape=(), dtype=np.complex128))
     if permittivity.imag > 0:
         raise InputError(
@@ -68,12 +63,7 @@ def checked_permittivity(value: Any, name: str = "permittivity") -> complex:
 
 
 def checked_cosine(value: Any) -> np.ndarray:
-    """`value` as cosines of angles of incidence, held just above the horizon.
-
-    Raises
-    ------
-    InputError
-    """
+    """`value` as cosines of angles of incidence, held just above the horizon."""
     cosine = np.asarray(value, dtype=float)
     if cosine.size and not (cosine.min() >= 0 and cosine.max() <= 1 + 1e-12):
         raise InputError(f"cosines of incidence run from {cosine.min():g} to {cosine.max():g}; expected 0 to 1")
@@ -81,12 +71,7 @@ def checked_cosine(value: Any) -> np.ndarray:
 
 
 def checked_frequency(value: Any) -> np.ndarray:
-    """`value` as frequencies above zero [Hz].
-
-    Raises
-    ------
-    InputError
-    """
+    """`value` as frequencies above zero [Hz]."""
     frequency = np.asarray(value, dtype=float)
     checked_number(frequency.min(), name="frequency", unit="Hz", above=0)
     checked_number(frequency.max(), name="frequency", unit="Hz", above=0)

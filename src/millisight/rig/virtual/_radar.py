@@ -34,13 +34,7 @@ Frames = Callable[[RadarSettings, Trajectory], np.ndarray]
 class VirtualRadar:
     """A radar of a virtual rig: a `RadarDevice`.
 
-    Parameters
-    ----------
-    settings : RadarSettings
-    time : the world's
-    where : true positions (n, 3) of the radar frame [m], at true times (n,) [s]
-    frames : what it would measure if it were perfect
-    rng : draws noise and losses
+    `where(times)` are true positions (n, 3) [m] at true times (n,) [s]; `frames` what it would measure if perfect.
     """
 
     def __init__(
@@ -97,19 +91,7 @@ class VirtualRadar:
 
 
 def digitised(echoes: np.ndarray, settings: RadarSettings, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """What the recorder keeps of perfect frames.
-
-    Parameters
-    ----------
-    echoes : (F, 1, R, N) complex, of the sign inside millisight, path offset and all
-    settings : RadarSettings
-    rng : Generator
-
-    Returns
-    -------
-    samples : (F, C, R, N) complex64, whole numbers
-    lost : (F,) bool
-    """
+    """What the recorder keeps of perfect `echoes` (F, 1, R, N): (F, C, R, N) complex64 whole numbers, (F,) lost ones."""
     phases, thermal, losses = rng.spawn(3)
     frames = with_phase_noise(echoes[:, 0] + leakage(settings), settings, phases)
     shape = (len(frames), int(settings.chirps or 1), *frames.shape[1:])

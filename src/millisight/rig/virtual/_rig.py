@@ -129,13 +129,7 @@ def _seconds(frames: Frames, settings: RadarSettings, positions: np.ndarray) -> 
 
 
 def plan_of(world: World) -> ScanPlan:
-    """The scan of a world in the base frame, with time for its slowest row.
-
-    Raises
-    ------
-    InputError
-        It would take more frames than any disk holds.
-    """
+    """The scan of a world in the base frame, with time for its slowest row; an error if no disk holds its frames."""
     scan = world.scan
     rows = [
         (ArmPose(position=np.add(BASE_ORIGIN, (x, y0, 0.0))), ArmPose(position=np.add(BASE_ORIGIN, (x, y1, 0.0))))

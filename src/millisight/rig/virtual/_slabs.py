@@ -80,12 +80,7 @@ def thickness_of(layers: Layers) -> float:
 
 
 def checked_layers(layers: Any) -> Layers:
-    """`layers` as a tuple of (complex permittivity, thickness [m]).
-
-    Raises
-    ------
-    InputError
-    """
+    """`layers` as a tuple of (complex permittivity, thickness [m])."""
     try:
         pairs = [(permittivity, thickness) for permittivity, thickness in layers]
     except (TypeError, ValueError) as error:

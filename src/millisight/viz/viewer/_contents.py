@@ -21,25 +21,15 @@ _MODELS = {"_specular": "specular", "_edges": "edge"}
 
 @record
 class Exhibit:
-    """One thing to look at: an image and what is around it, or what is around alone.
+    """One thing to look at: an image and what is around it, or what is around alone."""
 
-    Attributes
-    ----------
-    title : str
-    levels : of the image as it is shown first; None: there is no image
-    pair : specular and edge image of one simulation, which the viewer weighs anew; None: one image as it is
-    share : of the edge image in `levels`, a2 / (a1 + a2)
-    masks, meshes : in the image's frame
-    paths : (P, 3) each, positions of the radar [m]
-    """
-
-    title: str
-    levels: Levels | None
-    pair: tuple[SarImage, SarImage] | None = None
-    share: float = 0.0
+    title: str  # str
+    levels: Levels | None  # of the image as it is shown first
+    pair: tuple[SarImage, SarImage] | None = None  # specular and edge, which the viewer weighs anew
+    share: float = 0.0  # of the edge image in `levels`, a2 / (a1 + a2)
     masks: tuple[Mask, ...] = ()
-    meshes: tuple[TriangleMesh, ...] = ()
-    paths: tuple[np.ndarray, ...] = ()
+    meshes: tuple[TriangleMesh, ...] = ()  # in the image's frame, as the masks
+    paths: tuple[np.ndarray, ...] = ()  # (P, 3) each, positions of the radar [m]
 
     def __post_init__(self) -> None:
         checked_record(self.title, str, name="title")

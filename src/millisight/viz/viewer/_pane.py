@@ -29,15 +29,7 @@ class Placement(NamedTuple):
 
 
 class Pane:
-    """An exhibit in a scene; `show` draws anew what a change of settings changed, and nothing else.
-
-    Parameters
-    ----------
-    scene : viser's, of the server
-    exhibit : Exhibit
-    name : of its frame, such as "/pane0"
-    most : points drawn at most
-    """
+    """An exhibit in a viser scene; `show` draws anew what a change of settings changed, and nothing else."""
 
     def __init__(self, scene: Any, exhibit: Exhibit, name: str, most: int):
         self.exhibit, self.name, self.most = exhibit, name, most
