@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from millisight.cli.console import check_outputs, progress, say
-from millisight.core import box, make_folder
-from millisight.core.errors import FileError, UnknownNameError
+from millisight.core import box, check_known, make_folder
+from millisight.core.errors import FileError
 
 if TYPE_CHECKING:
     from millisight.rig.virtual import VirtualRig
@@ -52,8 +52,7 @@ def collect(
     from millisight.rig import PublishedWriter, record_scan
     from millisight.rig.virtual import VirtualRig, World, build_layout, experiment_folder_of, experiment_info
 
-    if rig not in RIGS:
-        raise UnknownNameError("rig", rig, RIGS)
+    check_known("rig", rig, RIGS)
     check_outputs(figures=(plot,), source=world)
     described = World.from_toml(world)
     with progress("build the world"):

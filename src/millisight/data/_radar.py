@@ -168,7 +168,7 @@ class Radar:
 class _Preset:
     """A radar's file: its receivers in a row beside the transmitter."""
 
-    waveform: Waveform  # Waveform
+    waveform: Waveform
     rx_axis: str  # "x" or "y", along which the receivers lie where nothing is said
     rx_offsets: tuple[float, ...]  # from the transmitter [m]
     path_offset: float = 0.0  # see Radar [m]

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from millisight.core import read_toml, record, rotation_from_quaternion
-from millisight.core.errors import FileError, FormatError, InputError, UnknownNameError
+from millisight.core import check_known, read_toml, record, rotation_from_quaternion
+from millisight.core.errors import FileError, FormatError, InputError
 from millisight.data import CameraFrame, CameraMask, Mask, SarImage
 from millisight.datasets._inventory import Dataset, Experiment, Item
 from millisight.datasets._manifest import read_manifest
@@ -126,10 +126,8 @@ class SceneFiles(SceneSource):
             The truth lies off an image's grid, or there is none of that kind.
         UnknownNameError
         """
-        if truth not in TRUTHS:
-            raise UnknownNameError("truth", truth, TRUTHS)
-        if transform not in TRANSFORMS:
-            raise UnknownNameError("camera-to-radar transform", transform, TRANSFORMS)
+        check_known("truth", truth, TRUTHS)
+        check_known("camera-to-radar transform", transform, TRANSFORMS)
         images = {band: _read(item, SarImage) for band, item in self.images.items()}
         turn = self._radar_turn() if transform == "published" and self.number == 1 else None
 
@@ -259,8 +257,8 @@ def find_scenes(dataset: Dataset, *, sight: str | None = None) -> tuple[SceneFil
     UnknownNameError
         No such sight.
     """
-    if sight is not None and sight not in SIGHTS:
-        raise UnknownNameError("sight", sight, SIGHTS)
+    if sight is not None:
+        check_known("sight", sight, SIGHTS)
     found = []
     catalogued = {entry.ycb_id: name for name, entry in CATALOGUE.items()}
     for one in dataset.objects:

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from millisight.core import checked_array, checked_integer, checked_number, rotation_from_euler_deg
-from millisight.core.errors import InputError, UnknownNameError
+from millisight.core import check_known, checked_array, checked_integer, checked_number, rotation_from_euler_deg
+from millisight.core.errors import InputError
 
 MODES = ("translation", "rigid")
 
@@ -75,8 +75,7 @@ def align(
     UnknownNameError
         No such mode.
     """
-    if mode not in MODES:
-        raise UnknownNameError("mode of alignment", mode, MODES)
+    check_known("mode of alignment", mode, MODES)
     least = 1 if mode == "translation" else 3
     clouds = []
     for name, points in (("moving", moving), ("fixed", fixed)):

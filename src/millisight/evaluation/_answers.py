@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from millisight.core import checked_integer, checked_record, record
-from millisight.core.errors import InputError, UnknownNameError
+from millisight.core import check_known, checked_integer, checked_record, record
+from millisight.core.errors import InputError
 from millisight.data import Prediction
 from millisight.evaluation._scenes import SIGHTS
 from millisight.evaluation._statistics import bootstrap_interval, mcnemar, sign_flip, wilson_interval
@@ -77,8 +77,7 @@ class ClassifierAnswer:
             ("split", self.split, SPLITS),
             ("masks", self.masks, MASKS),
         ):
-            if value not in known:
-                raise UnknownNameError(kind, value, known)
+            check_known(kind, value, known)
         if self.prediction is not None:
             checked_record(self.prediction, Prediction, name="prediction")
             if self.truth not in self.prediction.class_names:

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from millisight.core import checked_number, checked_numbers, put, record
-from millisight.core.errors import InputError, UnknownNameError
+from millisight.core import check_known, checked_number, checked_numbers, put, record
+from millisight.core.errors import InputError
 from millisight.data import PointCloud, SarImage
 from millisight.evaluation._alignment import MODES, Alignment, align
 from millisight.evaluation._f_score import FScore, f_score
@@ -51,8 +51,7 @@ class CloudSettings:
         threshold = checked_number(self.threshold, name="threshold", minimum=0)
         if self.relative and not threshold < 1:
             raise InputError(f"threshold is {threshold:g}; expected less than 1, a share of the image's maximum")
-        if self.mode not in MODES:
-            raise UnknownNameError("mode of alignment", self.mode, MODES)
+        check_known("mode of alignment", self.mode, MODES)
         given = [checked_numbers(pair, name="weights", count=2, minimum=0) for pair in self.weights]
         if not all(a1 + a2 > 0 for a1, a2 in given):
             raise InputError("weights hold (0, 0); expected at least one of the two above zero")
@@ -73,7 +72,7 @@ class WeightTrial(NamedTuple):
     """What one pair of weights scores."""
 
     weights: tuple[float, float]  # (a1, a2), their sum 1
-    score: FScore  # FScore
+    score: FScore
     points: int  # of the simulated cloud
     converged: bool  # whether the alignment did; False where there was none
     translation: tuple[float, float, float] | None = None  # of the simulated cloud [m]; None: not aligned

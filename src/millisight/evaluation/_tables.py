@@ -5,8 +5,8 @@ import io
 from html import escape
 from typing import Any
 
-from millisight.core import put, record
-from millisight.core.errors import InputError, UnknownNameError
+from millisight.core import check_known, put, record
+from millisight.core.errors import InputError
 
 Cell = str | float | None
 PLACES = ("summary", "page", "file")
@@ -34,8 +34,7 @@ class Table:
 
     def __post_init__(self) -> None:
         put(self, columns=tuple(self.columns), rows=tuple(map(tuple, self.rows)), notes=tuple(self.notes))
-        if self.place not in PLACES:
-            raise UnknownNameError("place of a table", self.place, PLACES)
+        check_known("place of a table", self.place, PLACES)
         for number, row in enumerate(self.rows):
             if len(row) != len(self.columns):
                 raise InputError(

@@ -42,7 +42,7 @@ class Scatterers:
         return self.mesh.vertices[self.indices]
 
     def weights(self, tx_positions: np.ndarray, rx_positions: np.ndarray) -> np.ndarray:
-        """(P, T, R, V) bool or float32: how strongly `indices` answer to antennas (P, T, 3), (P, R, 3) [m]; hidden: 0."""
+        """(P, T, R, V) how strongly `indices` answer to antennas (P, T, 3), (P, R, 3) [m]; hidden: 0."""
         poses, transmitters = tx_positions.shape[:2]
         receivers = rx_positions.shape[1]
         weights = self.model.weights(tx_positions, rx_positions, self.points, self._normals)

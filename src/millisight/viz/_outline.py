@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from millisight.core import record
-from millisight.core.errors import UnknownNameError
+from millisight.core import check_known, record
 from millisight.data import TriangleMesh
 
 PLANE = {"z": (0, 1), "y": (0, 2), "x": (1, 2)}
@@ -39,8 +38,7 @@ class Outline:
 
 def checked_axis(axis: str) -> str:
     """`axis` if it is "x", "y" or "z"."""
-    if axis not in PLANE:
-        raise UnknownNameError("axis", axis, PLANE)
+    check_known("axis", axis, PLANE)
     return axis
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from millisight.core import checked_integer, checked_number, checked_numbers, checked_record, put, record
+from millisight.core import check_known, checked_integer, checked_number, checked_numbers, checked_record, put, record
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.data import material_named
 from millisight.io.mito import RADARS
@@ -59,8 +59,7 @@ class Objects:
         )
         for kind, values, known in (("category", self.categories, CATEGORIES), ("class", self.classes, SHAPE_CLASSES)):
             for value in values:
-                if value not in known:
-                    raise UnknownNameError(kind, value, known)
+                check_known(kind, value, known)
         checked_record(self.all, bool, name="all")
         if not self.chosen and (self.all or self.names or self.categories or self.classes):
             raise InputError("without leaves no object; name some to keep")
@@ -98,8 +97,7 @@ class MeshFile:
     def __post_init__(self) -> None:
         checked_record(self.path, str, name="path")
         material_named(self.material)
-        if self.shape_class not in SHAPE_CLASSES:
-            raise UnknownNameError("class", self.shape_class, SHAPE_CLASSES)
+        check_known("class", self.shape_class, SHAPE_CLASSES)
 
     @property
     def name(self) -> str:
@@ -217,10 +215,8 @@ class Rig:
             _check_once(getattr(self, name), name)
         _check_names(self.backgrounds, "background", BACKGROUNDS)
         for radar in self.empty:
-            if radar not in RADARS:
-                raise UnknownNameError("radar", radar, RADARS)
-        if self.keep not in KEEPS:
-            raise UnknownNameError("keep", self.keep, KEEPS)
+            check_known("radar", radar, RADARS)
+        check_known("keep", self.keep, KEEPS)
         if self.margin is not None:
             put(self, margin=checked_number(self.margin, name="margin", unit="m", minimum=0))
 
@@ -359,8 +355,7 @@ def _check_names(names: tuple[str, ...], kind: str, known: tuple[str, ...]) -> N
     if not names:
         raise InputError(f"no {kind} is named; expected at least one of {', '.join(known)}")
     for name in names:
-        if name not in known:
-            raise UnknownNameError(kind, name, known)
+        check_known(kind, name, known)
 
 
 def _check_once(names: tuple[str, ...], name: str) -> None:

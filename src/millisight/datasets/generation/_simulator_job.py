@@ -43,8 +43,8 @@ class SimulatorJob:
 
     folder: str  # of the simulation, relative to the dataset
     radar: str  # "77_ghz" or "24_ghz"
-    objects: tuple[Seen, ...]  # what is looked at
-    settings: Simulator  # how
+    objects: tuple[Seen, ...]
+    settings: Simulator
     sources: Mapping[str, str]  # checksums of the mesh files, by their paths relative to the dataset
 
     @property

@@ -28,7 +28,7 @@ class Candidate(NamedTuple):
 
     weights: str | None  # file; None: the shipped one
     checksum: str  # of the weights
-    variant: Variant  # its name among the others
+    variant: Variant
     class_names: tuple[str, ...]  # classes that it knows
     training: Training  # what it learned from
     splits: SplitPlan  # where each scene stands

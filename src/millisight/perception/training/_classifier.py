@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from millisight.core import checked_integer, checked_number, checked_numbers, checked_record, put, record
+from millisight.core import check_known, checked_integer, checked_number, checked_numbers, checked_record, put, record
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.meshes import CATALOGUE, SHAPE_CLASSES
 from millisight.perception import canvas_axis, resampled_power, resampling_weights
@@ -92,8 +92,7 @@ class ClassifierRecipe:
                 raise InputError(f"classes: {shape} is {objects!r}; expected a list of names of the catalogue")
         own = {str(shape): tuple(str(name) for name in objects) for shape, objects in self.classes.items()}
         for kind, value, known in (("parts", self.parts, MODELS_TAUGHT), ("network", self.network, _BANDS)):
-            if value not in known:
-                raise UnknownNameError(kind, value, known)
+            check_known(kind, value, known)
         named = [name for objects in own.values() for name in objects]
         for name in (*self.without, *self.tests, *named):
             if name not in CATALOGUE and not (name in named and name in self.tests):
@@ -119,8 +118,7 @@ class ClassifierRecipe:
                     f"{', '.join(_RANDOM)}; name these only, or set drawn to 0"
                 )
         for shape in self.stretch:
-            if shape not in self.objects:
-                raise UnknownNameError("class", shape, self.objects)
+            check_known("class", shape, self.objects)
 
     @property
     def every_object(self) -> Mapping[str, tuple[str, ...]]:

@@ -91,7 +91,7 @@ class VirtualRadar:
 
 
 def digitised(echoes: np.ndarray, settings: RadarSettings, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """What the recorder keeps of perfect `echoes` (F, 1, R, N): (F, C, R, N) complex64 whole numbers, (F,) lost ones."""
+    """What is kept of perfect `echoes` (F, 1, R, N): (F, C, R, N) whole numbers complex64, and (F,) what is lost."""
     phases, thermal, losses = rng.spawn(3)
     frames = with_phase_noise(echoes[:, 0] + leakage(settings), settings, phases)
     shape = (len(frames), int(settings.chirps or 1), *frames.shape[1:])

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from millisight.core import (
+    check_known,
     checked_integer,
     checked_number,
     checked_numbers,
@@ -13,7 +14,7 @@ from millisight.core import (
     record,
     rotation_from_euler_deg,
 )
-from millisight.core.errors import InputError, UnknownNameError
+from millisight.core.errors import InputError
 from millisight.data import Radar
 from millisight.rig.virtual._antenna import Antenna
 from millisight.rig.virtual._clocks import DeviceClock
@@ -131,8 +132,7 @@ class RadarSettings:
     clock_drift: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.preset not in _PUBLISHED:
-            raise UnknownNameError("radar of the rig", self.preset, _PUBLISHED)
+        check_known("radar of the rig", self.preset, _PUBLISHED)
         published = _PUBLISHED[self.preset]
         for name, default in (*published._asdict().items(), ("path_offset", self._nominal.path_offset)):
             if name != "name" and getattr(self, name) is None:

@@ -22,7 +22,7 @@ class ShadedMeshes:
         self._corner_normals = np.concatenate([mesh.vertex_normals[mesh.faces] for mesh in meshes])
 
     def first(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The mesh, face (of all), distance [m], (n,) each, that rays from `origins` [m] meet first; none: -1, -1, inf."""
+        """Mesh, face (of all) and distance [m], (n,) each, that rays from `origins` [m] meet first; or -1, -1, inf."""
         face, distance = self.caster.first(origins, directions)
         return np.where(face < 0, -1, self._owner[face]), face, distance
 

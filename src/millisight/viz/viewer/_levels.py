@@ -33,7 +33,7 @@ class Cloud(NamedTuple):
 class Levels:
     """|I| in dB under its maximum."""
 
-    grid: VoxelGrid  # VoxelGrid
+    grid: VoxelGrid
     db: np.ndarray  # (X, Y, Z) float32, from `FLOOR_DB` to 0
     peak: float  # the maximum of |I|, 0 for an empty image
     block: tuple[int, int, int] = (1, 1, 1)  # voxels of the image along x, y, z of which a level is the strongest
