@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from millisight.core import make_folder, printable, record
 from millisight.core.errors import FileError, InputError, UnknownNameError
+from millisight.datasets._manifest import size_of
 from millisight.datasets._workers import each
 from millisight.io.mito import object_of
 
@@ -85,7 +86,7 @@ def download(
     commit, listed = _listing(repository, revision, endpoint)
     files = _chosen(listed, objects)
     root = Path(out)
-    lacking = [file for file in files if _size(root / file.path) != file.size]
+    lacking = [file for file in files if size_of(root / file.path) != file.size]
     wanted = Download(repository=repository, commit=commit, files=files, there=len(files) - len(lacking))
     if dry_run:
         return wanted
@@ -162,10 +163,6 @@ def _check_room(root: Path, needed: int) -> None:
             f"{needed / 1e9:.1f} GB are to be downloaded, but {printable(root)} has room for {room / 1e9:.1f} GB; "
             "choose another folder, or fewer objects"
         )
-
-
-def _size(path: Path) -> int:
-    return path.stat().st_size if path.is_file() else -1
 
 
 def _hub() -> Any:

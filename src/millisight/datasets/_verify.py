@@ -78,8 +78,8 @@ def verify(
             if progress is not None:
                 progress(count, len(jobs))
     folders = {one.folder.name for one in dataset.objects}
-    found += [
-        _check_listed(dataset.root, entry)
+    found += [  # files that the manifest names, and that are no items: missing, or what comes along with one
+        Checked(path=path, kind="listed", problems=tuple(_differences(dataset.root / path, entry)))
         for path, entry in entries.items()
         if path not in items and path.split("/")[0] in folders
     ]
@@ -106,12 +106,6 @@ def _check(job: _Job) -> tuple[list[str], list[str]]:
     else:
         read_published(item.path)
     return problems, notes
-
-
-def _check_listed(root: Path, entry: Entry) -> Checked:
-    """A file that the manifest names, and that is no item: missing, or what comes along with one."""
-    path = root / entry.path
-    return Checked(path=entry.path, kind="listed", problems=tuple(_differences(path, entry)))
 
 
 def _differences(path: Path, entry: Entry) -> list[str]:

@@ -14,6 +14,7 @@ from typing import Any
 from millisight.core import make_folder, printable
 from millisight.core.errors import FileError, InputError
 from millisight.datasets import MANIFEST_NAME, Entry, Manifest, Source, checksum, read_manifest, write_manifest
+from millisight.datasets._manifest import size_of
 
 JOURNAL_NAME = ".journal.jsonl"
 _LOCK_NAME = ".lock"
@@ -44,7 +45,7 @@ class Ledger:
     def kept(self, job: str, sha256: str) -> bool:
         """Whether the job of this description is done, and its files are there still, as large as they were."""
         told = self._done.get(job)
-        return told is not None and told[0] == sha256 and all(_size(self._out / e.path) == e.size for e in told[1])
+        return told is not None and told[0] == sha256 and all(size_of(self._out / e.path) == e.size for e in told[1])
 
     def files(self, jobs: Iterable[str]) -> list[Entry]:
         """The files of some jobs."""
@@ -113,14 +114,6 @@ def _journal(out: Path) -> Iterator[list[Entry]]:
             ]
         except (ValueError, TypeError, KeyError):
             continue
-
-
-def _size(path: Path) -> int:
-    """In bytes; -1 where there is no such file."""
-    try:
-        return path.stat().st_size
-    except OSError:
-        return -1
 
 
 @contextmanager

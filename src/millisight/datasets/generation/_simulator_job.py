@@ -13,11 +13,11 @@ from millisight.core.errors import CoverageError, InputError
 from millisight.data import Radar, Scene, Trajectory, VoxelGrid
 from millisight.datasets.generation._cost import Cost, simulator_cost
 from millisight.datasets.generation._recipe import Simulator, image_suffix
-from millisight.datasets.generation._rig_job import cut_grid, with_provenance
+from millisight.datasets.generation._rig_job import cut_grid, with_provenance, write_masks
 from millisight.imaging import form_image
 from millisight.io.mito import TRUTH, radar_folder, write_published
 from millisight.meshes import ObjectPart
-from millisight.rig.virtual import PlacedObject, World, WorldLayout, footprint
+from millisight.rig.virtual import PlacedObject, World, WorldLayout
 from millisight.simulation import simulate
 
 PHYSICS = "simulator of the paper: point reflectors"
@@ -100,16 +100,13 @@ class SimulatorJob:
         radar, trajectory, grid = Radar.preset(_PRESETS[self.radar]), self._trajectory(scene), self._grid(scene)
         stage = _staged(scene)
         folder = make_folder(radar_folder(to / self.folder, self.radar, processed=True))
-        several = stage.objects if len(stage.objects) > 1 else ()
         for model in settings.models:
             capture = simulate(
                 scene, radar, trajectory, model=model, tau_deg=settings.tau_deg, edge_deg=settings.edge_deg
             )
             image = form_image(with_provenance(capture, made_by), grid)
             write_published(folder / f"processed_image{image_suffix(model)}.pkl", image, made_by)
-            for number, ext in [(None, ""), *((thing.number, f"_{thing.number}_{thing.name}") for thing in several)]:
-                mask = footprint(stage, grid.xy, number)
-                write_published(folder / f"radar_masks{image_suffix(model)}{ext}.pkl", mask, made_by)
+            write_masks(folder, image_suffix(model), stage, grid.xy, made_by)
 
     @property
     def _middle(self) -> np.ndarray:
