@@ -12,8 +12,7 @@ from millisight.core import check_known, checked_number, checked_numbers, put, r
 from millisight.core.errors import InputError
 from millisight.data import PointCloud, SarImage
 from millisight.evaluation._alignment import MODES, Alignment, align
-from millisight.evaluation._f_score import FScore, f_score
-from millisight.evaluation._point_cloud import point_cloud
+from millisight.evaluation._point_cloud import FScore, f_score, point_cloud
 from millisight.imaging import combine
 
 SPECULAR, EDGE = (1.0, 0.0), (0.0, 1.0)

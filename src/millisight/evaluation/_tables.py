@@ -2,6 +2,7 @@
 
 import csv
 import io
+from collections.abc import Iterable, Sequence
 from html import escape
 from typing import Any
 
@@ -91,6 +92,14 @@ class Table:
         return [
             bool(self.rows) and all(not isinstance(row[i], str) for row in self.rows) for i in range(len(self.columns))
         ]
+
+
+def table_of(
+    title: str, columns: str | Sequence[str], rows: Iterable[Sequence[Cell]], *notes: str, place: str = "page"
+) -> Table:
+    """A table; names of columns in one text are separated by |."""
+    names = columns.split("|") if isinstance(columns, str) else columns
+    return Table(title=title, columns=tuple(names), rows=tuple(map(tuple, rows)), notes=notes, place=place)
 
 
 def _shown(cell: Cell) -> str:
