@@ -71,3 +71,10 @@ def width_3db(coordinate, values):
 def relative(actual, expected):
     """Relative L2 distance."""
     return np.linalg.norm(np.ravel(actual) - np.ravel(expected)) / np.linalg.norm(np.ravel(expected))
+
+
+def fresnel(permittivity, cosine):
+    """(2, ...) reflection of a half-space in air, TE and TM: of a stack without layers."""
+    from millisight.rig.virtual._slabs import slab_coefficients
+
+    return slab_coefficients((), 77e9, cosine, backing=permittivity)[0]

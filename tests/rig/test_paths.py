@@ -122,7 +122,7 @@ def test_a_dihedral_of_other_matter_has_both_fresnel_factors():
     metal, other = (
         echoes([Part(mesh=corner(0.05, 0.05), material=m)], radar(77e9), place, edges=False) for m in (METAL, 4 - 0.2j)
     )
-    from millisight.rig.virtual._fresnel import fresnel
+    from helpers.oracles import fresnel
 
     assert np.allclose(other / metal, fresnel(4 - 0.2j, np.sqrt(0.5)).mean() ** 2, rtol=0.05)
 

@@ -5,9 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from helpers.oracles import C
+from helpers.oracles import C, fresnel
 from millisight.core.errors import InputError
-from millisight.rig.virtual._fresnel import fresnel
 from millisight.rig.virtual._slabs import slab_coefficients
 
 COSINES = np.linspace(0.02, 1, 50)

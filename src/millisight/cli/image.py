@@ -230,14 +230,11 @@ def _image_one(source: Source, outputs: _Outputs, settings: _Settings, *, label:
         say(f"grid: {' x '.join(map(str, voxels.shape))} voxels, {capture.channels} channels")
         capture = _in_focus(capture, voxels, settings.focus, label)
         formed = _form(capture, voxels, settings, label)
-    save(outputs.image, SarImage(grid=formed.grid, values=formed.values, metadata=_told(formed, settings)))
+    metadata = {**formed.metadata, "asked": settings.asked}
+    save(outputs.image, SarImage(grid=formed.grid, values=formed.values, metadata=metadata))
     say(f"peak: {formed.magnitude.max():.4g} at {', '.join(f'{p * 100:.1f}' for p in formed.peak)} cm")
     say(f"wrote {outputs.image}")
     _draw(formed, mesh, outputs, "db" if settings.db else "linear")
-
-
-def _told(formed: SarImage, settings: _Settings) -> dict[str, Any]:
-    return {**formed.metadata, "asked": settings.asked}
 
 
 def _done(outputs: _Outputs, settings: _Settings) -> bool:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from millisight.calibration import subtract_background
-from millisight.core import atomic_path, make_folder, record
+from millisight.core import make_folder, record
 from millisight.data import Capture, PixelGrid, VoxelGrid
 from millisight.datasets.generation._cost import Cost, rig_cost
 from millisight.datasets.generation._recipe import Voxels
@@ -35,8 +35,8 @@ from millisight.rig.virtual import (
     build_layout,
     camera_mask,
     footprint,
-    object_pixels,
     visible_pixels,
+    write_object_masks,
 )
 
 PHYSICS = "virtual rig: physical optics"
@@ -181,13 +181,7 @@ class RigJob:
         for radar in self.radars:
             save(folder / f"{radar}.path.h5", rig.truth(radar), extras=made_by, reproducible=True)
         if self.camera and rig.layout.objects:
-            masks = {}
-            for thing in rig.layout.objects:
-                name = f"{thing.number}_{thing.name}"
-                masks[f"{name}.amodal"] = object_pixels(rig.layout, rig.camera.pose, thing.number)
-                masks[f"{name}.visible"] = visible_pixels(rig.layout, rig.camera.pose, thing.number)
-            with atomic_path(folder / "camera.masks.npz") as temporary, open(temporary, "wb") as file:
-                np.savez_compressed(file, **masks)
+            write_object_masks(rig, folder)
         # As if the mesh files were under `to`: so are they called from the world's place in the dataset.
         dataclasses.replace(self.world, folder=str(to)).seen_from(folder).to_toml(folder / "world.toml")
 

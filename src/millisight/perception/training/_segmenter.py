@@ -239,10 +239,7 @@ def _placed(channels: np.ndarray, inside: np.ndarray, rng: np.random.Generator) 
     )
     held = np.zeros((len(channels), EXAMPLE_SIDE, EXAMPLE_SIDE), np.float32)
     held[:, a : a + across, b : b + along] = channels[:, :across, :along]
-    truth, weight = (
-        np.zeros((EXAMPLE_SIDE, EXAMPLE_SIDE), np.float32),
-        np.zeros((EXAMPLE_SIDE, EXAMPLE_SIDE), np.float32),
-    )
+    truth, weight = np.zeros((2, EXAMPLE_SIDE, EXAMPLE_SIDE), np.float32)
     truth[a : a + across, b : b + along] = inside
     weight[a : a + across, b : b + along] = 1
     return SegmenterExample(held, truth, weight)

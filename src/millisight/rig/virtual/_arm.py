@@ -5,8 +5,7 @@ import numpy as np
 from millisight.core.errors import InputError
 from millisight.data import Trajectory
 from millisight.rig import NOT_TURNED, ArmPose
-from millisight.rig.virtual._clocks import WorldTime
-from millisight.rig.virtual._settings import ArmSettings
+from millisight.rig.virtual._settings import ArmSettings, WorldTime
 
 # Waves whose sum is the path error: so many that it is as good as Gaussian.
 _WAVES = 256

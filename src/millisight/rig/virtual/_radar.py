@@ -13,8 +13,7 @@ from millisight.core import SPEED_OF_LIGHT, checked_integer
 from millisight.core.errors import InputError
 from millisight.data import PHASE_SIGN, Trajectory
 from millisight.rig import Recording
-from millisight.rig.virtual._clocks import WorldTime
-from millisight.rig.virtual._settings import RadarSettings
+from millisight.rig.virtual._settings import RadarSettings, WorldTime
 
 REFERENCE = 0.1 / np.sqrt(4 * np.pi) / 0.3**2
 """sqrt(0.01 m² / 4 pi) / (0.3 m)² [1/m]"""

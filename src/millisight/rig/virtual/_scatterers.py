@@ -11,11 +11,11 @@ from millisight.data import Radar, TriangleMesh, Waveform
 from millisight.meshes import LIFT, RayCaster
 from millisight.rig.virtual import _kernels as _kernels
 from millisight.rig.virtual import _path_kernels as _path_kernels
-from millisight.rig.virtual._antenna import Antenna
 from millisight.rig.virtual._edges import Edges, sharp_edges
 from millisight.rig.virtual._multipath import double_bounces
 from millisight.rig.virtual._occluders import Sheet, sheet_tables
 from millisight.rig.virtual._patches import REACH, Patches, cut, gather
+from millisight.rig.virtual._settings import Antenna
 from millisight.rig.virtual._surface import Boundary, fitted
 
 EDGE_DEG = 20.0

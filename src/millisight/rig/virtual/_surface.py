@@ -7,8 +7,14 @@ import numpy as np
 
 from millisight.core import SPEED_OF_LIGHT, checked_number, put, record
 from millisight.data import Material
-from millisight.rig.virtual._fresnel import checked_cosine, checked_frequency, checked_permittivity
-from millisight.rig.virtual._slabs import Layers, checked_layers, slab_coefficients
+from millisight.rig.virtual._slabs import (
+    Layers,
+    checked_cosine,
+    checked_frequency,
+    checked_layers,
+    checked_permittivity,
+    slab_coefficients,
+)
 
 DEGREE = 8
 """Of the polynomials in the cosine of incidence that stand for a surface in the kernels."""
