@@ -272,6 +272,18 @@ def test_a_robots_log_places_the_frames(tmp_path):
     assert np.allclose(capture.trajectory.times, times)
     assert np.allclose(capture.trajectory.positions, positions, atol=1e-9)
     assert np.array_equal(capture.frames, frames)
+    lines = (tmp_path / "robot.csv").read_text().splitlines()[1:]
+    other = ["Arm 7;;;;", "t [s];joint;z/mm;y/mm;x/mm"]
+    for t, x, y, z in (line.split(",") for line in lines):
+        other.append(";".join([t, "3,5", *(repr(1e3 * float(v)) for v in (z, y, x))]).replace(".", ","))
+    (tmp_path / "arm.txt").write_text("\n".join(other))
+    np.savez(tmp_path / "robot.npz", times=[0.0])
+    log = '{ file = "arm.txt", skip_rows = 1, decimal = ",", columns = [0, 4, "y/mm", 2], unit = "mm" }'
+    text = described(tmp_path, SWEEP.replace('"robot.csv"', log))
+    assert np.allclose(read_capture(text).trajectory.positions, positions, atol=1e-9)
+    with pytest.raises(FileError, match=r"arm.txt, line 3 has .*say decimal = \",\""):
+        read_capture(described(tmp_path, SWEEP.replace('"robot.csv"', log.replace('decimal = ",", ', ""))))
+    described(tmp_path, SWEEP)
     late = read_capture(tmp_path / "scan.toml", clock=ms.ClockCorrection(offset=0.05))
     assert np.allclose(late.trajectory.positions[5], positions[10], atol=2e-5)
     calibrated = read_capture(
@@ -283,7 +295,11 @@ def test_a_robots_log_places_the_frames(tmp_path):
     assert np.allclose(calibrated.frames, (frames - frames.mean(axis=0))[..., 100:400], atol=1e-3)
     for old, new, message in (
         ("start = [10, 11]", "start = 10", "2 times, of the first frame of each file, not 1"),
-        ('"robot.csv"', '{ file = "robot.csv", times = "t" }', "it of arrays alone"),
+        ('"robot.csv"', '{ file = "robot.csv", times = "t" }', "it of arrays alone; of a text, columns"),
+        ('"robot.csv"', '{ file = "robot.csv", columns = ["time", "x"] }', r"log: columns is .*expected 4 or 8"),
+        ('"robot.csv"', '{ file = "robot.csv", columns = [0, 1, 2, 9] }', "column in .*robot.csv: 9. Known: 0, 1"),
+        ('"robot.csv"', '{ file = "robot.csv", decimal = "," }', "robot.csv, line 2 .*no point can stand in it"),
+        ('"robot.csv"', '{ file = "robot.npz", skip_rows = 1 }', "skip_rows is '1'; expected it of texts alone"),
         ("[times]\nstart = [10, 11]\nperiod = 0.01\n", "", "no table .times. says when"),
     ):
         with pytest.raises(ms.errors.MillisightError, match=message):

@@ -18,7 +18,7 @@ from millisight.data import CameraFrame, CameraMask, Capture, Mask, RawScan, Sar
 from millisight.datasets import Dataset, Experiment, Item, ObjectFolder, Simulation, find_object
 from millisight.io.mito import CAMERA_FRAME, CAMERA_MASK, IMAGE, INFO, RADAR_MASK, RADARS, RAW
 
-app = typer.Typer(
+app: typer.Typer = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},

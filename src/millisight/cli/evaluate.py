@@ -8,7 +8,7 @@ import typer
 from millisight.cli.console import end_with_failures, in_options, length, progress, say, slices
 from millisight.cli.options import Crop, Objects, SamDevice, Sight, Workers, checked_sight
 
-app = typer.Typer(
+app: typer.Typer = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},

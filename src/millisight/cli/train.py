@@ -48,7 +48,9 @@ class _Recipes(TyperGroup):
         return typer.main.get_command(plugin)
 
 
-app = typer.Typer(cls=_Recipes, no_args_is_help=True, help="Train networks on simulated images: weights from a recipe.")
+app: typer.Typer = typer.Typer(
+    cls=_Recipes, no_args_is_help=True, help="Train networks on simulated images: weights from a recipe."
+)
 
 
 @app.command("segmenter")

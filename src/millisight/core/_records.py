@@ -19,14 +19,14 @@ T = TypeVar("T")
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True, eq_default=False)
-def record(cls):
+def record(cls: type[T]) -> type[T]:
     """Make `cls` a record: a frozen, keyword-only dataclass with slots and identity equality."""
     made = dataclass(frozen=True, slots=True, kw_only=True, eq=False)(cls)
-    made.__reduce__ = _reduced
+    made.__reduce__ = _reduced  # pyright: ignore[reportAttributeAccessIssue]
     return made
 
 
-def _reduced(self: Any) -> tuple:
+def _reduced(self: Any) -> tuple[Any, ...]:
     """For pickle and copy: made anew by its constructor, so checked again and its arrays read-only again."""
     return _made, (type(self), {field.name: getattr(self, field.name) for field in fields(self)})
 

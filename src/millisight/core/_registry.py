@@ -54,7 +54,11 @@ class Registry(Generic[T]):
             The name is taken.
         """
         if entry is None:
-            return lambda decorated: self.add(name, decorated)
+
+            def decorator(decorated: Any) -> Any:
+                return self.add(name, decorated)
+
+            return decorator
         if name in self._entries and self._entries[name] is not entry:
             raise InputError(f"{self.kind} {name!r} is already in use; choose another name")
         self._entries[name] = entry

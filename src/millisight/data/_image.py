@@ -25,7 +25,7 @@ class SarImage:
 
     grid: VoxelGrid
     values: np.ndarray
-    metadata: Metadata = field(default_factory=dict)
+    metadata: Metadata = field(default_factory=dict[str, Any])
 
     def __post_init__(self) -> None:
         checked_record(self.grid, VoxelGrid, name="grid")

@@ -1,3 +1,5 @@
+# Callers without types are checked, too.
+# pyright: reportUnnecessaryIsInstance=false
 """Materials: permittivity, roughness, and how strongly a surface answers; a table of them, and of layers.
 
 Two users, two views of one table (`materials.toml`, a source for every figure):

@@ -148,7 +148,8 @@ class SegmenterEvaluator:
     """
 
     def __init__(self, by: Segmenter, scene: LabelledScene):
-        self.by, self.scene = by, scene
+        self.by: Segmenter = by
+        self.scene: LabelledScene = scene
 
     @property
     def inputs(self) -> tuple[str, ...]:

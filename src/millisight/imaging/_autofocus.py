@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from millisight.core import checked_array, checked_number, checked_record, put, record
-from millisight.core.errors import UnknownNameError
+from millisight.core.errors import InputError, UnknownNameError
 from millisight.data import Capture, VoxelGrid
 from millisight.imaging._autofocus_model import Pieces, View, rows_of_path
 from millisight.imaging._autofocus_search import (
@@ -123,6 +123,8 @@ def autofocus(
         An argument cannot be right.
     """
     checked_record(capture, Capture, name="capture")
+    if capture.tx_points is not None or capture.rx_points is not None:
+        raise InputError("the capture's antennas have places of their own at each pose; there is no path to correct")
     checked_record(grid, VoxelGrid, name="grid")
     if focus not in FOCUSES:
         raise UnknownNameError("focus", focus, FOCUSES)

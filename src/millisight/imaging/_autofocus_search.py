@@ -1,5 +1,6 @@
 """The searches of autofocus: bright places, offsets of rows, and a smooth path, each by the sharpness of the image."""
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -39,7 +40,9 @@ class Subject(NamedTuple):
         """The capture with its poses displaced by `moves` (P, 3) [m]."""
         path = self.capture.trajectory
         moved = Trajectory(times=path.times, positions=path.positions + moves, orientations=path.orientations)
-        return Capture(radar=self.capture.radar, trajectory=moved, frames=self.capture.frames)
+        return Capture(
+            radar=self.capture.radar, trajectory=moved, frames=self.capture.frames, layers=self.capture.layers
+        )
 
     def sighted(self, moves: np.ndarray, places: "Places") -> np.ndarray:
         """(P,) `moves` (P, 3) along the line of sight to the middle of the places, less what moves the image alone."""
@@ -231,4 +234,4 @@ def told(capture: Capture, moves: np.ndarray, settings: dict[str, Any]) -> Captu
     path = capture.trajectory
     moved = Trajectory(times=path.times, positions=path.positions + moves, orientations=path.orientations)
     metadata = with_step(capture.metadata, "autofocus", **settings)
-    return Capture(radar=capture.radar, trajectory=moved, frames=capture.frames, metadata=metadata)
+    return replace(capture, trajectory=moved, metadata=metadata)

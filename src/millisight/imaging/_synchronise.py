@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from millisight.core import checked_number, checked_record, record
-from millisight.data import Capture, ClockCorrection, Trajectory, VoxelGrid, check_log
+from millisight.data import Capture, ClockCorrection, Trajectory, VoxelGrid, check_follows_log, check_log
 from millisight.imaging import _focus as _focus
 from millisight.imaging._focus import Focus, Scene
 from millisight.imaging._row_turns import Guess, Pattern, guess_from_rows, pattern_of, peak
@@ -92,7 +92,7 @@ def estimate_clock(
     InputError
         An argument cannot be right, or frames and log do not meet in time.
     """
-    checked_record(capture, Capture, name="capture")
+    check_follows_log(checked_record(capture, Capture, name="capture"))
     check_log(log)
     if grid is not None:
         checked_record(grid, VoxelGrid, name="grid")

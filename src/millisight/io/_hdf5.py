@@ -28,6 +28,7 @@ from millisight.data import (
     CameraMask,
     Capture,
     Intrinsics,
+    Layers,
     Mask,
     Material,
     PixelGrid,
@@ -45,12 +46,14 @@ from millisight.io._seal import chunk_extents, seal_holds, write_seal
 from millisight.io._sink import Sink
 
 SCHEMA_VERSION = 2  # 1 had no seal
-_PLACED_VERSION = 3  # of captures with antennas at places of their own, which an older reader would pass over
+_PLACED_VERSION = (
+    3  # of captures with antennas at places of their own, or layers, which an older reader would pass over
+)
 
 RECORDS = {
     cls.__name__: cls
     for cls in (
-        Waveform, AntennaArray, Radar, Trajectory, Capture, VoxelGrid, PixelGrid, SarImage, Mask, Prediction,
+        Waveform, AntennaArray, Radar, Trajectory, Layers, Capture, VoxelGrid, PixelGrid, SarImage, Mask, Prediction,
         TriangleMesh, Material, SceneObject, Scene, Intrinsics, CameraFrame, CameraMask,
     )
 }  # fmt: skip
@@ -80,6 +83,10 @@ _ABOUT = {
     "intrinsics": {"fx_unit": "pixels", "fy_unit": "pixels", "cx_unit": "pixels", "cy_unit": "pixels"},
     "waveform": {"start_frequency_unit": "Hz", "slope_unit": "Hz/s", "sample_rate_unit": "Hz"},
     "radar": {"path_offset_unit": "m"},
+    "layers": {"moved_unit": "m", "offset_unit": "m", "error_unit": "m"},
+    "thicknesses": {"unit": "m", "axes": "layer"},
+    "indices": {"axes": "layer"},
+    "normal": {"axes": "(x y z)", "frame": "world"},
 }
 _CHUNK_BYTES = 1 << 20
 _MESHES = (".stl", ".obj", ".ply", ".off", ".glb")
@@ -119,7 +126,8 @@ def save(
     with atomic_path(path) as temporary, open(temporary, "w+b") as raw:
         with Sink(raw) as sink, h5py.File(sink, "w") as file:
             file.attrs["format"] = "millisight"
-            placed = isinstance(record, Capture) and not record.tx_points is record.rx_points is None
+            newer = ("tx_points", "rx_points", "layers")
+            placed = isinstance(record, Capture) and any(getattr(record, name) is not None for name in newer)
             file.attrs["schema_version"] = _PLACED_VERSION if placed else SCHEMA_VERSION
             file.attrs["code_version"] = importlib.metadata.version("millisight")
             if not reproducible:

@@ -49,7 +49,7 @@ class PublishedWriter:
     """
 
     def __init__(self, out: str | os.PathLike[str], *, info: Mapping[str, Any], hdf5: bool = True):
-        self.path = Path(os.path.abspath(checked_path(out)))
+        self.path: Path = Path(os.path.abspath(checked_path(out)))
         self._info, self._hdf5 = info, hdf5
         self._spools: dict[str, _Spool] = {}
         self._radars: Sequence[RadarDevice] = ()

@@ -126,7 +126,10 @@ class Description:
             frames = frames[kept]
             placed = {name: None if points is None else points[kept] for name, points in placed.items()}
         metadata = self._metadata(read[0].settings, lost=int((~kept).sum()))
-        capture = Capture(radar=radar, trajectory=trajectory, frames=frames, metadata=metadata, **placed)
+        capture = Capture(
+            radar=radar, trajectory=trajectory, frames=frames, metadata=metadata,
+            tx_points=placed["tx_points"], rx_points=placed["rx_points"],
+        )  # fmt: skip
         return RawCapture(capture=capture, calibration=tuple(self._steps(radar, capture)))
 
     def scan(self, log: Trajectory, progress: Progress | None) -> RawScan:

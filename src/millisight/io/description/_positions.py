@@ -16,7 +16,7 @@ KEYS = (
 )  # fmt: skip
 TIMES_KEYS = ("start", "period", "array")
 _RASTER_KEYS = ("step", "center", "start", "counts", "along", "serpentine")
-_LOG_KEYS = ("file", "times", "positions", "orientations", "unit")
+_LOG_KEYS = ("file", "times", "positions", "orientations", "unit", "columns", "skip_rows", "decimal")
 _ANTENNAS = ("tx_points", "rx_points", "pairs")
 _INTERVAL = 1e-3  # between frames whose times nobody needs [s]
 
@@ -55,8 +55,10 @@ def read_log(table: Table) -> Trajectory | None:
         path = about.file()
         names = {key: about.text(key) for key in ("times", "positions", "orientations") if key in about}
         if names and path.suffix.lower() in TEXT_SUFFIXES:
-            raise about.error(next(iter(names)), "it of arrays alone: a text names its columns in its first line")
-        log = read_robot_log(path, **names, scale=about.unit("m"))
+            raise about.error(next(iter(names)), "it of arrays alone; of a text, columns says which are time, x, y, z")
+        settings = about.text_settings(path)
+        with about.errors():
+            log = read_robot_log(path, **names, **settings, columns=about.columns(), scale=about.unit("m"))
     with table.errors(), _unbounded():
         return Trajectory(times=log.times, positions=log.positions - _origin(table), orientations=log.orientations)
 

@@ -125,7 +125,10 @@ class WorldLayout:
         background: tuple[ObjectPart, ...],
         panels: tuple[LayerPanel, ...],
     ):
-        self.world, self.objects, self.background, self.panels = world, objects, background, panels
+        self.world: World = world
+        self.objects: tuple[PlacedObject, ...] = objects
+        self.background: tuple[ObjectPart, ...] = background
+        self.panels: tuple[LayerPanel, ...] = panels
         self._view: ShadedMeshes | None = None
 
     @property

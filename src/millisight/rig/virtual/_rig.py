@@ -46,22 +46,22 @@ class VirtualRig:
     """
 
     def __init__(self, world: World, *, layout: WorldLayout | None = None, frames: Frames | None = None):
-        self.world = world
-        self.layout = build_layout(world) if layout is None else layout
+        self.world: World = world
+        self.layout: WorldLayout = build_layout(world) if layout is None else layout
         now = WorldTime()
-        self.arm = VirtualArm(world.arm, now, world.rng(_ARM))
+        self.arm: VirtualArm = VirtualArm(world.arm, now, world.rng(_ARM))
         self._frames = frames or optics_of(self.layout)
-        self.radars = tuple(
+        self.radars: tuple[VirtualRadar, ...] = tuple(
             VirtualRadar(settings, now, self._radar_frame, self._frames, world.rng(_RADAR, int(settings.name[:2])))
             for settings in world.radars
         )
-        self.camera = VirtualCamera(
+        self.camera: VirtualCamera = VirtualCamera(
             world.camera,
             self.layout,
             lambda: self.arm.true_positions(np.array([now.now]))[0],
             world.rng(_CAMERA),
         )
-        self.plan = plan_of(world)
+        self.plan: ScanPlan = plan_of(world)
 
     def truth(self, name: str) -> Trajectory:
         """Where the radar `name` truly was when it took its frames: radar frame [m], times of its own clock [s].

@@ -79,7 +79,7 @@ class WorldTime:
     """The world's true time [s], from 0 on. Waiting costs nothing: it moves `now`."""
 
     def __init__(self) -> None:
-        self.now = 0.0
+        self.now: float = 0.0
 
     def wait_until(self, time: float) -> None:
         """Let time pass until `time` [s]; a moment in the past is here already."""

@@ -15,7 +15,7 @@ class ShadedMeshes:
     """Meshes to look at; `caster` holds all their faces."""
 
     def __init__(self, meshes: Sequence[TriangleMesh]):
-        self.caster = RayCaster.of(meshes)
+        self.caster: RayCaster = RayCaster.of(meshes)
         self._corners = np.concatenate([mesh.vertices[mesh.faces] for mesh in meshes])
         self._owner = np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes])
         self._face_normals = np.concatenate([mesh.face_normals for mesh in meshes])

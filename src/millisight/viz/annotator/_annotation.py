@@ -110,9 +110,9 @@ class Annotation:
         segmenters: Mapping[str, Segmenter | str],
         method: str | None = None,
     ) -> None:
-        self.subject = subject
-        self.mask_path = _checked_name(mask_path, ".h5" if subject.is_radar else ".png")
-        self.prompts_path = prompts_beside(mask_path)
+        self.subject: OpenedPicture = subject
+        self.mask_path: Path = _checked_name(mask_path, ".h5" if subject.is_radar else ".png")
+        self.prompts_path: Path = prompts_beside(mask_path)
         self._lock = threading.Lock()
         self._segmenters = dict(segmenters)
         able = [name for name, by in segmenters.items() if not isinstance(by, str)]
@@ -121,7 +121,7 @@ class Annotation:
         if method is not None:
             self._segmenter(method)
         self._last: tuple[Question, FoundMask] | None = None
-        self.saved_now = False
+        self.saved_now: bool = False
         self._saved = self._read_prompts(able[0])
         self._question = self._saved or Question(able[0], None)
         if method is not None:

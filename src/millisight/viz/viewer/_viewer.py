@@ -46,12 +46,13 @@ class Viewer:
     def __init__(
         self, contents: Contents, settings: ViewSettings | None = None, *, host: str = HOST, port: int | None = None
     ):
-        self.settings = self.painted = settings or first_settings(contents)
+        self.settings: ViewSettings = settings or first_settings(contents)
+        self.painted: ViewSettings = self.settings
         self._wanted, self._ended = threading.Condition(), False
         self._painter = threading.Thread(target=self._paint, daemon=True)
-        self.server = start(host, port)
+        self.server: Any = start(host, port)
         try:
-            self.panes = PaneGrid(self.server, contents, self.settings)
+            self.panes: PaneGrid = PaneGrid(self.server, contents, self.settings)
             self._panel = ControlPanel(
                 self.server.gui, self.panes, self.settings, change=self.change, look_from=self.look_from,
                 picture=self.picture, page=self._page,
