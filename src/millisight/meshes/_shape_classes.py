@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from millisight.core.errors import UnknownNameError
+from millisight.core import check_known
 from millisight.data import TriangleMesh
 from millisight.meshes._shapes import (
     FLAT,
@@ -43,8 +43,7 @@ def random_shape(shape_class: str, rng: np.random.Generator) -> TriangleMesh:
     UnknownNameError
         No such class.
     """
-    if shape_class not in RANDOM_SHAPES:
-        raise UnknownNameError("class of random shapes", shape_class, RANDOM_SHAPES)
+    check_known("class of random shapes", shape_class, RANDOM_SHAPES)
     solid = RANDOM_SHAPES[shape_class](rng)
     # Where two parts nearly coincide, a crumb may be left beside the whole.
     pieces = solid.simplify(1e-3).decompose()

@@ -2,11 +2,12 @@ from ._captures import plot_aperture as plot_aperture
 from ._captures import plot_capture as plot_capture
 from ._captures import plot_range_profiles as plot_range_profiles
 from ._captures import range_profiles as range_profiles
-from ._classification import plot_prediction as plot_prediction
 from ._classification_report import plot_accuracy as plot_accuracy
 from ._classification_report import plot_confusion as plot_confusion
 from ._classification_report import plot_mistakes as plot_mistakes
 from ._classification_report import plot_reliability as plot_reliability
+from ._evaluation import plot_attempt as plot_attempt
+from ._evaluation import plot_medians as plot_medians
 from ._evaluation import plot_pair as plot_pair
 from ._evaluation import plot_scores as plot_scores
 from ._evaluation import plot_sensitivity as plot_sensitivity
@@ -22,6 +23,8 @@ from ._figures_background import plot_aperture_principle as plot_aperture_princi
 from ._figures_background import plot_reflection_principle as plot_reflection_principle
 from ._figures_perception import cut_out as cut_out
 from ._figures_perception import plot_depth_holes as plot_depth_holes
+from ._figures_perception import plot_prediction as plot_prediction
+from ._figures_perception import plot_segmentation as plot_segmentation
 from ._figures_perception import plot_segmentation_steps as plot_segmentation_steps
 from ._figures_perception import plot_table as plot_table
 from ._figures_training import plot_augmentations as plot_augmentations
@@ -40,9 +43,6 @@ from ._notebook import plot_scene as plot_scene
 from ._page import PageItem as PageItem
 from ._page import write_page as write_page
 from ._page import write_report as write_report
-from ._segmentation import plot_segmentation as plot_segmentation
-from ._segmentation_report import plot_attempt as plot_attempt
-from ._segmentation_report import plot_medians as plot_medians
 from ._style import Scale as Scale
 from ._style import borders as borders
 from ._style import checked_colormap as checked_colormap
