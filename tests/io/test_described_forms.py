@@ -453,6 +453,34 @@ def test_the_page_on_network_analysers_shows_what_works(tmp_path):
     assert np.allclose(halved.frames, frames / 2j, atol=1e-5)
 
 
+@pytest.mark.parametrize("along", ["part", "sample"])
+def test_files_that_are_entries_of_an_axis(tmp_path, along):
+    """Real and imaginary parts in two texts; a file for each frequency."""
+    tx, frames = save_plane(tmp_path, count=5, step=0.03)
+    field = frames[:, 0, 0]
+    if along == "part":
+        for name, part in (("re", field.real), ("im", field.imag)):
+            np.savetxt(tmp_path / f"{name}.csv", part, delimiter=";")
+        text = 'file = ["im.csv", "re.csv"]\nparts = ["Q", "I"]\naxes = ["pose", "sample"]\n'
+    else:
+        for number, column in enumerate(field.T):
+            np.save(tmp_path / f"f{number}.npy", column.reshape(5, 5).T)
+        text = 'file = "f*.npy"\naxes = ["y", "x"]\n'
+    where = PLANE_TEXT if along == "part" else "[positions]\nraster = { step = 0.03, center = [0, 0, 0.3] }\n"
+    text = RADAR + f'[frames]\nfiles_along = "{along}"\n{text}phase_sign = -1\n'
+    capture = read_capture(written(tmp_path, text + where))
+    same_image(capture, image_of(frames, tx))
+    np.savetxt(tmp_path / "im.csv", field.imag[:3], delimiter=";")
+    np.save(tmp_path / "f3.npy", np.ones((4, 5), complex))
+    for old, new, message in (
+        (f'"{along}"', '"chirp"', "files_along in .*'chirp'"), (f'files_along = "{along}"\n', "", "files_along"),
+        ("files_along", "file_along", "Did you mean 'files_along'"), ("", "", r"whole files of one shape; .* has \("),
+        (where, where + '[calibration]\nbackground = "points.npy"\n', "not beside another file|whole files"),
+    ):  # fmt: skip
+        with pytest.raises(ms.errors.MillisightError, match=message):
+            read_capture(written(tmp_path, (text + where).replace(old, new, 1)))
+
+
 # Calibration, media, layers
 
 
