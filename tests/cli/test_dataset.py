@@ -187,7 +187,7 @@ def test_a_dataset_is_downloaded(monkeypatch, tmp_path):
         monkeypatch.setenv("HF_ENDPOINT", hub.endpoint)
         code, lines, _ = run("download", tmp_path, "--dry-run")
         assert code == 0
-        assert lines[0].endswith(": 3 files, 2.0 MB; 0 files were there already")
+        assert lines[0].endswith(": 3 files, 2.0 MB; 0 files existed already")
         assert lines[1:] == [".: 0.0 MB", f"{BOX}: 0.0 MB", f"{MUG}: 2.0 MB"]
         assert not list(tmp_path.iterdir())
         code, lines, _ = run("download", tmp_path, "--object", "mug", "--workers", "1")

@@ -202,7 +202,7 @@ def test_it_goes_on_where_it_stopped_and_a_damaged_scene_stops_no_other(work):
     done = run(work, "--mistakes", "0")
     assert done.exit_code == 1
     assert "failed: 2" in done.stderr  # who made them is not known
-    assert "1 results were there already" in done.output
+    assert "1 results came from an earlier run" in done.output
     assert {row["object"] for row in rows(work, "answers")} == {"a_lego_duplo"}
 
 

@@ -142,7 +142,7 @@ def test_the_help_teaches():
     shown = re.sub(r"\s+", " ", run_here("segment", "--help")[1])
     for text in (
         "Example: millisight segment mug.image.h5",
-        "drawn once more, 5 of each kind",
-        "nlos: behind something",
+        "drawn once more: 5 positive ones",
+        "nlos: object hidden",
     ):
         assert text in shown
