@@ -127,4 +127,4 @@ def test_simulated_and_other_scenes_are_not_thrown_together(work):
     path.write_text(json.dumps({key: value for key, value in INFO.items() if key != "simulated"}))
     done = run(work, "--method", "classical")
     assert isinstance(done.exception, InputError)
-    assert "evaluate them apart" in str(done.exception)
+    assert "evaluate them separately" in str(done.exception)

@@ -54,7 +54,7 @@ def test_one_command_makes_weights_that_the_options_change(tmp_path, capsys):
     scenes = tmp_path / "scenes"
     classifier(recipe, tmp_path / "a", scenes=scenes)
     out = capsys.readouterr().out
-    assert re.search(r"^1 epoch; \d+\.\d % of the validation scenes right, by chance 50\.0 %$", out, re.MULTILINE)
+    assert re.search(r"^1 epoch; \d+\.\d % of the validation scenes right, chance is 50\.0 %$", out, re.MULTILINE)
     assert out.splitlines()[-1] == f"weights: {tmp_path / 'a' / 'classifier.onnx'}"
     assert len(list(scenes.iterdir())) == 4
     told = NetworkClassifier(tmp_path / "a" / "classifier.onnx").description

@@ -213,7 +213,7 @@ def test_a_plug_in_gives_a_file_a_radar_or_a_function(plugin, tmp_path):
         receivers = ms.Radar.preset("function", rx_axis=axis).array.rx_positions
         assert receivers[:, row].all()
         assert not receivers[:, 1 - row].any()
-    with pytest.raises(InputError, match="receivers of the radar 'radar' lie as they do"):
+    with pytest.raises(InputError, match="receivers of the radar 'radar' are fixed"):
         ms.Radar.preset("radar", rx_axis="y")
     plugin("none", lambda: 3)
     with pytest.raises(InputError, match="radar 'none' is of type int; expected Radar"):

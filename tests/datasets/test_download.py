@@ -155,7 +155,7 @@ def test_a_disk_without_room_is_refused_before_the_download(hub, monkeypatch, tm
 
     usage = namedtuple("usage", "total used free")(10, 9, 1)
     monkeypatch.setattr("shutil.disk_usage", lambda _: usage)
-    with pytest.raises(InputError, match="has room for 0.0 GB"):
+    with pytest.raises(InputError, match="is 0.0 GB"):
         download(tmp_path)
     assert not [asked for asked in hub.asked if asked[0] == "GET"]
 

@@ -130,7 +130,7 @@ def test_runs_of_something_else_and_damaged_checkpoints_are_refused(tmp_path):
     content = path.read_bytes()
     for damaged in (content[: len(content) // 2], b"", b"{}" + content[2:]):
         path.write_bytes(damaged)
-        with pytest.raises(DamagedFileError, match=r"checkpoint\.safetensors is no whole checkpoint"):
+        with pytest.raises(DamagedFileError, match=r"checkpoint\.safetensors is not a complete checkpoint"):
             trained(tmp_path, schedule=Schedule(epochs=1))
 
 

@@ -187,7 +187,7 @@ def test_damaged_descriptions_and_other_weights_are_refused(tmp_path):
     told = json.loads(CLASSIFIER_WEIGHTS.with_suffix(".json").read_text())
     (tmp_path / "one.onnx").write_bytes(CLASSIFIER_WEIGHTS.read_bytes())
     for changed, kind, message in (
-        ({"channels": ["mask"]}, FormatError, "of no classifier"),
+        ({"channels": ["mask"]}, FormatError, "does not describe a classifier"),
         ({"class_names": ["box"]}, DamagedFileError, "expected lists of names"),
         ({"bands": []}, DamagedFileError, "expected lists of names"),
         ({"temperature": 0}, DamagedFileError, "temperature is 0"),

@@ -148,7 +148,7 @@ def test_damaged_weights_are_refused(tmp_path, wave):
     with pytest.raises(FormatError, match="no network that ONNX Runtime can run"):
         WaveSegmenter(written(b"no network", sha256=hashlib.sha256(b"no network").hexdigest()))
     description.write_text("[]")
-    with pytest.raises(DamagedFileError, match=r"w\.json describes no weights"):
+    with pytest.raises(DamagedFileError, match=r"w\.json does not describe weights"):
         WaveSegmenter(weights)
 
 

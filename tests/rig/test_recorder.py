@@ -205,7 +205,7 @@ def test_what_is_there_is_not_overwritten(tmp_path):
     for path in sorted(out.rglob("*"), reverse=True):
         path.rmdir() if path.is_dir() else path.unlink()
     out.rmdir()
-    with pytest.raises(InputError, match="are set up alike"):
+    with pytest.raises(InputError, match="need the same set-up"):
         record_scan(rig.arm, rig.radars, None, rig.plan, PublishedWriter(out, info=experiment_info(second)))
 
 

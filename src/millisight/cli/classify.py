@@ -122,7 +122,7 @@ def classify(
         if other is None and len(classifier.bands) > 1:
             note = (
                 f"the classifier uses {' and '.join(classifier.bands)}, but got one band; pass the other with "
-                f"--other-band, or a dataset with --multispectral"
+                "--other-band, or a dataset with --multispectral"
             )
             if note not in notes:
                 notes.add(note)

@@ -134,5 +134,5 @@ def _facts(scene: Scene, capture: Capture, image: SarImage) -> dict[str, object]
         "capture": f"{capture.channels} positions, {capture.radar.waveform.samples_per_chirp} samples each",
         "image": " x ".join(map(str, image.grid.shape)) + " voxels",
         "lit": f"{100 * capture.metadata['lit_fraction']:.0f} % of the vertices of the mesh, from at least one "
-        f"position",
+        "position",
     }

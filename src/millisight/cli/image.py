@@ -89,8 +89,7 @@ def image(
         str | None,
         typer.Option(
             help="none, hann or taylor: lower the sidelobes, widen the main lobe. [default: none, or as the "
-            "description "
-            "states]"
+            "description states]"
         ),
     ] = None,
     tolerance: Annotated[

@@ -33,7 +33,7 @@ def sign_line(capture: Capture) -> str | None:
     if max(ratio, 1 / ratio) < _CLEAR:
         return (
             f"phase sign: undetermined, the image is as sharp with the opposite sign ({1 / ratio:.2f} times); on a "
-            f"circle both signs focus, and the wrong one rotates the picture by 180 degrees"
+            "circle both signs focus, and the wrong one rotates the picture by 180 degrees"
         )
     if ratio > 1:
         return f"phase sign: as stated, the image is {ratio:.2f} times sharper than with the opposite sign"

@@ -93,7 +93,7 @@ def form_image(
     if method not in METHODS:
         raise UnknownNameError("imaging method", method, METHODS)
     if method == "exact" and device == "cuda":
-        raise InputError('method="exact" is float64 on the CPU alone; leave device="cuda" out')
+        raise InputError('method="exact" runs in float64 on the CPU only; leave device="cuda" out')
     if method in ("exact", "sparse") and tolerance is not None:
         raise InputError(f'method="{method}" has no tolerance; leave tolerance out, or use "fast"')
     check_device(device)
@@ -108,8 +108,8 @@ def form_image(
     elif method == "sparse":
         if capture.layers is not None and capture.layers.error > capture.radar.waveform.wavelength / 20:
             raise InputError(
-                f'method="sparse" takes refracted paths as straight, which errs by {capture.layers.error * 1e3:.2g} mm '
-                "here, more than a twentieth of the wavelength; use another method"
+                f'method="sparse" approximates refracted paths as straight, with an error of '
+                f"{capture.layers.error * 1e3:.2g} mm here, more than a twentieth of the wavelength; use another method"
             )
         from millisight.imaging._sparse import sparse  # Numba and SciPy: not for --help
 

@@ -93,7 +93,7 @@ def plot_sensitivity(pairs: Sequence[ImagePair], *, settings: CloudSettings, tit
 
 @styled
 def plot_scores(pairs: Sequence[ImagePair]) -> Figure:
-    """Every pair's F, sorted: the share of pairs with less, for the combination and for both parts alone."""
+    """Every pair's F, sorted: the share of pairs with a lower score, for the combination and for both parts alone."""
     there = [sight for sight in SIGHTS if any(pair.sight == sight for pair in pairs)]
     figure = Figure(figsize=(1.0 + 3.8 * len(there), 3.4))
     width = 0.82 / len(there)
@@ -104,7 +104,12 @@ def plot_scores(pairs: Sequence[ImagePair]) -> Figure:
             found = [getattr(pair.comparison, name).score.f for pair in pairs if pair.sight == sight]
             scores = np.sort(100 * np.array(found))
             axes.plot(scores, (np.arange(len(scores)) + 0.5) / len(scores), "o-", ms=3, color=colour, label=part)
-        axes.set(xlim=(0, 100), ylim=(0, 1), xlabel="F [%]", ylabel="share of pairs with less" if number == 0 else "")
+        axes.set(
+            xlim=(0, 100),
+            ylim=(0, 1),
+            xlabel="F [%]",
+            ylabel="share of pairs with a lower score" if number == 0 else "",
+        )
         axes.set_title(SIGHTS[sight])
         axes.grid(color="0.92", linewidth=0.6)
         axes.legend(loc="upper left")

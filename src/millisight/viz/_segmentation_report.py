@@ -45,7 +45,7 @@ def plot_attempt(attempt: MaskAttempt, *, picture: Picture, truth: Mask, title: 
         _show(left, picture.grid_xy, picture.rgb)
     prompts = None if attempt.found is None else attempt.found.prompts
     _draw_prompts(left, picture, prompts)
-    left.set_title("what it saw" if prompts is None else "what it saw, and prompts", fontsize=9)
+    left.set_title("input" if prompts is None else "input and prompts", fontsize=9)
     power = picture.power if picture.grid_xy is not None else None
     grey = np.full((*truth.inside.shape, 3), 230, np.uint8)
     if power is not None:

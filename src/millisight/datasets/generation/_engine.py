@@ -91,7 +91,9 @@ def engine_of(scheduler: str = "processes", workers: int | None = None) -> Engin
     if not scheduler.startswith(ADDRESSES):
         raise UnknownNameError("scheduler", scheduler, (*LOCAL, "tcp://host:8786"))
     if workers is not None:
-        raise InputError("workers is for engines on this machine; a cluster has as many as were started for it")
+        raise InputError(
+            "workers applies to this machine only; a cluster uses all workers connected to it: leave workers out"
+        )
     from millisight.datasets.generation._engine_dask import cluster_size
 
     return Engine(scheduler, *cluster_size(scheduler))

@@ -95,7 +95,7 @@ def read_table(path: str | os.PathLike[str], *, skip_rows: int = 0, decimal: str
         if len(row) != width:
             hint = ""
             if names and separator == "," and decimal is None and len(row) == 2 * width:
-                hint = ': twice as many; if its commas are decimal commas, say decimal = ","'
+                hint = ': twice as many; if its commas are decimal commas, set decimal = ","'
             raise DamagedFileError(f"{source}, line {number} has {len(row)} columns; expected {width} as before{hint}")
         for word, value in zip(words, row, strict=True):
             if value is None or not math.isfinite(abs(value)):
@@ -109,7 +109,7 @@ def read_table(path: str | os.PathLike[str], *, skip_rows: int = 0, decimal: str
     if doubtful and width % 2 == 0 and ", " not in kept[-1][1]:
         raise FormatError(
             f"{source}, line {kept[-1][0]}: {kept[-1][1][:40]!r} may be {width // 2} numbers with a decimal comma, or "
-            f'{width} whole ones; say decimal = "," or decimal = "."'
+            f'{width} whole ones; set decimal = "," or decimal = "."'
         )
     values = np.array(rows, dtype=complex)
     return TextTable(values if np.any(np.imag(values)) else np.real(values).copy(), names, source)
@@ -148,7 +148,7 @@ def _number(word: str, decimal: str | None) -> complex | None:
 
 def _hint(word: str, decimal: str | None) -> str:
     if decimal != "," and re.search(r"\d,\d", word):
-        return '; if its comma is a decimal comma, say decimal = ","'
+        return '; if its comma is a decimal comma, set decimal = ","'
     if decimal == "," and "." in word:
-        return ': with decimal = "," no point can stand in it'
+        return ': with decimal = "," a number cannot contain a point'
     return ""

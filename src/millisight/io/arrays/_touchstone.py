@@ -99,7 +99,7 @@ def _options(place: str, words: list[str]) -> tuple[float, str]:
         elif word in ("Y", "Z", "H", "G"):
             raise FormatError(f"{place}: it holds {word} parameters; expected S parameters")
         elif word not in ("S", "R") and not _is_number(word):
-            raise FormatError(f"{place}: {word!r} is no option; expected such as '# GHz S RI R 50'")
+            raise FormatError(f"{place}: {word!r} is not an option line; expected one such as '# GHz S RI R 50'")
         if word == "R" and not _is_number(after):
             raise FormatError(f"{place}: R is followed by {after!r}; expected the impedance in ohms")
     return unit, form

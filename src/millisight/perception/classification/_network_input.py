@@ -63,7 +63,8 @@ def classifier_input(image: SarImage, mask: Mask, *, other_band: SarImage | None
     other = None if other_band is None else canvas_power(other_band, x, y)
     if other is not None and not (other * inside[..., None]).any():
         raise InputError(
-            "the other band is 0 under the mask, or on another grid; image both bands over one place, or leave it out"
+            "the other band is 0 under the mask, or on another grid; image both bands over the same area, or leave it "
+            "out"
         )
     return masked_channels(power, image.grid.z, inside, other)
 
