@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from millisight.io.raw import TiConfig
 
 _OWN_KEYS = (
-    "file", "format", "axes", "parts", "chirp", "analytic", "phase_sign", "domain", *_time_domain.KEYS,
+    "file", "format", "shape", "axes", "parts", "chirp", "analytic", "phase_sign", "domain", *_time_domain.KEYS,
     "use_receivers", "one_way",
 )  # fmt: skip
 _SCAN = ("x", "y", "angle", "height", "pose", "pair")
@@ -96,7 +96,7 @@ class FrameReader:
             The file cannot be read, or does not fit the table.
         """
         raw = self._raw(path, array)
-        values, axes = raw.values, list(self._axes)
+        values, axes = self._shaped(raw, path), list(self._axes)
         if values.ndim != len(axes):
             raise self._table.error("axes", f"{values.ndim} of them, since {printable(path)} has shape {values.shape}")
         values = np.flip(values, tuple(i for i, axis in enumerate(axes) if axis in self._backwards))
@@ -193,8 +193,8 @@ class FrameReader:
             )
         if "pair" in axes and {"tx", "rx"} & set(axes):
             raise self._table.error("axes", '"pair" without "tx" and "rx": a pair is one of each')
-        if known is not None and not _may_have(self._format, axes):
-            swapped = ', or "tx" in the place of "chirp"' if "chirp" in known else ""
+        if known is not None and "shape" not in self._table and not _may_have(self._format, axes):
+            swapped = ', or "tx" in the place of "chirp", or others where shape says them' if "chirp" in known else ""
             raise self._table.error("axes", f'{list(known)}{swapped}; a text of numbers has format = "text"')
         if len(self.paths) > 1 and "pose" not in axes:
             raise self._table.error("axes", '"pose" among them, since the frames of several files follow one another')
@@ -224,6 +224,23 @@ class FrameReader:
             remarks = self._format.remarks(path, **settings | self._found)
             self._remarks = [f"{printable(path.name)}: {remark}" for remark in remarks]
         return raw
+
+    def _shaped(self, raw: RawArray, path: Path) -> np.ndarray:
+        """The array of a file, in the shape that the table says."""
+        if "shape" not in self._table:
+            return raw.values
+        shape = self._table.wholes("shape")
+        try:
+            values = raw.values.reshape(shape)
+        except (ValueError, OverflowError, TypeError) as error:
+            raise self._table.error(
+                "shape", f"one for the {raw.values.size} numbers in {printable(path)}, {raw.values.shape} as they are"
+            ) from error
+        if raw.lost is not None and (self._axes[0] != "pose" or len(values) != len(raw.lost)):
+            raise self._table.error(
+                "shape", f"{len(raw.lost)} first, the frames of {printable(path)}, on the axis pose"
+            )
+        return values
 
     def _complex(self, values: np.ndarray, axes: list[str], path: Path) -> np.ndarray:
         """Complex values, of the parts where there are two; their axis is taken out of `axes`."""
