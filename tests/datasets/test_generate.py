@@ -241,7 +241,7 @@ def test_engines_are_checked():
 
 
 def test_where_no_scheduler_answers_it_says_so(monkeypatch):
-    monkeypatch.setattr("millisight.datasets.generation._engine_dask._CONNECT", 0.5)
+    monkeypatch.setattr("millisight.datasets.generation._engine._CONNECT", 0.5)
     with pytest.raises(DeviceError, match="no Dask scheduler answers at tcp://127.0.0.1:1"):
         engine_of("tcp://127.0.0.1:1")
 

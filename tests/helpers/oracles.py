@@ -73,6 +73,13 @@ def relative(actual, expected):
     return np.linalg.norm(np.ravel(actual) - np.ravel(expected)) / np.linalg.norm(np.ravel(expected))
 
 
+def fresnel(permittivity, cosine):
+    """(2, ...) reflection of a half-space in air, TE and TM: both -1 off a conductor."""
+    index = np.sqrt(permittivity - 1 + np.square(cosine) + 0j)
+    te = (cosine - index) / (cosine + index)
+    return np.stack([te, (index - permittivity * cosine) / (index + permittivity * cosine)])
+
+
 def snell(points, antennas, layers, index):
     """(P, V) shortest paths from antennas above to points below plane layers, in wavelengths' metres of vacuum.
 

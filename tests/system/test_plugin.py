@@ -1,4 +1,4 @@
-"""`examples/plugin`, installed: its scattering model, its radar, its raw format and its colour map are found by name, and used."""
+"""`examples/plugin`, installed: its model, radar, raw format and colour map are found by name, and used."""
 
 import json
 import os

@@ -168,13 +168,7 @@ def _classifier(weights: Path | None) -> "Classifier":
 
 
 def _mask_file(source: ImageSource, masks: Path | None, method: str | None) -> Path | None:
-    """The file to read the mask from; None: segment.
-
-    Raises
-    ------
-    FileError
-        The folder with the masks holds none of this image.
-    """
+    """The file to read the mask from; None: segment. An error if the folder with the masks holds none of this image."""
     if masks is None:
         beside = source.output(MASK_SUFFIX)
         return beside if method is None and beside.is_file() else None

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from millisight.cli.console import check_outputs, progress, say
-from millisight.core import box, make_folder
-from millisight.core.errors import FileError, UnknownNameError
+from millisight.cli.console import check_outputs, duration, progress, say
+from millisight.core import box, check_known, make_folder
+from millisight.core.errors import FileError
 
 if TYPE_CHECKING:
     from millisight.rig.virtual import VirtualRig
@@ -59,8 +59,7 @@ def collect(
     from millisight.rig import PublishedWriter, record_scan
     from millisight.rig.virtual import VirtualRig, World, build_layout, experiment_folder_of, experiment_info
 
-    if rig not in RIGS:
-        raise UnknownNameError("rig", rig, RIGS)
+    check_known("rig", rig, RIGS)
     check_outputs(figures=(plot,), source=world)
     described = World.from_toml(world)
     with progress("build the world"):
@@ -77,7 +76,7 @@ def collect(
     with progress("estimate the cost of the scan"):
         seconds = virtual.estimated_seconds()
     size = virtual.estimated_bytes()
-    say(f"estimate: {_duration(seconds)} on this machine, {size / 1e6:.0f} MB in {folder}")
+    say(f"estimate: {duration(seconds)} on this machine, {size / 1e6:.0f} MB in {folder}")
     if dry_run:
         return
     make_folder(output)
@@ -109,7 +108,7 @@ def _summary(rig: "VirtualRig") -> list[str]:
     minutes = len(rig.plan.rows) * rig.plan.row_time
     lines.append(
         f"scan: {len(rig.plan.rows)} rows of {scan.size[1] * 100:g} cm, {scan.row_spacing * 1000:g} mm apart, at "
-        f"{arm.speed:g} m/s, which takes the arm {_duration(minutes)}"
+        f"{arm.speed:g} m/s, which takes the arm {duration(minutes)}"
     )
     for radar in rig.radars:
         step, wavelength = arm.speed * radar.frame_period, radar.radar.waveform.wavelength
@@ -120,16 +119,6 @@ def _summary(rig: "VirtualRig") -> list[str]:
         if step > wavelength / 2:
             lines.append(f"warning: frames of {radar.name} are more than half a wavelength apart: expect grating lobes")
     return lines
-
-
-def _duration(seconds: float) -> str:
-    return (
-        f"{seconds:.0f} s"
-        if seconds < 100
-        else f"{seconds / 60:.0f} min"
-        if seconds < 6000
-        else f"{seconds / 3600:.1f} h"
-    )
 
 
 def _plot(rig: "VirtualRig", path: Path) -> None:

@@ -12,7 +12,7 @@ from millisight.cli.console import check_outputs, end_with_failures, in_options,
 from millisight.cli.grids import outline_mesh, parse_grid
 from millisight.cli.options import RadarChoice
 from millisight.cli.sources import Opened, Source, sources
-from millisight.core import PUBLISHED_COLORMAP, make_folder
+from millisight.core import PUBLISHED_COLORMAP, check_known, make_folder
 from millisight.core.errors import InputError, MillisightError, UnknownNameError
 from millisight.data import Capture, SarImage, VoxelGrid
 from millisight.imaging import METHODS, WINDOWS, form_image
@@ -88,7 +88,7 @@ def image(
     window: Annotated[
         str | None,
         typer.Option(
-            help="none, hann or taylor: lower the sidelobes, widen the main lobe. [default: none, or as the "
+            help=f"none, {', '.join(WINDOWS)}: lower the sidelobes, widen the main lobe. [default: none, or as the "
             "description states]"
         ),
     ] = None,
@@ -145,10 +145,8 @@ def image(
 
     Example: millisight image MITO_Dataset/004_sugar_box -o images/ --plot images/ --clock apply
     """
-    if clock not in _CLOCKS:
-        raise UnknownNameError("--clock", clock, _CLOCKS)
-    if focus not in _FOCUSES:
-        raise UnknownNameError("--focus", focus, _FOCUSES)
+    check_known("--clock", clock, _CLOCKS)
+    check_known("--focus", focus, _FOCUSES)
     if outline is not None and plot is None and slices is None:
         raise InputError("--outline is drawn over pictures; add --plot or --slices")
     settings = _Settings(
@@ -228,14 +226,11 @@ def _image_one(source: Source, outputs: _Outputs, settings: _Settings, *, label:
         say(f"grid: {' x '.join(map(str, voxels.shape))} voxels, {capture.channels} channels")
         capture = _in_focus(capture, voxels, settings.focus, label)
         formed = _form(capture, voxels, settings, label)
-    save(outputs.image, SarImage(grid=formed.grid, values=formed.values, metadata=_told(formed, settings)))
+    metadata = {**formed.metadata, "asked": settings.asked}
+    save(outputs.image, SarImage(grid=formed.grid, values=formed.values, metadata=metadata))
     say(f"peak: {formed.magnitude.max():.4g} at {', '.join(f'{p * 100:.1f}' for p in formed.peak)} cm")
     say(f"wrote {outputs.image}")
     _draw(formed, mesh, outputs, "db" if settings.db else "linear")
-
-
-def _told(formed: SarImage, settings: _Settings) -> dict[str, Any]:
-    return {**formed.metadata, "asked": settings.asked}
 
 
 def _done(outputs: _Outputs, settings: _Settings) -> bool:

@@ -166,20 +166,12 @@ class Radar:
 
 @record
 class _Preset:
-    """A radar's file: its receivers in a row beside the transmitter.
-
-    Attributes
-    ----------
-    waveform : Waveform
-    rx_axis : "x" or "y", along which the receivers lie where nothing is said
-    rx_offsets : from the transmitter [m]
-    path_offset : see Radar [m]
-    """
+    """A radar's file: its receivers in a row beside the transmitter."""
 
     waveform: Waveform
-    rx_axis: str
-    rx_offsets: tuple[float, ...]
-    path_offset: float = 0.0
+    rx_axis: str  # "x" or "y", along which the receivers lie where nothing is said
+    rx_offsets: tuple[float, ...]  # from the transmitter [m]
+    path_offset: float = 0.0  # see Radar [m]
 
     def __post_init__(self) -> None:
         if self.rx_axis not in ("x", "y") or not self.rx_offsets:

@@ -17,8 +17,8 @@ from typing import Any, NamedTuple
 from millisight.core import atomic_path, checked_number, make_folder, printable, record, same_file, write_text
 from millisight.core.errors import FileError, InputError
 from millisight.datasets import _mito
-from millisight.datasets._inventory import Dataset, Item
-from millisight.datasets._manifest import Entry, Manifest, Source, checksum, read_manifest, write_manifest
+from millisight.datasets._dataset import Dataset, Item
+from millisight.datasets._manifest import Entry, Manifest, Source, checksum, read_manifest, size_of, write_manifest
 from millisight.datasets._workers import each
 from millisight.io import SCHEMA_VERSION, save
 from millisight.io.mito import (
@@ -45,21 +45,13 @@ Checksums = dict[str, tuple[int, int, str]]
 
 @record
 class Converted:
-    """What came of a conversion.
+    """What came of a conversion."""
 
-    Attributes
-    ----------
-    manifest : of all that is in the converted dataset now
-    made, kept : how many items were converted, and how many were already
-    notes : (path, what is odd about it), of all items
-    failures : (path, why it was not converted)
-    """
-
-    manifest: Manifest
-    made: int
-    kept: int
-    notes: tuple[tuple[str, str], ...]
-    failures: tuple[tuple[str, str], ...]
+    manifest: Manifest  # of all that is in the converted dataset now
+    made: int  # items
+    kept: int  # items that were converted already
+    notes: tuple[tuple[str, str], ...]  # (path, what is odd about it), of all items
+    failures: tuple[tuple[str, str], ...]  # (path, why it was not converted)
 
 
 class _Job(NamedTuple):
@@ -199,7 +191,7 @@ def _convert(job: _Job) -> _Done:
     sources = tuple(_source(path, files, job, known) for path, files in _sources_of(job.item))
     outputs = _outputs(job.item, job.root)
     if [entry.path for entry in job.before] == outputs and all(
-        entry.sources == sources and _size(job.out / entry.path) == entry.size for entry in job.before
+        entry.sources == sources and size_of(job.out / entry.path) == entry.size for entry in job.before
     ):
         return _Done(job.before, known, True)
     entries = []
@@ -280,14 +272,6 @@ def _source(path: Path, files: Iterable[Path], job: _Job, known: Checksums) -> S
     listing = "".join(f"{sha256}  {file.relative_to(path).as_posix()}\n" for sha256, file in lines)
     digest = hashlib.sha256(listing.encode("utf-8", "surrogateescape")).hexdigest()
     return Source(_relative(path, job.root), size, digest, len(lines))
-
-
-def _size(path: Path) -> int:
-    """In bytes; -1 where there is no such file."""
-    try:
-        return path.stat().st_size
-    except OSError:
-        return -1
 
 
 def _relative(path: Path, root: Path) -> str:

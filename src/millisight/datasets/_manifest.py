@@ -143,6 +143,14 @@ def checksum(path: str | os.PathLike[str]) -> str:
         raise FileError(f"cannot read {printable(os.fspath(path))}: {error.strerror or error}") from error
 
 
+def size_of(path: Path) -> int:
+    """Bytes of a file; -1 where there is no such file."""
+    try:
+        return path.stat().st_size
+    except OSError:
+        return -1
+
+
 def _parsed(name: str, number: int, line: bytes) -> dict[str, Any]:
     try:
         value = json.loads(line)

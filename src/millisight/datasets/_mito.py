@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from millisight.core import checked_path, printable
 from millisight.core.errors import FileError
-from millisight.datasets._inventory import Dataset, Experiment, Item, ObjectFolder, Simulation
+from millisight.datasets._dataset import Dataset, Experiment, Item, ObjectFolder, Simulation
 from millisight.io.mito import (
     CAMERA_FRAME,
     CAMERA_MASK,
@@ -288,13 +288,7 @@ def _missing(items: tuple[Item, ...], expected: Sequence[_Expected]) -> tuple[st
 
 
 def _listed(folder: Path | os.DirEntry) -> list[os.DirEntry]:
-    """The entries of a folder, by name.
-
-    Raises
-    ------
-    FileError
-        There is no such folder, or it may not be read.
-    """
+    """The entries of a folder, by name."""
     try:
         with os.scandir(folder) as entries:
             return sorted(entries, key=lambda entry: entry.name)

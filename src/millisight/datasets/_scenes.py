@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from millisight.core import read_toml, record, rotation_from_quaternion
-from millisight.core.errors import FileError, FormatError, InputError, UnknownNameError
+from millisight.core import check_known, read_toml, record, rotation_from_quaternion
+from millisight.core.errors import FileError, InputError
 from millisight.data import CameraFrame, CameraMask, Mask, SarImage
-from millisight.datasets._inventory import Dataset, Experiment, Item
+from millisight.datasets._dataset import Dataset, Experiment, Item, expect, read_item
 from millisight.datasets._manifest import read_manifest
 from millisight.evaluation import (
     HIGH,
@@ -126,11 +126,9 @@ class SceneFiles(SceneSource):
             The truth lies off an image's grid, or there is none of that kind.
         UnknownNameError
         """
-        if truth not in TRUTHS:
-            raise UnknownNameError("truth", truth, TRUTHS)
-        if transform not in TRANSFORMS:
-            raise UnknownNameError("camera-to-radar transform", transform, TRANSFORMS)
-        images = {band: _read(item, SarImage) for band, item in self.images.items()}
+        check_known("truth", truth, TRUTHS)
+        check_known("camera-to-radar transform", transform, TRANSFORMS)
+        images = {band: read_item(item, SarImage) for band, item in self.images.items()}
         turn = self._radar_turn() if transform == "published" and self.number == 1 else None
 
         def placed(pose: np.ndarray) -> np.ndarray:
@@ -145,7 +143,7 @@ class SceneFiles(SceneSource):
                 f"{self.name} has no camera mask of its object in line of sight, so the true mask is unknown"
             )
         else:
-            camera: CameraMask = _read(self.camera_mask, CameraMask)
+            camera: CameraMask = read_item(self.camera_mask, CameraMask)
             masks = {band: camera_truth(camera, image.grid.xy, placed(camera.pose)) for band, image in images.items()}
         if HIGH in images:
             images[HIGH] = crop_slices(images[HIGH], low=crop[0], high=crop[1])
@@ -162,7 +160,7 @@ class SceneFiles(SceneSource):
         """The camera's picture, prompts to be drawn on what rises above the support."""
         if self.frame is None:
             return None
-        frame: CameraFrame = _read(self.frame, CameraFrame)
+        frame: CameraFrame = read_item(self.frame, CameraFrame)
         matrix = placed(frame.pose)
         if support is None:
             support = _SUPPORTS.get(self._info()["background"], _BLOCK)
@@ -178,7 +176,7 @@ class SceneFiles(SceneSource):
         missing = [band for band in self.images if band not in self.masks]
         if missing:
             raise FileError(f"{self.name} has no radar mask at {missing[0]}; expected radar_masks.pkl beside the image")
-        return {band: _read(self.masks[band], Mask) for band in self.images}
+        return {band: read_item(self.masks[band], Mask) for band in self.images}
 
     def _info(self) -> dict[str, Any]:
         if self.info is None:
@@ -261,8 +259,8 @@ def find_scenes(dataset: Dataset, *, sight: str | None = None) -> tuple[SceneFil
     UnknownNameError
         No such sight.
     """
-    if sight is not None and sight not in SIGHTS:
-        raise UnknownNameError("sight", sight, SIGHTS)
+    if sight is not None:
+        check_known("sight", sight, SIGHTS)
     found = []
     catalogued = {entry.ycb_id: name for name, entry in CATALOGUE.items()}
     for one in dataset.objects:
@@ -339,14 +337,4 @@ def _read_image(item: Item) -> tuple[SarImage, str]:
     else:
         image, extras = read_published(item.path)
     made_by = str(extras.get("physics", "simulated")) if extras.get("simulated") else ""
-    return _checked(image, SarImage, item), made_by
-
-
-def _read(item: Item, kind: type) -> Any:
-    return _checked(load(item.path) if item.converted else read_published(item.path).record, kind, item)
-
-
-def _checked(found: Any, kind: type, item: Item) -> Any:
-    if not isinstance(found, kind):
-        raise FormatError(f"{item.path} holds a {type(found).__name__}; expected a {kind.__name__}")
-    return found
+    return expect(image, SarImage, item), made_by

@@ -91,12 +91,6 @@ def nearest_pose_deg(training: Training, name: str, angles_deg: ArrayLike) -> fl
     """The angle of the smallest rotation from a pose of that object in training to this one [degrees]; inf: none.
 
     Of the rotation Aᵀ B the angle is arccos((trace - 1) / 2), whatever the axis.
-
-    Parameters
-    ----------
-    training : Training
-    name : of the object
-    angles_deg : (3,) about the fixed axes x, y and z
     """
     turned = training.rotations.get(_known_as(name), np.zeros((0, 3, 3)))
     if not len(turned):
@@ -195,12 +189,7 @@ def side_of(training: Training, name: str, angles_deg: ArrayLike) -> str:
 
 
 def check_seeds(training: Training, seeds: Iterable[int]) -> None:
-    """No seed of the test images may be that of training.
-
-    Raises
-    ------
-    InputError
-    """
+    """No seed of the test images may be that of training."""
     if training.seed in set(seeds):
         raise InputError(
             f"{training.name} was trained with the seed {training.seed}, which the test images were made with, too: "
@@ -209,18 +198,7 @@ def check_seeds(training: Training, seeds: Iterable[int]) -> None:
 
 
 def check_physics(training: Training, tested: Iterable[str]) -> None:
-    """What made the test images must be something else than what made those of training.
-
-    Parameters
-    ----------
-    training : Training
-    tested : what made the test images, such as "virtual rig: physical optics"; "" for real ones
-
-    Raises
-    ------
-    InputError
-        It is the same, or training does not say.
-    """
+    """Refuse test images made by what made those of training ("" of real ones), or training that does not say."""
     learned = _kind(training.physics)
     if not learned:
         raise InputError(f"the description of {training.name} does not state the physics of its images")

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from millisight.core import Registry, checked_record, record
-from millisight.core.errors import InputError, UnknownNameError
+from millisight.core import Registry, check_known, checked_record, record
+from millisight.core.errors import InputError
 from millisight.data import Mask
 
 UNITS = {"%": 100.0, "mm": 1000.0, "": 1.0}
@@ -41,8 +41,7 @@ class Metric:
     paired: bool = False
 
     def __post_init__(self) -> None:
-        if self.unit not in UNITS:
-            raise UnknownNameError("unit of a metric", self.unit, UNITS)
+        check_known("unit of a metric", self.unit, UNITS)
 
     @property
     def column(self) -> str:

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from millisight.core import put, record
-from millisight.core.errors import InputError, UnknownNameError
+from millisight.core import check_known, put, record
+from millisight.core.errors import InputError
 from millisight.data import CameraFrame, Mask, Picture, SarImage
 from millisight.evaluation._metrics import MaskScores, score_mask
 from millisight.evaluation._truth import pixels_on_grid
@@ -59,11 +59,9 @@ class LabelledScene:
     view: CameraView | None = None
 
     def __post_init__(self) -> None:
-        if self.sight not in SIGHTS:
-            raise UnknownNameError("kind of sight", self.sight, SIGHTS)
+        check_known("kind of sight", self.sight, SIGHTS)
         for name in (*self.images, *self.truth):
-            if name not in (LOW, HIGH):
-                raise UnknownNameError("radar image", name, (LOW, HIGH))
+            check_known("radar image", name, (LOW, HIGH))
         if not self.images or set(self.images) != set(self.truth):
             raise InputError(
                 f"scene {self.name} has images of {', '.join(self.images) or 'nothing'} and truth for "
@@ -82,14 +80,7 @@ class LabelledScene:
 
 
 def named_segmenter(name: str, options: Mapping[str, Any]) -> Segmenter:
-    """The segmenter of that name with its options; one for all scenes of a process.
-
-    Raises
-    ------
-    UnknownNameError
-    InputError
-        What it needs is not installed.
-    """
+    """The segmenter of that name with its options; one for all scenes of a process."""
     try:
         return _segmenter(name, json.dumps(dict(options), sort_keys=True))
     except ImportError as error:

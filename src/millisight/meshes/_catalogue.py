@@ -27,14 +27,14 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from millisight.core import checked_number, checked_record, printable, put, record
-from millisight.core.errors import FileError, InputError, UnknownNameError
+from millisight.core import check_known, checked_number, checked_record, printable, put, record
+from millisight.core.errors import FileError, InputError
 from millisight.data import MATERIALS, Material, TriangleMesh
+from millisight.meshes._shape_classes import SHAPE_CLASSES
 
 if TYPE_CHECKING:
     from manifold3d import Manifold
 
-SHAPE_CLASSES = ("can", "handle", "box", "sphere", "other")
 CATEGORIES = ("food", "kitchen", "tool", "shape", "task")
 SOURCES = ("scan", "reported", "table", "nominal")
 
@@ -102,8 +102,7 @@ class CatalogueObject:
             ("source of dimensions", (self.source,), SOURCES),
         ):
             for value in values:
-                if value not in known:
-                    raise UnknownNameError(kind, value, known)
+                check_known(kind, value, known)
         named = f"a dimension of {self.name}"
         x, y, z = (checked_number(size, name=named, unit="m", above=0) for size in self.dimensions)
         put(self, parts=parts, dimensions=(x, y, z))
@@ -214,8 +213,7 @@ def build_parts(name: str) -> tuple[ObjectPart, ...]:
 
 
 def _entry(name: str) -> CatalogueObject:
-    if name not in CATALOGUE:
-        raise UnknownNameError("catalogue object", name, CATALOGUE)
+    check_known("catalogue object", name, CATALOGUE)
     return CATALOGUE[name]
 
 

@@ -7,8 +7,8 @@ column.
 
 import numpy as np
 
-from millisight.core import PUBLISHED_COLORMAP, as_array, checked_colormap, checked_record
-from millisight.core.errors import InputError, UnknownNameError
+from millisight.core import PUBLISHED_COLORMAP, as_array, check_known, checked_colormap, checked_record
+from millisight.core.errors import InputError
 from millisight.data import CameraFrame, Picture, SarImage
 
 VALUES = ("mean", "max", "rms")
@@ -40,8 +40,7 @@ def project(
         No such `values`.
     """
     checked_record(image, SarImage, name="image")
-    if values not in VALUES:
-        raise UnknownNameError("projection", values, VALUES)
+    check_known("projection", values, VALUES)
     magnitude = image.magnitude
     seen = np.sqrt((magnitude**2).mean(axis=2)) if values == "rms" else image.project(reduce=values)
     peak = float(seen.max())

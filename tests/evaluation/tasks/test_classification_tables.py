@@ -10,13 +10,15 @@ from helpers.some_answers import BOTH, EDGE, answer, several
 from millisight.evaluation import PAPER, PREDICTED, TRUE, SplitPlan, chosen, training_of
 from millisight.evaluation._answers import CLOSED, DISJOINT
 from millisight.evaluation._leaks import SAME_POSE
-from millisight.evaluation.tasks._classification_files import answer_table, bin_table, confusion_table
 from millisight.evaluation.tasks._classification_tables import (
     PAPER_IMAGES,
     accuracy_table,
     all_tables,
+    answer_table,
+    bin_table,
     calibration_table,
     classifier_table,
+    confusion_table,
     mistake_table,
     object_table,
     pair_table,

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from millisight.core import write_text
-from millisight.datasets._dataset_objects import MESH_NAME, DatasetObject
+from millisight.datasets._generated_objects import MESH_NAME, DatasetObject
 from millisight.datasets._manifest import MANIFEST_NAME, Manifest
 from millisight.datasets.generation._jobs import EMPTY_FOLDERS, Job
 from millisight.datasets.generation._recipe import Recipe
@@ -37,7 +37,8 @@ def write_card(
 
 def _card(recipe: Recipe, things: list[DatasetObject], jobs: Sequence[Job], manifest: Manifest) -> str:
     scans = [job for job in jobs if isinstance(job, RigJob)]
-    sources = Counter(thing.source for thing in things)
+    bounces = max((scan.world.optics.bounces for scan in scans), default=0)
+    sources, classes = Counter(thing.source for thing in things), Counter(thing.shape_class for thing in things)
     sections = [
         f"# {recipe.name}\n",
         f"{recipe.about.strip()}\n" if recipe.about.strip() else "",
@@ -46,10 +47,11 @@ def _card(recipe: Recipe, things: list[DatasetObject], jobs: Sequence[Job], mani
         "## Contents\n",
         _table(jobs, manifest),
         f"Objects: {len(things)}, of which {sources['built']} are shapes drawn in code, {sources['scan']} real scans, "
-        f"{sources['file']} mesh files named in the recipe. By class: {_counted(t.shape_class for t in things)}.\n",
+        f"{sources['file']} mesh files named in the recipe. By class: "
+        f"{', '.join(f'{name} {count}' for name, count in sorted(classes.items()))}.\n",
         _objects(things),
         "## How it was made\n",
-        _RIG.format(bounces=_bounces(scans)) if scans else "",
+        _RIG.format(bounces="one reflection" if bounces == 1 else "two reflections") if scans else "",
         _SIMULATOR if len(scans) < len(jobs) else "",
         "## Files\n",
         _places(recipe),
@@ -83,10 +85,6 @@ def _objects(things: list[DatasetObject]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _bounces(scans: list[RigJob]) -> str:
-    return "one reflection" if max(scan.world.optics.bounces for scan in scans) == 1 else "two reflections"
-
-
 def _places(recipe: Recipe) -> str:
     raw, image = (folder.format("<background>") for folder in EMPTY_FOLDERS)
     lines = [
@@ -115,7 +113,3 @@ def _licence(sources: Counter[str]) -> str:
     if sources["file"]:
         lines.append("Mesh files named in the recipe are under the terms of their authors.")
     return "\n".join(lines) + "\n"
-
-
-def _counted(values: Iterable[str]) -> str:
-    return ", ".join(f"{value} {count}" for value, count in sorted(Counter(values).items()))

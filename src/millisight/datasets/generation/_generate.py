@@ -10,6 +10,7 @@ import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from functools import partial
+from operator import methodcaller
 from pathlib import Path
 from typing import Any
 
@@ -69,21 +70,13 @@ class Plan:
 
 @record
 class Generated:
-    """What came of a plan.
+    """What came of a plan."""
 
-    Attributes
-    ----------
-    manifest : of all that is in the dataset now
-    made, kept : how many jobs were done, and how many were already
-    failures : (job, why it was not done)
-    others : jobs of an earlier recipe whose files are there still
-    """
-
-    manifest: Manifest
-    made: int
-    kept: int
-    failures: tuple[tuple[str, str], ...]
-    others: tuple[str, ...]
+    manifest: Manifest  # of all that is in the dataset now
+    made: int  # jobs
+    kept: int  # jobs that were done already
+    failures: tuple[tuple[str, str], ...]  # (job, why it was not done)
+    others: tuple[str, ...]  # jobs of an earlier recipe whose files are there still
 
 
 def plan_dataset(
@@ -137,7 +130,7 @@ def _checked(
     """What each job will cost; and why some are impossible."""
     costs: dict[int, Cost] = {}
     problems: dict[int, str] = {}
-    with closing(engine.run(partial(_check, root), jobs)) as outcomes:
+    with closing(engine.run(methodcaller("check", root), jobs)) as outcomes:
         for count, outcome in enumerate(outcomes, 1):
             if outcome.failure:
                 problems[outcome.number] = f"{jobs[outcome.number].key}: {outcome.failure}"
@@ -146,10 +139,6 @@ def _checked(
             if progress is not None:
                 progress(count, len(jobs))
     return tuple(costs[i] for i in sorted(costs)), [problems[i] for i in sorted(problems)]
-
-
-def _check(root: Path, job: Job) -> Cost:
-    return job.check(root)
 
 
 def run_plan(plan: Plan, engine: Engine, *, progress: Progress | None = None) -> Generated:

@@ -38,20 +38,12 @@ class Pose(NamedTuple):
 
 
 class Subject(NamedTuple):
-    """What one experiment looks at.
+    """What one experiment looks at."""
 
-    Attributes
-    ----------
-    folder : `<id>_<name>` in the dataset; of several things their names, one after the other
-    number : of the pose among the object's
-    things : one, or several
-    poses : of each
-    """
-
-    folder: str
-    number: int
-    things: tuple[DatasetObject, ...]
-    poses: tuple[Pose, ...]
+    folder: str  # `<id>_<name>` in the dataset; of several things their names, one after the other
+    number: int  # of the pose among the object's
+    things: tuple[DatasetObject, ...]  # one, or several
+    poses: tuple[Pose, ...]  # of each
 
     @property
     def sources(self) -> dict[str, str]:
@@ -70,14 +62,7 @@ class Subject(NamedTuple):
 def jobs_of(recipe: Recipe, things: Mapping[str, DatasetObject]) -> tuple[Job, ...]:
     """All jobs of a recipe: those of empty scenes first, since others subtract what they make.
 
-    Parameters
-    ----------
-    things : the recipe's objects by name, as `prepare` gives them
-
-    Raises
-    ------
-    FormatError
-        The recipe's tables of WORLD.toml cannot be right.
+    `things` are the recipe's objects by name, as `prepare` gives them.
     """
     subjects = tuple(_subjects(recipe, things))
     jobs: list[Job] = []

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from millisight.calibration import subtract_background
-from millisight.core import atomic_path, make_folder, record
-from millisight.data import Capture, VoxelGrid
+from millisight.core import make_folder, record
+from millisight.data import Capture, PixelGrid, VoxelGrid
 from millisight.datasets.generation._cost import Cost, rig_cost
 from millisight.datasets.generation._recipe import Voxels
 from millisight.imaging import form_image
@@ -35,8 +35,8 @@ from millisight.rig.virtual import (
     build_layout,
     camera_mask,
     footprint,
-    object_pixels,
     visible_pixels,
+    write_object_masks,
 )
 
 PHYSICS = "virtual rig: physical optics"
@@ -157,10 +157,8 @@ class RigJob:
             shutil.copyfile(
                 (to / self.folder).parent / INFO_NAME, make_folder((to / self.image_folder).parent) / INFO_NAME
             )
-        several = stage.objects if len(stage.objects) > 1 else ()
-        for number, ext in [(None, ""), *((thing.number, f"_{thing.number}_{thing.name}") for thing in several)]:
-            if stage.objects:
-                write_published(folder / f"radar_masks{ext}.pkl", footprint(stage, image.grid.xy, number), made_by)
+        if stage.objects:
+            write_masks(folder, "", stage, image.grid.xy, made_by)
         raw = radar_folder(to / self.folder, radar, processed=False)
         if self.keep != "raw":
             shutil.rmtree(raw)
@@ -183,15 +181,16 @@ class RigJob:
         for radar in self.radars:
             save(folder / f"{radar}.path.h5", rig.truth(radar), extras=made_by, reproducible=True)
         if self.camera and rig.layout.objects:
-            masks = {}
-            for thing in rig.layout.objects:
-                name = f"{thing.number}_{thing.name}"
-                masks[f"{name}.amodal"] = object_pixels(rig.layout, rig.camera.pose, thing.number)
-                masks[f"{name}.visible"] = visible_pixels(rig.layout, rig.camera.pose, thing.number)
-            with atomic_path(folder / "camera.masks.npz") as temporary, open(temporary, "wb") as file:
-                np.savez_compressed(file, **masks)
+            write_object_masks(rig, folder)
         # As if the mesh files were under `to`: so are they called from the world's place in the dataset.
         dataclasses.replace(self.world, folder=str(to)).seen_from(folder).to_toml(folder / "world.toml")
+
+
+def write_masks(folder: Path, suffix: str, stage: WorldLayout, grid: PixelGrid, made_by: Mapping[str, Any]) -> None:
+    """The mask of all objects together and, where there are several, of each."""
+    several = stage.objects if len(stage.objects) > 1 else ()
+    for number, ext in [(None, ""), *((thing.number, f"_{thing.number}_{thing.name}") for thing in several)]:
+        write_published(folder / f"radar_masks{suffix}{ext}.pkl", footprint(stage, grid, number), made_by)
 
 
 def _finish_camera(folder: Path, stage: WorldLayout, pose: np.ndarray, made_by: Mapping[str, Any]) -> None:

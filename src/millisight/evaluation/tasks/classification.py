@@ -15,10 +15,12 @@ from millisight.evaluation._sources import EvaluationData, SceneSource, survey
 from millisight.evaluation._tables import Table
 from millisight.evaluation._task import TASKS, EvaluationItem, EvaluationSet, ReportFigure, Task
 from millisight.evaluation.tasks._candidates import Candidate, candidates_of, load_classifier, why_none
-from millisight.evaluation.tasks._classification_files import answer_table, bin_table, confusion_table
 from millisight.evaluation.tasks._classification_tables import (
     all_tables,
+    answer_table,
+    bin_table,
     classifier_table,
+    confusion_table,
     of_papers_classes,
     time_table,
     variants_of,

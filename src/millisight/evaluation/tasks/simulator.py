@@ -9,8 +9,7 @@ import numpy as np
 from millisight.core import check_writable, checked_integer, make_folder, put, record, write_text
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.data import PointCloud, SarImage
-from millisight.evaluation._f_score import FScore
-from millisight.evaluation._point_cloud import CLOUD_SUFFIXES, write_point_cloud
+from millisight.evaluation._point_cloud import CLOUD_SUFFIXES, FScore, write_point_cloud
 from millisight.evaluation._scenes import SIGHTS
 from millisight.evaluation._simulator import (
     CloudSettings,

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from millisight.core import check_readable, printable
+from millisight.core import check_known, check_readable, printable
 from millisight.core.errors import DamagedFileError, FileError, FormatError, UnknownNameError
 from millisight.io.arrays._entry import DAMAGE, Entry, in_array, unpacked_limit
 from millisight.io.arrays._from_child import child_entries
@@ -68,8 +68,7 @@ def read_arrays(
                 raise FormatError(f"it holds no arrays of numbers; {refused or 'it is empty'}")
         arrays = {}
         for name in wanted:
-            if name not in entries:
-                raise UnknownNameError(f"array in {printable(path)}:", name, entries)
+            check_known(f"array in {printable(path)}:", name, entries)
             if entries[name].refusal:
                 raise FormatError(f"array {name!r} is {entries[name].refusal}")
             with in_array(name):

@@ -232,10 +232,6 @@ def _checked(root: Any, limit: int) -> Any:
 
     A file of a few bytes can hold a list that twice holds a list that twice holds ...: whoever runs through it later
     would not come to an end. So sizes are summed as if nothing were shared.
-
-    Raises
-    ------
-    _Refused
     """
     found: dict[int, tuple[int, int] | None] = {}  # bytes and depth of a container; None while it is open
     todo = [(root, False)]

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from millisight.core import printable
-from millisight.core.errors import FormatError, UnknownNameError
+from millisight.core import check_known, printable
+from millisight.core.errors import FormatError
 from millisight.io.arrays._arrays import read_arrays
 from millisight.io.arrays._pickles import read_pickle
 from millisight.io.arrays._text_table import TEXT_SUFFIXES, read_table
@@ -38,6 +38,6 @@ def read_array(path: Path, name: str | None = None, *, skip_rows: int = 0, decim
         arrays = read_arrays(path, names=None if name is None else [name])
     if name is None and len(arrays) != 1:
         raise FormatError(f"{printable(path)} holds the arrays {', '.join(arrays)}; choose one with the key array")
-    if name is not None and name not in arrays:
-        raise UnknownNameError(f"array in {printable(path)}:", name, arrays)
+    if name is not None:
+        check_known(f"array in {printable(path)}:", name, arrays)
     return arrays[next(iter(arrays)) if name is None else name]

@@ -258,6 +258,8 @@ def _counts(table: Table, scan: dict[str, int]) -> dict[str, int]:
         return scan
     if scan["pose"] == 1 and "counts" not in table:
         return {}
+    if "counts" not in table:
+        raise table.error("counts", f"[along x, along y], {scan['pose']} positions in all, as the axes name pose alone")
     counts = table.wholes("counts").tolist()
     if np.shape(counts) != (2,) or min(counts) < 1 or counts[0] * counts[1] != scan["pose"]:
         raise table.error("counts", f"the positions along x and y, {scan['pose']} in all")

@@ -88,7 +88,8 @@ def read_radar(
     }
     for key, (stated, there, what) in found.items():
         if stated != there:
-            raise table.error(key, f"{there} {what} as in the frames, and not {stated}")
+            given = "frequencies" if key == "samples" and "frequencies" in table else key
+            raise table.error(given, f"{there} {what} as in the frames, and not {stated}")
     return radar
 
 

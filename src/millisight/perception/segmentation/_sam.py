@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from millisight.core import checked_record, printable
-from millisight.core.errors import DeviceError, FileError, FormatError, InputError, UnknownNameError
+from millisight.core import check_known, checked_record, printable
+from millisight.core.errors import DeviceError, FileError, FormatError, InputError
 from millisight.data import Picture, Prompts
 from millisight.perception.segmentation._segmentation import SEGMENTERS, Candidates
 
@@ -63,8 +63,7 @@ class SamSegmenter:
             import transformers
         except ImportError as error:
             raise ImportError('"sam" needs torch and transformers: pip install "millisight[train]"') from error
-        if device not in ("cpu", "cuda"):
-            raise UnknownNameError("device", device, ("cpu", "cuda"))
+        check_known("device", device, ("cpu", "cuda"))
         if device == "cuda" and not torch.cuda.is_available():
             raise DeviceError('device="cuda" found no GPU that torch can use; use device="cpu"')
         self._device = device

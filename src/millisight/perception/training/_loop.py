@@ -75,18 +75,11 @@ class Schedule:
 
 
 class Fitted(NamedTuple):
-    """What came of training.
+    """What came of training."""
 
-    Attributes
-    ----------
-    epochs : how many were done
-    best_epoch : the one whose weights the network has now, from 0 on
-    history : a mapping of figures for each epoch: "loss", "score", "learning_rate"
-    """
-
-    epochs: int
-    best_epoch: int
-    history: tuple[Mapping[str, float], ...]
+    epochs: int  # how many were done
+    best_epoch: int  # the one whose weights the network has now, from 0 on
+    history: tuple[Mapping[str, float], ...]  # of each epoch: "loss", "score", "learning_rate"
 
 
 @contextmanager

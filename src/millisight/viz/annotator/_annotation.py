@@ -135,7 +135,7 @@ class Annotation:
 
     def about(self) -> dict[str, Any]:
         """What the page needs to know at first; points are places on the screen, [column, row]."""
-        grid = self.subject.picture.grid_xy
+        grid, asked = self.subject.picture.grid_xy, self._question.plain
         columns, rows = self.subject.size
         return {
             "name": printable(self.subject.path.name),
@@ -153,7 +153,7 @@ class Annotation:
             ],
             "files": [printable(self.mask_path), printable(self.prompts_path)],
             "saved": self._saved is not None and self._question.same(self._saved),
-            "question": self._shown(self._question),
+            "question": {**asked, "points": self.subject.on_screen(asked["points"]).tolist()},
         }
 
     def picture(self, colours: str) -> bytes:
@@ -270,10 +270,6 @@ class Annotation:
         return Prompts.from_plain(
             {"points": self.subject.on_picture(np.array(places)).tolist(), "positive": asked["positive"]}
         )
-
-    def _shown(self, question: Question) -> dict[str, Any]:
-        plain = question.plain
-        return {**plain, "points": self.subject.on_screen(plain["points"]).tolist() if plain["points"] else []}
 
     def _provenance(self, question: Question, answer: FoundMask) -> dict[str, Any]:
         other = self.subject.other_band

@@ -7,7 +7,6 @@ upper left.
 
 import os
 import warnings
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,7 @@ from millisight.core import PUBLISHED_COLORMAP, check_readable, colormap_names, 
 from millisight.core.errors import DamagedFileError, FileError, FormatError, InputError
 from millisight.data import CameraFrame, Picture, SarImage
 from millisight.datasets import checksum
-from millisight.io.mito import origin
+from millisight.io.mito import origin, read_published
 from millisight.perception import coloured, project
 
 PHOTO_SUFFIXES = (".png", ".jpg", ".jpeg")
@@ -146,7 +145,12 @@ def _image(path: Path) -> SarImage:
 
 def _recorded(path: Path) -> SarImage | np.ndarray:
     """A radar image, or a camera frame's (H, W, 3) picture, of a file of ours or of the published layout."""
-    content = _reader(path)(path)
+    if path.suffix.lower() == ".pkl":
+        content = read_published(path).record
+    else:
+        from millisight.io import load
+
+        content = load(path)
     if isinstance(content, CameraFrame):
         return content.rgb
     if not isinstance(content, SarImage):
@@ -155,16 +159,6 @@ def _recorded(path: Path) -> SarImage | np.ndarray:
             "`millisight image` wrote, a camera frame, or a PNG or JPEG file"
         )
     return content
-
-
-def _reader(path: Path) -> Callable[[Path], Any]:
-    if path.suffix.lower() == ".pkl":
-        from millisight.io.mito import read_published
-
-        return lambda path: read_published(path).record
-    from millisight.io import load
-
-    return load
 
 
 def _photo(path: Path) -> np.ndarray:

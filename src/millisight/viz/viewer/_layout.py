@@ -87,12 +87,7 @@ def rows_and_columns(count: int) -> tuple[int, int]:
 
 
 def placed(count: int, radius: float, camera: np.ndarray, up: np.ndarray) -> list[Placement]:
-    """Where `count` panes go, each in a ball of `radius` [m], for a camera at (3,) that looks at the origin.
-
-    Parameters
-    ----------
-    up : (3,) what is up in the view; need not be exactly across the line of sight
-    """
+    """Where `count` panes go, in balls of `radius` [m], for a camera at (3,) that looks at the origin."""
     ahead = _unit(-camera)
     right = np.cross(ahead, up)
     if np.linalg.norm(right) < 1e-6:  # straight down, where `up` says nothing

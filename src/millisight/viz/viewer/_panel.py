@@ -16,17 +16,7 @@ from millisight.viz.viewer._settings import ViewSettings, colour_bar
 
 
 class ControlPanel:
-    """The controls of a viewer, beside its scene.
-
-    Parameters
-    ----------
-    gui : viser's, of the server
-    panes : what is shown
-    settings : to begin with
-    change : changes settings, by name
-    look_from : (client, view) moves a browser's camera
-    picture, page : (client) what a browser shows, as PNG and as HTML
-    """
+    """The controls of a viewer, beside its scene; `change` takes settings by name, `picture` gives PNG, `page` HTML."""
 
     def __init__(
         self, gui: Any, panes: PaneGrid, settings: ViewSettings, *, change: Any, look_from: Any, picture: Any, page: Any

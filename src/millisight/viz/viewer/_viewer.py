@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 
 from millisight.core import atomic_path
@@ -186,15 +187,10 @@ def _with_colour_bar(shown: np.ndarray, settings: ViewSettings, bar: bool) -> by
         place = (0.3, 42 / (rows + under), 0.4, 14 / (rows + under))
         axes = figure.add_axes(place)
         scale = Scale("db", -settings.range_db)
-        colours = figure.colorbar(_mappable(scale, settings), cax=axes, orientation="horizontal")
+        shades = ScalarMappable(scale.norm, checked_colormap(settings.colormap))
+        colours = figure.colorbar(shades, cax=axes, orientation="horizontal")
         reference = "the strongest image's maximum" if settings.common else "each image's maximum"
         colours.set_label(f"|I|  [dB under {reference}], from {settings.threshold_db:g} dB".replace("-", "\u2212"))
     written = BytesIO()
     figure.savefig(written, format="png", dpi=dpi, metadata={"Software": None})
     return written.getvalue()
-
-
-def _mappable(scale: Scale, settings: ViewSettings) -> Any:
-    from matplotlib.cm import ScalarMappable
-
-    return ScalarMappable(scale.norm, checked_colormap(settings.colormap))

@@ -68,13 +68,7 @@ class _Part:
     items: tuple[Item, ...]
 
     def item(self, kind: str, *, radar: str = "", ext: str = "") -> Item:
-        """The item of that kind, radar ("": the first) and extension.
-
-        Raises
-        ------
-        FileError
-            There is none.
-        """
+        """The item of that kind, radar ("": the first) and extension; FileError if there is none."""
         for item in self.items:
             if item.kind == kind and item.ext == ext and radar in ("", item.radar):
                 return item
@@ -89,7 +83,7 @@ class _Part:
         ------
         FileError, FormatError, DamagedFileError
         """
-        return _read(self.item(IMAGE, radar=radar, ext=ext), SarImage)
+        return read_item(self.item(IMAGE, radar=radar, ext=ext), SarImage)
 
     def mask(self, *, radar: str = "77_ghz", ext: str = "") -> Mask:
         """The mask beside the image of a radar.
@@ -98,11 +92,16 @@ class _Part:
         ------
         FileError, FormatError, DamagedFileError
         """
-        return _read(self.item(RADAR_MASK, radar=radar, ext=ext), Mask)
+        return read_item(self.item(RADAR_MASK, radar=radar, ext=ext), Mask)
 
 
-def _read(item: Item, kind: type) -> Any:
-    found = item.read()
+def read_item(item: Item, kind: type) -> Any:
+    """The record of `kind` that an item holds."""
+    return expect(item.read(), kind, item)
+
+
+def expect(found: Any, kind: type, item: Item) -> Any:
+    """What an item was `found` to hold, if it is of that kind."""
     if not isinstance(found, kind):
         raise FormatError(f"{printable(item.path)} holds a {type(found).__name__}; expected a {kind.__name__}")
     return found
@@ -148,7 +147,7 @@ class Experiment(_Part):
         ------
         FileError, FormatError, DamagedFileError
         """
-        return _read(self.item(CAMERA_FRAME), CameraFrame)
+        return read_item(self.item(CAMERA_FRAME), CameraFrame)
 
     def camera_mask(self) -> CameraMask:
         """The object's mask in the camera's picture.
@@ -157,7 +156,7 @@ class Experiment(_Part):
         ------
         FileError, FormatError, DamagedFileError
         """
-        return _read(self.item(CAMERA_MASK), CameraMask)
+        return read_item(self.item(CAMERA_MASK), CameraMask)
 
     def capture(self, *, radar: str = "77_ghz") -> Capture:
         """The recorded frames at the poses of the robot's log, both clocks taken as they are.
