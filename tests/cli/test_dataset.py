@@ -130,7 +130,7 @@ def test_a_dataset_is_converted_once(miniature, tmp_path):
     for made, kept in ((19, 0), (0, 19)):
         code, lines, err = run("convert", miniature.healthy, "-o", tmp_path, "--object", "004", "--workers", "1")
         assert code == 0
-        assert lines == [f"converted {made} items into {tmp_path}; {kept} were there already"]
+        assert lines == [f"converted {made} items into {tmp_path}; {kept} existed already"]
         assert "convert: " in err
     code, lines, _ = run("list", tmp_path)
     assert (code, lines[-1]) == (0, "1 objects, 3 experiments")
@@ -147,7 +147,7 @@ def test_what_cannot_be_converted_is_listed_at_the_end(miniature, tmp_path):
         "hostile_pickle", "--workers", "1", "--min-distance", "0mm",
     )  # fmt: skip
     assert code == 1
-    assert lines[-1] == f"converted 4 items into {tmp_path}; 0 were there already"
+    assert lines[-1] == f"converted 4 items into {tmp_path}; 0 existed already"
     assert any("1 of 14 frames lost" in line for line in lines)
     ending = err.splitlines()
     start = ending.index("failed: 4")

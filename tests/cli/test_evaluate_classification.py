@@ -185,7 +185,7 @@ def test_what_tests_nothing_is_refused(work):
     said = "no image to test on. Left out of mine, which knows can, handle, box, sphere: 2 {}"
     assert str(done.exception).endswith(said.format("in a pose of training (a_lego_duplo)"))
     done = run(work, "--object", "074-x_wide", weights=("blind",))
-    assert said.format("of no class that it knows (wide); name an object in `classes` and in") in str(done.exception)
+    assert said.format("of no class that it knows (wide); add the object to `classes` and") in str(done.exception)
 
 
 def test_it_goes_on_where_it_stopped_and_a_damaged_scene_stops_no_other(work):

@@ -107,7 +107,7 @@ def test_the_table_says_whether_the_yardstick_is_simulated(tmp_path, extras, sai
     assert done.exit_code == 0, done.output
     text = (tmp_path / "out" / "simulator.md").read_text()
     assert said in text
-    assert ("by hand" in text.split("simulator's images")[0]) == bool(extras)
+    assert ("by hand" in text.split("simulated images")[0]) == bool(extras)
     assert "out of sight" not in text
 
 

@@ -84,7 +84,7 @@ def test_a_recipe_that_cannot_be_right_is_refused_by_its_place(tmp_path):
     for changes, place in (
         ({"extra": "wdths = [8]"}, r"tiny\.toml: wdths: unknown key"),
         ({"extra": 'parts = "diffuse"'}, r"tiny\.toml: unknown parts 'diffuse'"),
-        ({"classes": 'box = ["dice"]'}, r"tiny\.toml: classes are \['box'\]; expected two at least"),
+        ({"classes": 'box = ["dice"]'}, r"tiny\.toml: classes are \['box'\]; expected at least two"),
         ({"classes": 'box = ["dice"]\nsphere = ["plum"]'}, "no object is left for the class 'sphere'"),
         ({"classes": 'box = "dice"\nsphere = ["apple"]'}, "box is 'dice'; expected a list"),
         ({"classes": 'box = ["dice"]\nsphere = ["aple"]'}, "unknown catalogue object 'aple'. Did you mean 'apple'"),

@@ -131,7 +131,7 @@ def test_names_that_the_hub_does_not_have_are_explained(hub, tmp_path):
         download(tmp_path, revision="v9")
     with pytest.raises(FileError, match="nobody/nothing: there is no such dataset"):
         download(tmp_path, repository="nobody/nothing")
-    with pytest.raises(FileError, match="no name of a repository"):
+    with pytest.raises(FileError, match="not the name of a repository"):
         download(tmp_path, repository="a b/c")
 
 

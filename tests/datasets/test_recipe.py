@@ -52,7 +52,7 @@ def test_objects_are_chosen_by_name_category_and_class():
     [
         ({"objects": {"names": ["mugg"]}}, "recipe: objects", "unknown catalogue object 'mugg'. Did you mean 'mug'"),
         ({"objects": {"categories": ["toys"]}}, "recipe: objects", "unknown category 'toys'"),
-        ({"objects": {"names": []}}, "recipe: ", "there is no object"),
+        ({"objects": {"names": []}}, "recipe: ", "the recipe has no object"),
         ({"objects": {"names": ["mug"], "without": ["mug"]}}, "recipe: objects", "without removes every object"),
         ({"objects": {"names": "mug"}}, "recipe: objects.names", "expected a list"),
         ({"objects": {"name": ["mug"]}}, "recipe: objects.name", "unknown key 'name'. Did you mean 'names'"),
@@ -82,7 +82,7 @@ def test_objects_are_chosen_by_name_category_and_class():
         ({"simulator": {"models": ["matte"]}}, "recipe: simulator", "unknown model 'matte'"),
         ({"simulator": {"step": 0}}, "recipe: simulator", "step is 0 wavelengths"),
         ({"splits": {"train": 0.9, "val": 0.2, "test": 0.1}}, "recipe: splits", "expected a sum of 1"),
-        ({"scenes": [{"objects": [{"object": "mug"}]}]}, "recipe: scenes[0]", "expected two at least"),
+        ({"scenes": [{"objects": [{"object": "mug"}]}]}, "recipe: scenes[0]", "expected at least two"),
         ({"scenes": [{"objects": [{"object": "mug"}, {"object": "cat"}]}]}, "recipe: scenes[0].objects[1]", "unknown"),
         ({"scenes": [{"objects": [{"offset": [0, 0]}, {}]}]}, "recipe: scenes[0].objects[0]", "object is missing"),
         ({"files": [{"path": "mug.stl"}]}, "recipe: ", "files: two objects would be called 'mug'"),
@@ -147,7 +147,7 @@ def test_tables_of_a_world_are_checked_in_their_place(rig, place, said):
 def test_what_is_impossible_is_refused_before_the_work_and_writes_nothing(changes, said, tmp_path):
     with pytest.raises(InputError) as refused:
         plan_dataset(small_recipe.recipe(**changes), tmp_path / "out")
-    assert str(refused.value).startswith("recipe: impossible: ")
+    assert str(refused.value).startswith("recipe: cannot be generated: ")
     for text in said[-2:]:
         assert text in str(refused.value)
     assert not (tmp_path / "out").exists()

@@ -111,7 +111,7 @@ class TestPlan:
 
     @pytest.mark.parametrize(
         ("leaking", "said"),
-        [({"seeds": (76, 3)}, "seed 3"), ({"physics": "paper's simulator: another"}, "physics of the test images")],
+        [({"seeds": (76, 3)}, "seed 3"), ({"physics": "paper's simulator: another"}, "physics as the test images")],
     )
     def test_one_leaking_image_is_enough_to_refuse_all(self, leaking, said):
         with pytest.raises(InputError, match=said):

@@ -190,8 +190,8 @@ def test_an_image_that_cannot_be_is_refused_by_name(changes, message, miniature,
 
 def test_files_that_are_not_of_the_layout_are_refused(tmp_path):
     for name, content, message in (
-        ("picture.pkl", {}, "no file of the published layout"),
-        ("processed_image.h5", {}, "no file of the published layout"),
+        ("picture.pkl", {}, "not a file of the published layout"),
+        ("processed_image.h5", {}, "not a file of the published layout"),
         ("processed_image.pkl", [1], "holds a list; expected a dictionary"),
         ("radar_masks.pkl", {"mask": 1}, "has no 'radar_mask' but 'mask'"),
     ):
@@ -269,7 +269,7 @@ def test_frames_are_read_when_they_are_asked_for_and_a_row_at_a_time(miniature, 
 @pytest.mark.parametrize(
     ("fault", "left_out", "notes", "frames"),
     [
-        ("row_missing", ["row 1700000001 is listed, but its file is not there"], [], 42),
+        ("row_missing", ["row 1700000001 is listed, but its file is missing"], [], 42),
         ("row_unlisted", [], ["adc_data1799999999.bin exists, but is not listed"], 56),
         ("two_lane", [], ["adc_data1700000001.bin: the sample order is two-lane interleaved"], 56),
         ("zero_gap", ["adc_data1700000001.bin: 1 of 14 frames lost"], [], 56),
@@ -451,8 +451,8 @@ def test_robot_logs_that_cannot_be_are_refused(scan_folder):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ("{", "is no JSON"),
-        ("[" * 100_000, "is no JSON"),
+        ("{", "is not JSON"),
+        ("[" * 100_000, "is not JSON"),
         ("[]", "has no text 'aperture size'"),
         ('{"aperture size": "normal", "rx offset": "z", "background": ""}', "'rx offset' is 'z'; expected 'x' or 'y'"),
         ('{"aperture size": "normal", "rx offset": "x", "background": NaN}', None),

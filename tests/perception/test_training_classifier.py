@@ -61,7 +61,7 @@ def test_classes_are_the_papers_four_without_what_is_left_out():
 @pytest.mark.parametrize(
     ("wrong", "kind", "told"),
     [
-        ({"classes": {"box": ("dice",)}}, InputError, "two at least"),
+        ({"classes": {"box": ("dice",)}}, InputError, "at least two"),
         ({"classes": {"box": ("dice",), "sphere": ()}}, InputError, "no object is left for the class 'sphere'"),
         ({"classes": TWO, "without": ("dice",)}, InputError, "no object is left for the class 'box'"),
         ({"classes": {"box": ("dice",), "cube": ("dice",)}}, InputError, "dice is named more than once"),

@@ -209,8 +209,8 @@ def _full(folder):
         ("[[radars]]\nlost_packets = 2", r"radars\[0\]: lost_packets is 2"),
         ("seed = -1", r"bad.toml: seed is -1"),
         ("folder = '/'", r"folder: unknown key"),
-        ("seed = ", r"is no TOML"),
-        ("[" * 5000, r"is no TOML"),
+        ("seed = ", r"is not valid TOML"),
+        ("[" * 5000, r"is not valid TOML"),
     ],
 )
 def test_bad_files_name_the_place(tmp_path, text, words):
@@ -255,7 +255,7 @@ def test_whatever_stands_in_a_world_is_a_world_or_an_error_that_names_it(table):
 
 def test_files_that_are_none(tmp_path):
     (tmp_path / "bytes.toml").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(FormatError, match="is no TOML"):
+    with pytest.raises(FormatError, match="is not valid TOML"):
         World.from_toml(tmp_path / "bytes.toml")
     (tmp_path / "huge.toml").write_bytes(b"#" * (1 << 21))
     with pytest.raises(FormatError, match="expected a world of under"):

@@ -219,8 +219,8 @@ class TestTheSession:
 
     def test_what_cannot_be_asked(self, annotation):
         cases = [
-            (None, "something else"),
-            ({"method": "discs"}, "something else"),
+            (None, "expected a method"),
+            ({"method": "discs"}, "expected a method"),
             (asked([[1, 1]], [1]), "true and false"),
             (asked([[1, 1]], []), "positive has shape"),
             (asked([[-1, 1]], [True]), "point is -1"),
@@ -255,9 +255,9 @@ class TestTheSession:
         annotation = Annotation(subject, tmp_path / "m.h5", segmenters={"big": "needs a model", "discs": Discs()})
         assert annotation.about()["question"]["method"] == "discs"
         assert annotation.about()["methods"][0] == {"name": "big", "hindrance": "needs a model"}
-        with pytest.raises(InputError, match="big cannot work here: needs a model"):
+        with pytest.raises(InputError, match="big cannot be used: needs a model"):
             annotation.mask(asked([], [], "big"))
-        with pytest.raises(InputError, match="big cannot work here"):
+        with pytest.raises(InputError, match="big cannot be used"):
             Annotation(subject, tmp_path / "m.h5", segmenters=annotation._segmenters, method="big")
         with pytest.raises(InputError, match="no segmenter can be used: needs a model"):
             Annotation(subject, tmp_path / "m.h5", segmenters={"big": "needs a model"})

@@ -51,7 +51,7 @@ class TestAccuracy:
         assert column(table, "NLOS [%]")[0] == "75.0 (46.8 to 91.1) [25.0 to 100.0]"
         assert column(table, "overall [%]")[-1] == "85.2 (69.9 to 93.6)"
         assert DATA in table.title
-        assert "met none of these objects" in table.notes[0]
+        assert "none of these objects was used in training" in table.notes[0]
 
     def test_of_other_classes_the_paper_has_no_rows(self):
         fruit = dataclasses.replace(chosen(ANSWERS, split=DISJOINT)[0], truth="fruit", prediction=None, failure="none")

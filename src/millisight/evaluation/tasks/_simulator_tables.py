@@ -74,7 +74,7 @@ def data_of(measured: str, simulated: str, pairs: Sequence[ImagePair]) -> str:
     ):
         told = sorted(f"simulated: {maker}" if maker else "not marked as simulated" for maker in makers)
         sides.append(f"{name} ({'; '.join(told)})")
-    return f"reference {sides[0]}, simulated images {sides[1]}"
+    return f"yardstick (reference) {sides[0]}, simulated images {sides[1]}"
 
 
 def all_tables(pairs: Sequence[ImagePair], *, data: str, settings: CloudSettings, radar: str) -> dict[str, Table]:
