@@ -427,6 +427,10 @@ def test_touchstone_files_one_a_pose(tmp_path):
     text = '[radar]\nname = "VNA"\n[frames]\nfile = "p*.s2p"\n' + PLANE_TEXT
     same_image(read_capture(written(tmp_path, text)), image_of(frames, tx))
     assert np.allclose(read_capture(tmp_path / "scan.toml").radar.waveform.frequencies, FREQUENCIES)
+    german = (tmp_path / "p1.s2p").read_text()
+    (tmp_path / "p1.s2p").write_text(german.replace(".", ","))
+    same_image(read_capture(tmp_path / "scan.toml"), image_of(frames, tx))
+    (tmp_path / "p1.s2p").write_text(german)
     first = (tmp_path / "p0.s2p").read_text()
     for old, new, message in (
         ('"p*.s2p"', '"p*.s2p"\nparameter = "S31"', "parameter is 'S31'; .*p0.s2p has S11, S21, S12, S22"),

@@ -19,6 +19,7 @@ _SUFFIX = re.compile(r"\.s([1-9])p", re.IGNORECASE)
 _UNITS = {"HZ": 1.0, "KHZ": 1e3, "MHZ": 1e6, "GHZ": 1e9}
 _FORMS = ("RI", "MA", "DB")
 _LONGEST = 1 << 26
+_DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+([eE][-+]?\d+)?")
 
 
 def is_touchstone(path: Path) -> bool:
@@ -124,6 +125,8 @@ def _is_number(word: str) -> bool:
 
 
 def _number(place: str, word: str) -> float:
+    if _DECIMAL_COMMA.fullmatch(word):  # blanks alone set numbers apart
+        word = word.replace(",", ".")
     value = float(word) if _is_number(word) else np.nan
     if not np.isfinite(value):
         raise DamagedFileError(f"{place} has {word[:40]!r}; expected a finite number")
