@@ -460,7 +460,8 @@ def test_data_that_cannot_be_used_is_named(tmp_path):
     for data, message in (
         (holed, r"frames.npy.*NaN or infinite, the first at \(3,"), (frames[:0], "frames.npy: array '0' is empty"),
         (frames.astype(complex) * 1e60, r"frames of .*frames.npy has .*infinite"),
-        (np.full((12, 2, 3, 8), "x"), "not an array of numbers; that in .*frames.npy is <U1"), (frames.real, "analytic"),
+        (np.full((12, 2, 3, 8), "x"), "not an array of numbers; that in .*frames.npy is <U1"),
+        (frames.real, "analytic"),
         (frames[:, :, :, 0], "axes is"),
     ):  # fmt: skip
         np.save(tmp_path / "frames.npy", data)
