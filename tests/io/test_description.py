@@ -468,7 +468,7 @@ def test_data_that_cannot_be_used_is_named(tmp_path):
         with pytest.raises(FileError, match=message):
             read_capture(described(tmp_path, GOOD))
     np.savez(tmp_path / "frames.npy.npz", a=frames, b=frames)
-    with pytest.raises(FormatError, match=r"frames.npy.npz holds the arrays a, b; say which"):
+    with pytest.raises(FormatError, match=r"frames.npy.npz holds the arrays a, b; choose one"):
         read_capture(described(tmp_path, GOOD.replace("frames.npy", "frames.npy.npz")))
     with pytest.raises(InputError, match="no log of a robot"):
         read_scan(described(tmp_path, GOOD.replace("frames.npy", 'frames.npy.npz"\narray = "a')))
