@@ -6,7 +6,7 @@ from millisight.data import Capture, ClockCorrection, Trajectory, check_follows_
 
 
 def retime(capture: Capture, log: Trajectory, clock: ClockCorrection) -> Capture:
-    """The same frames with their poses read from the robot's log at the corrected times.
+    """Interpolate the poses again from the robot log, at corrected times.
 
     Frames that fall off the log are dropped, and counted in the history: nothing is extrapolated. Frames on disk stay
     there where none is dropped, and are read into memory otherwise.

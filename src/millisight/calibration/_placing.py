@@ -16,7 +16,7 @@ def place_frames(
     min_distance: float | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Capture:
-    """The frames with the poses that the log gives their times: by cubic spline and spherical interpolation.
+    """Interpolate the pose of each frame from the log: cubic spline for positions, spherical for orientations.
 
     Left out are frames that the recorder lost, frames outside the log (nothing is extrapolated), and repeats: a
     frame closer than `min_distance` to a kept one of its row. The history counts each. What to keep is decided

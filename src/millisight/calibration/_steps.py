@@ -27,7 +27,7 @@ STEPS: Mapping[str, Callable[..., Capture]] = {
 
 
 def calibrate(capture: Capture, steps: Iterable[CalibrationStep]) -> Capture:
-    """The capture after each of the `steps`, in their order.
+    """Apply the calibration `steps` to a capture, in their order.
 
     Raises
     ------
@@ -56,7 +56,7 @@ def read_capture(
     clock: ClockCorrection | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Capture:
-    """A capture from raw files, as a description in TOML says.
+    """Read a capture from raw files with a description in TOML.
 
     Parameters
     ----------

@@ -82,7 +82,7 @@ class Capture:
         )
 
     def plot(self, **settings: Any) -> Any:
-        """Where the radar was and the range profile of every pose, as a figure.
+        """Plot the positions of the radar and the range profile of every pose.
 
         Parameters
         ----------

@@ -9,7 +9,7 @@ from millisight.data._trajectory import Trajectory
 
 @record
 class ClockCorrection:
-    """How to read the robot's clock off the radar's: robot time = t + offset + drift (t - reference_time).
+    """Conversion from the radar's clock to the robot's: robot time = t + offset + drift (t - reference_time).
 
     Attributes
     ----------

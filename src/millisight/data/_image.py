@@ -14,7 +14,7 @@ _LARGEST = 1e15  # the sum of the squares of as many voxels as fit any memory is
 
 @record
 class SarImage:
-    """A synthetic-aperture image (paper Eq. 1, primer 4): a unit reflector has the value 1 at its place.
+    """A synthetic-aperture image (paper Eq. 1, primer 4): a unit reflector has the value 1 at its position.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class SarImage:
         return f"SarImage({self.values.dtype} on {self.grid!r})"
 
     def plot(self, **settings: Any) -> Any:
-        """The mean of |I| along z, y and x, as a figure.
+        """Plot the mean of |I| along z, y and x.
 
         Parameters
         ----------

@@ -8,7 +8,7 @@ from millisight.core.errors import InputError
 
 @record
 class Layers:
-    """Plane layers that the waves cross between the antennas and the scene, there and back (primer 2).
+    """Plane layers between antennas and scene, which the waves cross both ways (primer 2).
 
     The capture's antennas stand `moved` nearer to the scene than they are, and its path offset holds `offset`, so that
     straight paths are nearly as long as the refracted ones. The imagers add what is left by Snell's law.

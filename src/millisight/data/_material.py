@@ -32,7 +32,7 @@ _TABLE = Path(__file__).with_name("materials.toml")
 
 @record
 class Material:
-    """What a surface is made of.
+    """The material of a surface.
 
     Attributes
     ----------
@@ -129,7 +129,7 @@ class Material:
 
 
 class Layer(NamedTuple):
-    """One layer of a slab: what it is made of, and how thick it is [m]."""
+    """One layer of a slab: material and thickness [m]."""
 
     material: Material
     thickness: float

@@ -13,7 +13,7 @@ from millisight.data._mesh import TriangleMesh
 
 @record
 class SceneObject:
-    """One thing in a scene.
+    """One object in a scene.
 
     Attributes
     ----------
@@ -89,7 +89,7 @@ class Scene:
         )
 
     def plot(self, **settings: Any) -> Any:
-        """The objects as lit solids seen along z, y and x, as a figure.
+        """Plot the objects as shaded solids, seen along z, y and x.
 
         Parameters
         ----------

@@ -23,7 +23,7 @@ _MOST_POSITIONS = 1e8  # of a raster; their frames would fill hundreds of gigaby
 
 @record
 class Trajectory:
-    """The radar's poses: one a frame.
+    """The poses of the radar, one per frame.
 
     Attributes
     ----------

@@ -79,7 +79,7 @@ def convert(
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Converted:
-    """Convert a dataset of the published layout into `out`; what is there already and still right is kept.
+    """Convert a dataset of the published layout into `out`; valid existing files are kept.
 
     An item is kept when its file, its sources by their checksums, the settings and the schema are those of the
     manifest. One that cannot be converted stops no other. Interrupted at any point, a further call finishes the work

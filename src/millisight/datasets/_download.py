@@ -56,7 +56,7 @@ def download(
     workers: int = 4,
     progress: Callable[[int, int], None] | None = None,
 ) -> Download:
-    """Download the published dataset into the folder `out`: processed files, as the hub has no others.
+    """Download the processed files of the published dataset into the folder `out`.
 
     Files that are there already are not fetched again, so that an interrupted download goes on where it stopped. A
     connection that breaks is taken up, in large files where it broke. A file that cannot be fetched stops no other.

@@ -96,7 +96,7 @@ def _task(task: str | Task, options: Mapping[str, Any]) -> Task:
 
 
 class ItemRun(NamedTuple):
-    """What `run_items` did.
+    """Result of `run_items`.
 
     Attributes
     ----------

@@ -41,7 +41,7 @@ def verify(
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[Checked, ...]:
-    """Open and check every file of a dataset, published or converted: one result an item, in the order of their paths.
+    """Open and check every file of a dataset, published or converted; one result per item, sorted by path.
 
     Of a published one: pickles are read, arrays' shapes and values checked, and of raw captures the log's times, each
     file's length, order, gaps and numbers, and rows that are listed but not there. Of a converted one: each file is

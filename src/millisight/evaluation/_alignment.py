@@ -20,7 +20,7 @@ _SHIFTS = (-0.015, 0.0, 0.015)  # starts, along each axis [m]
 
 
 class Alignment(NamedTuple):
-    """Where the moving cloud goes: rotation @ point + translation.
+    """The transform of the moving cloud: rotation @ point + translation.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ def align(
     most_iterations: int = 60,
     tolerance: float = 1e-5,
 ) -> Alignment:
-    """Lay the cloud `moving` on the cloud `fixed`.
+    """Align the cloud `moving` with the cloud `fixed`.
 
     The starts: the clouds' means, and the middles of their bounding boxes, on each other; then 15 mm off along each
     axis; of a rigid alignment also turned by 8 degrees about z. All are compared on a thinned cloud, and the best goes

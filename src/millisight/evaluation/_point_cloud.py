@@ -51,7 +51,7 @@ def _cloud(axes: tuple[np.ndarray, ...], values: np.ndarray, threshold: float, r
 
 
 def write_point_cloud(path: str | os.PathLike[str], cloud: PointCloud, *, binary: bool = True) -> None:
-    """Write a cloud as PLY or PCD, by the suffix: x, y, z as doubles [m] and `intensity`, |I|, as a float.
+    """Write a cloud as PLY or PCD, depending on the suffix: x, y, z as doubles [m] and `intensity`, |I|, as a float.
 
     Raises
     ------

@@ -14,7 +14,7 @@ _MARGIN = 0.02  # around the bounding box, on every side [m]
 def grid_around(
     scene: Scene | Capture, spacing: float | tuple[float, float, float] | None = None, *, margin: float = _MARGIN
 ) -> VoxelGrid:
-    """A regular grid around what there is to see.
+    """A regular grid around a scene or the scene of a capture.
 
     Parameters
     ----------
@@ -61,6 +61,6 @@ def grid_around(
 
 
 def scene_bounds(capture: Capture) -> np.ndarray | None:
-    """(2, 3) the box that the capture's scene fills [m], where the capture says."""
+    """(2, 3) bounding box of the capture's scene [m], if known."""
     bounds = capture.metadata.get("scene_bounds")
     return None if bounds is None else checked_array(bounds, name="scene_bounds", shape=(2, 3), unit="m")

@@ -22,7 +22,7 @@ def image_at(
     layers: Layers | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Complex[np.ndarray, " V"]:
-    """The image at any points, in float64 (paper Eq. 1, primer 4).
+    """Compute the image at any points, in float64 (paper Eq. 1, primer 4).
 
     I(x) = 1 / (K N) sum_k sum_j S_kj exp(+i 2 pi f_j d_k(x) / c),  d = |x - p_t| + |x - p_r| + path_offset.
 

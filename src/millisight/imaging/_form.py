@@ -45,7 +45,7 @@ def form_image(
     device: str = "cpu",
     progress: Callable[[int, int], None] | None = None,
 ) -> SarImage:
-    """Fuse a capture's frames into a 3-D image (paper Eq. 1, primer 4).
+    """Form a 3-D image from the frames of a capture (paper Eq. 1, primer 4).
 
     Parameters
     ----------

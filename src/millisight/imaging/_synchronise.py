@@ -68,7 +68,7 @@ def estimate_clock(
     rng: int | np.random.Generator = 0,
     progress: Callable[[int, int], None] | None = None,
 ) -> ClockEstimate:
-    """Offset and drift of the robot's clock against the radar's, from the frames and the robot's log alone.
+    """Estimate offset and drift of the robot's clock relative to the radar's, from the frames and the robot log.
 
     Rows that run forward and rows that run backward see the scene shifted against each other by the clocks' offset
     times their speeds; a drift makes that shift grow along the scan. So both are fitted together: first roughly from

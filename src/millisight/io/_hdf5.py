@@ -101,7 +101,7 @@ def save(
     extras: Mapping[str, Any] | None = None,
     reproducible: bool = False,
 ) -> None:
-    """Write a record to an HDF5 file; an old file at `path` is replaced only when the new one is whole.
+    """Write a record to an HDF5 file; an old file at `path` is replaced only when the new one is complete.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ def save(
 
 
 def load(path: str | os.PathLike[str]) -> Any:
-    """Read a record from an HDF5 file that `save` wrote, whole and into memory.
+    """Read a record from an HDF5 file of `save` into memory.
 
     Raises
     ------
@@ -172,7 +172,7 @@ def open_capture(path: str | os.PathLike[str]) -> Iterator[Capture]:
 
 
 def load_extras(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """What `save` was given as `extras`, by name; empty where there were none.
+    """The `extras` that were passed to `save`, by name; empty if there were none.
 
     Raises
     ------
@@ -192,7 +192,7 @@ def load_extras(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 def provenance(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """What the file says of its own making: record, schema_version, code_version, command, created; or "unknown"."""
+    """Provenance of a file: record, schema_version, code_version, command, created; or "unknown"."""
     with _opened(path) as file:
         names = ("record", "schema_version", "code_version", "command", "created")
         told = {name: _plain(file.attrs.get(name, "unknown")) for name in names}

@@ -178,7 +178,7 @@ def object_names() -> tuple[str, ...]:
 
 
 def build_object(name: str) -> TriangleMesh:
-    """The mesh of one object [m]: closed, outward-wound, its bounding box centred at the origin.
+    """Build the mesh of one object [m]: closed, outward-wound, with its bounding box centred at the origin.
 
     Raises
     ------

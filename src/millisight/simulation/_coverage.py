@@ -56,7 +56,7 @@ def aperture_over(
 
 
 def check_coverage(scene: Scene, trajectory: Trajectory) -> None:
-    """Refuse an aperture that the scene outgrows, in width or in height.
+    """Refuse an aperture that is too small or too low for the scene.
 
     Raises
     ------

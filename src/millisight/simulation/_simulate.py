@@ -31,7 +31,7 @@ def simulate(
     progress: Callable[[int, int], None] | None = None,
     **parameters: Any,
 ) -> Capture:
-    """Simulate what a radar measures of a scene: every lit vertex is a point reflector (paper Eq. 4 to 7, primer 13).
+    """Simulate a radar capture of a scene: every lit vertex is a point reflector (paper Eq. 4 to 7, primer 13).
 
     Parameters
     ----------

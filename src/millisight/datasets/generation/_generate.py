@@ -40,7 +40,7 @@ _FEW = 10  # jobs that one process has checked before others have started
 
 @record
 class Plan:
-    """What is to be done for a dataset.
+    """The jobs of a dataset.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class Plan:
     ledger: Ledger
 
     def total(self, workers: int) -> Total:
-        """What is to be spent by so many workers of one core each."""
+        """Total cost for a number of workers with one core each."""
         return total([cost._replace(seconds=cost.seconds * self.slowness) for cost in self.costs], workers)
 
 
@@ -87,7 +87,7 @@ def plan_dataset(
     engine: Engine | None = None,
     progress: Progress | None = None,
 ) -> Plan:
-    """What a recipe asks for, every job of it checked, and what of it is there already.
+    """Plan the jobs of a recipe: check each, and find those that are done.
 
     Parameters
     ----------
@@ -142,7 +142,7 @@ def _checked(
 
 
 def run_plan(plan: Plan, engine: Engine, *, progress: Progress | None = None) -> Generated:
-    """Do what a plan asks for; a job that fails stops no other, and none that is done is lost.
+    """Run the jobs of a plan; a job that fails does not stop the others, and finished jobs are kept.
 
     Interrupted at any point, a plan made anew holds what is left; in the end the bytes are those of a run that was
     never interrupted, by whatever engine.
@@ -195,7 +195,7 @@ def run_plan(plan: Plan, engine: Engine, *, progress: Progress | None = None) ->
 
 
 def check_room(plan: Plan, workers: int) -> None:
-    """Refuse a plan for which the disk has too little room.
+    """Refuse a plan that needs more disk space than there is.
 
     Raises
     ------
