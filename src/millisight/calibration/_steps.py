@@ -32,9 +32,9 @@ def calibrate(capture: Capture, steps: Iterable[CalibrationStep]) -> Capture:
     Raises
     ------
     UnknownNameError
-        A step is not known.
+        A step is unknown.
     FormatError, InputError
-        A step does not fit the capture; FormatError names the place where the step is written, if it has one.
+        A step does not fit the capture; FormatError names its place in the description, if any.
     """
     for step in steps:
         checked_record(step, CalibrationStep, name="a step")
@@ -61,15 +61,15 @@ def read_capture(
     Parameters
     ----------
     path : the description; or a folder with one; or a file that a shipped description knows by its arrays
-    data : the folder where the files lie that the description names; None: that of the description
-    clock : correction from the radar's clock to the robot's, where the positions come from the robot's log
+    data : the folder of the files named in the description; None: that of the description
+    clock : correction from the radar's clock to the robot's, if the positions come from a robot log
     progress : called with (files read, files in all)
 
     Returns
     -------
     Capture
-        Of the phase sign inside millisight, calibrated as the description says. `metadata["image_grid"]` and
-        `metadata["imaging"]` hold what it says of the image.
+        With the phase sign of millisight, calibrated as described. `metadata["image_grid"]` and `metadata["imaging"]`
+        hold the image settings of the description.
 
     Raises
     ------

@@ -13,9 +13,9 @@ class ClockCorrection:
 
     Attributes
     ----------
-    offset : what the robot's clock is ahead by, at `reference_time` [s]
-    drift : what it gains [s/s]; 50e-6 is 50 ppm
-    reference_time : when the offset holds, on the radar's clock [s]
+    offset : how far the robot's clock is ahead at `reference_time` [s]
+    drift : drift of the robot's clock [s/s]; 50e-6 is 50 ppm
+    reference_time : time of the offset, on the radar's clock [s]
 
     Examples
     --------

@@ -19,7 +19,7 @@ class SarImage:
     Attributes
     ----------
     grid : VoxelGrid
-    values : (X, Y, Z) complex64; complex128 where they were given as such an array, as some published images are
+    values : (X, Y, Z) complex64; or complex128 if given as such, as for some published images
     metadata : provenance; what JSON can hold
     """
 

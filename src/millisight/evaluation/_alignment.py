@@ -64,7 +64,7 @@ def align(
     mode : "translation", or "rigid": with a rotation
     surfaces : whether the points are samples of surfaces: then the distances along the normals of `fixed` count (Chen
         and Medioni 1991), which is sharper; the points of a voxel grid fill volumes
-    most_points : of each cloud; of larger ones every so-manieth point is taken
+    most_points : of each cloud; larger clouds are thinned evenly
     most_iterations : of the last stage
     tolerance : the alignment has converged when no point moves further in a step [m]
 

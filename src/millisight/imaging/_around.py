@@ -18,17 +18,16 @@ def grid_around(
 
     Parameters
     ----------
-    scene : a Scene; or a Capture, which knows the box of its scene if it was simulated, or the box that its
-        description states: that one has no margin
-    spacing : of the voxels, one or along x, y and z [m]; None: of a capture, as its description states, or half a
-        wavelength at the centre frequency, twice that in depth
-    margin : how far the grid stands out around the scene on every side [m]
+    scene : a Scene, or a Capture with a known scene: simulated captures store the bounding box, descriptions may state
+    one, which gets no margin spacing : of the voxels, one number or three [m]; None: for a capture as its description
+    states, or half a wavelength at the centre frequency, twice that in depth margin : distance of the grid beyond the
+    scene on every side [m]
 
     Raises
     ------
     InputError
-        The capture does not know where its scene is, as real ones do not; or a scene comes without spacing, or the
-        spacing leaves two voxels along each axis at most.
+        The scene of the capture is unknown, as in real captures; a scene is given without spacing; or the spacing
+        leaves at most two voxels along each axis.
 
     Examples
     --------

@@ -33,7 +33,7 @@ def image_at(
     frequencies : (N,) of the samples [Hz]; they need not be evenly spaced
     points : (V, 3) [m]
     path_offset : constant extra path [m]
-    layers : of the capture that the antennas are from (`Capture.layers`); None: paths are straight
+    layers : layers of the capture (`Capture.layers`); None: straight paths
     progress : called with (poses done, poses in all)
 
     Returns
@@ -43,7 +43,7 @@ def image_at(
     Raises
     ------
     InputError
-        The shapes do not fit together, or a value is no finite number.
+        The shapes do not match, or a value is not a finite number.
 
     Examples
     --------

@@ -106,14 +106,14 @@ def save(
     Parameters
     ----------
     path : the file
-    record : one of millisight's
-    extras : what comes along with the record, by name: arrays of numbers, and what JSON can hold; see `load_extras`
-    reproducible : leave out when and by which command the file was made, so that equal records give equal bytes
+    record : a record of millisight
+    extras : further data by name: arrays of numbers, and values that JSON can hold; see `load_extras`
+    reproducible : leave out date and command, so that equal records give equal bytes
 
     Raises
     ------
     InputError
-        It is no record of millisight, or an extra can be stored in no way.
+        It is not a record of millisight, or an extra cannot be stored.
     FileError
         The folder is missing, read-only, or full.
     """
@@ -148,9 +148,9 @@ def load(path: str | os.PathLike[str]) -> Any:
     FileError
         There is no such file, or it cannot be opened.
     FormatError
-        It is not HDF5, not ours, or of a newer schema.
+        It is not HDF5, was not written by millisight, or has a newer schema.
     DamagedFileError
-        It is ours but truncated or corrupted.
+        It was written by millisight, but is truncated or corrupted.
     """
     with _opened(path) as file:
         return _read(file, path)
