@@ -92,8 +92,8 @@ def form_image(
     checked_record(grid, VoxelGrid, name="grid")
     if method not in METHODS:
         raise UnknownNameError("imaging method", method, METHODS)
-    if method == "exact" and device == "cuda":
-        raise InputError('method="exact" is float64 on the CPU alone; leave device="cuda" out')
+    if method in ("exact", "sparse") and device == "cuda":
+        raise InputError(f'method="{method}" runs on the CPU alone; leave device="cuda" out')
     if method in ("exact", "sparse") and tolerance is not None:
         raise InputError(f'method="{method}" has no tolerance; leave tolerance out, or use "fast"')
     check_device(device)
@@ -108,14 +108,14 @@ def form_image(
     elif method == "sparse":
         if capture.layers is not None and capture.layers.error > capture.radar.waveform.wavelength / 20:
             raise InputError(
-                f'method="sparse" takes refracted paths as straight, which errs by {capture.layers.error * 1e3:.2g} mm '
-                "here, more than a twentieth of the wavelength; use another method"
+                f'method="sparse" approximates refracted paths as straight, with an error of '
+                f"{capture.layers.error * 1e3:.2g} mm here, more than a twentieth of the wavelength; use another method"
             )
         from millisight.imaging._sparse import sparse  # Numba and SciPy: not for --help
 
         settings["oversampling"] = OVERSAMPLING if oversampling is None else int(oversampling)
         values, settings["solver"] = sparse(
-            capture, grid, window=window, oversampling=settings["oversampling"], device=device, progress=progress
+            capture, grid, window=window, oversampling=settings["oversampling"], progress=progress
         )
     else:
         wanted = TOLERANCE if tolerance is None else _checked_tolerance(tolerance)
