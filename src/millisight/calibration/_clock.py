@@ -30,7 +30,7 @@ def retime(capture: Capture, log: Trajectory, clock: ClockCorrection) -> Capture
     robot = clock.robot_times(times)
     inside = inside_log(robot, log)
     if not inside.any():
-        raise InputError(f"no frame lies within the robot's log: {spans(robot, log)}")
+        raise InputError(f"no frame lies within the robot log: {spans(robot, log)}")
     poses = log.at(robot[inside])
     return Capture(
         radar=capture.radar,

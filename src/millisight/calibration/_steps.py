@@ -84,5 +84,5 @@ def read_capture(
     if isinstance(content, RawScan):
         return content.to_capture(clock=clock, progress=progress)
     if clock is not None:
-        raise InputError(f"{printable(path)} names no log of a robot, so there is no clock to correct; leave clock out")
+        raise InputError(f"{printable(path)} names no robot log, so there is no clock to correct; leave clock out")
     return content.to_capture()

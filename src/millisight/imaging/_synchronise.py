@@ -160,8 +160,8 @@ def _estimate(capture, log, grid, limits, rng, step_done, found) -> tuple[ClockC
     counts = _count(guess.error, limits[0], step), int(np.ceil(longest_late / step))
     if counts[0] > _MOST_STEPS:
         raise Unobservable(
-            f"the rows tell the offset to ± {guess.error * 1e3:.3g} ms only, too vaguely for the image to go on "
-            "from: what the radar hears to and fro is too faint or too even"
+            f"the rows determine the offset only to ± {guess.error * 1e3:.3g} ms, too coarse a start for the search by "
+            "images: the echoes are too faint or too uniform"
         )
     step_done()
 
@@ -247,7 +247,7 @@ def _refined(
     error = np.sqrt(np.sum(np.square(errors), axis=0))
     if not error.max() < step:
         raise Unobservable(
-            f"the image tells the offset to ± {error[0] * 1e3:.3g} ms only: the scene is too faint, or too even"
+            f"the image determines the offset only to ± {error[0] * 1e3:.3g} ms: the scene is too faint, or too uniform"
         )
     return best, error
 

@@ -119,7 +119,7 @@ def _check_finite(array: np.ndarray, name: str) -> None:
         first = tuple(int(i) for i in np.argwhere(bad)[0])
         raise DamagedFileError(
             f"array {name!r} has {int(bad.sum())} values that are NaN or infinite, the first at {first}; remove or "
-            "mend them"
+            "correct them"
         )
 
 

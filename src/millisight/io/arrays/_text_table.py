@@ -156,7 +156,7 @@ def _text(data: bytes, source: str) -> str:
             return data.decode(encoding)
         except UnicodeDecodeError:
             pass
-    raise FormatError(f"{source} is not a text of numbers: it is no UTF-16")
+    raise FormatError(f"{source} is not a text of numbers: it is not UTF-16")
 
 
 def _words(line: str, separator: str) -> list[str]:

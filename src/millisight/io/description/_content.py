@@ -97,7 +97,7 @@ class Description:
         if "positions" not in self._tables:
             raise InputError(
                 f"{printable(self._source)} has no table [positions]: its frames can be read, but not imaged; add "
-                f"raster, circle, points or log with the positions of the radar"
+                "raster, circle, points or log with the positions of the radar"
             )
         table = self._tables["positions"]
         read = list(self._read(progress))

@@ -123,7 +123,7 @@ def _shipped(path: Path) -> Description:
     there = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
     raise FormatError(
         f"{printable(path)} holds the arrays {there}, which no shipped description covers; write a description in "
-        f"TOML: see docs/how-to/your-own-scanner.md"
+        "TOML: see docs/how-to/your-own-scanner.md"
     )
 
 

@@ -140,7 +140,7 @@ def _antenna_points(table: Table, key: str, count: int, antennas: int) -> np.nda
         one = f", or ({count}, 3)" if antennas == 1 else ""
         raise table.error(
             key, f"({count}, {antennas}, 3), each antenna at each frame, or ({antennas}, 3) if they do not move{one}; "
-                f"its "
+                "its "
             f"shape is {points.shape}"
         )  # fmt: skip
     return np.array(np.broadcast_to(points, (count, antennas, 3)))

@@ -68,7 +68,7 @@ class Files:
                 return check_readable(place)
         raise FileError(
             f"{printable(places[0])}: no such file; pass the folder of the files named in the description with --data "
-            f"(data= in Python)"
+            "(data= in Python)"
         )
 
     def many(self, pattern: str) -> list[Path]:

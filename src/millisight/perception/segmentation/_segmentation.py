@@ -169,7 +169,7 @@ class Segmented:
             The picture is a photo.
         """
         if self.picture.grid_xy is None:
-            raise InputError("the picture is a photo, which lies on no grid; take `inside`")
+            raise InputError("the picture is a photo, which has no grid; use `inside`")
         return Mask(grid_xy=self.picture.grid_xy, inside=self.inside)
 
 
