@@ -38,9 +38,9 @@ class Capture:
     trajectory : Trajectory of P poses
     frames : (P, T, R, N) complex64, pose x transmitter x receiver x sample; an array, or an HDF5 dataset on disk
     metadata : provenance; what JSON can hold
-    tx_points, rx_points : (P, T, 3), (P, R, 3) antenna positions in the world frame [m] for each pose, for example for
-    measured pairs of a fixed array; None: the radar's array at the poses of the trajectory layers : plane layers
-    between antennas and scene, or None
+    tx_points, rx_points : (P, T, 3), (P, R, 3) antenna positions in the world frame [m] for each pose, for example
+        for measured pairs of a fixed array; None: the radar's array at the poses of the trajectory
+    layers : plane layers between antennas and scene, or None
 
     Raises
     ------

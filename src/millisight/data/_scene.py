@@ -72,8 +72,8 @@ class Scene:
         Parameters
         ----------
         source : a mesh file (STL, OBJ, PLY, OFF, GLB), a name of the catalogue, a trimesh or a TriangleMesh
-        unit : "m", "cm", "mm" or "in"; None assumes metres and refuses a mesh that is then not the size of an everyday
-        object vertices : number of evenly spaced vertices to resample to; None keeps those of the mesh
+        unit : "m", "cm", "mm" or "in"; None assumes metres, and refuses what is then no everyday size
+        vertices : number of evenly spaced vertices to resample to; None keeps those of the mesh
         center : move the centre of the bounding box to the origin (after rotation)
         rotate_deg : rotation about the fixed x, then y, then z axis [degrees]
         material : a name of `MATERIALS` or a Material; None: that of the catalogue with fitted weights, else metal

@@ -18,10 +18,11 @@ def grid_around(
 
     Parameters
     ----------
-    scene : a Scene, or a Capture with a known scene: simulated captures store the bounding box, descriptions may state
-    one, which gets no margin spacing : of the voxels, one number or three [m]; None: for a capture as its description
-    states, or half a wavelength at the centre frequency, twice that in depth margin : distance of the grid beyond the
-    scene on every side [m]
+    scene : a Scene, or a Capture with a known scene: simulated captures store the bounding box, descriptions may
+        state one, which gets no margin
+    spacing : of the voxels, one number or three [m]; None: for a capture as its description states, or half a
+        wavelength at the centre frequency, twice that in depth
+    margin : distance of the grid beyond the scene on every side [m]
 
     Raises
     ------

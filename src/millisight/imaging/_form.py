@@ -52,10 +52,10 @@ def form_image(
     capture : frames in memory, or on disk (`ms.open_capture`), then read in blocks
     grid : voxels of the image, in the world frame
     method : "fast": factorised backprojection, or direct where that is not slower (the metadata states which);
-    "backprojection": direct; "exact": the reference in float64, about a thousand times slower; "sparse": for scans with
-    half or a quarter of the rows, about a hundred times slower than "backprojection" (`sparse`) window : None, "hann"
-    or "taylor" over range and aperture, or a pair of them (range, aperture) (primer 9) tolerance : largest relative L2
-    error of the image against "exact", at random voxels and at the brightest, from
+        "backprojection": direct; "exact": the reference in float64, about a thousand times slower; "sparse": for scans
+        with half or a quarter of the rows, about a hundred times slower than "backprojection" (`sparse`)
+    window : None, "hann" or "taylor" over range and aperture, or a pair of them (range, aperture) (primer 9)
+    tolerance : largest relative L2 error of the image against "exact", at random voxels and at the brightest, from
         0.0005 to 0.1; default 0.005. It determines the oversampling, and for "fast" the sub-apertures and their grids.
         The metadata state the measured error. Not for "exact" and "sparse"
     oversampling : entries of a range profile per range bin, instead of the number from the tolerance; not for "exact"

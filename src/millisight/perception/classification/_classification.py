@@ -20,8 +20,9 @@ class Classifier(Protocol):
     Attributes
     ----------
     name : of the classifier, or of its weights
-    class_names : (C,) its classes bands : its input images: "77_ghz", and optionally "24_ghz" description : facts about
-    its training; may be empty
+    class_names : (C,) its classes
+    bands : its input images: "77_ghz" first, and perhaps "24_ghz", which may be missing
+    description : facts about its training; may be empty
     """
 
     name: str

@@ -256,7 +256,8 @@ def segment(
     ----------
     image : SarImage, best at 77 GHz
     other_band : the same scene at the radar's other frequency, on its own grid. Prompts are drawn where both bands are
-    bright; "wave" uses both method : name of a segmenter, such as "wave", "classical" or "sam", or a segmenter
+        bright; "wave" uses both
+    method : name of a segmenter, such as "wave", "classical" or "sam", or a segmenter
     prompts : used as they are; None: drawn from power, if the segmenter needs them
     rng : seed or generator for random prompts; required where prompts are drawn
     condition : "los" or "nlos", the thresholds for drawing
