@@ -156,7 +156,10 @@ def test_antennas_turn_with_the_radar_on_a_circle(tmp_path):
     [
         ("{ step = 6 }", r"\[positions\] circle has no radius; expected .*far_field"),
         ("{ radius = 1, far_field = true, step = 6 }", "radius is '1'.*one of the two"),
-        ("{ radius = 1, step = 6 }", r"unit; expected the unit of the angles: they go to 354 radians"),
+        (
+            "{ radius = 1, step = 6 }",
+            r"has no unit; expected .*in radians the angles go 56.34 times round",
+        ),
         ('{ radius = 1, step = 6, unit = "degrees" }', "unit in .*'degrees'. Did you mean 'deg'"),
         (
             "{ radius = 1, angles = [0, 1, 2] }",
@@ -237,7 +240,8 @@ def test_measured_pairs_in_texts(tmp_path):
     assert capture.frames.shape == (276, 1, 1, COUNT)
     same_image(capture, image_of(frames, tx, rx))
     for old, new, message in (
-        ("count_from = 1\n", "", "from 0 to 23, .*from 2 to 24; counted from 1. say count_from = 1"),
+        ("count_from = 1\n", "", r"\[positions\] has no count_from; expected 0 or 1, .* no pair has the number 0"),
+        ("count_from = 1", "count_from = 0", "from 0 to 23, of the 24 antennas, and they go from 2 to 24"),
         ("pairs =", "tx_pairs =", "key in .*'tx_pairs'. Did you mean"),
         ('pairs = { file = "pairs.csv" }\ncount_from = 1\n', "", r"has no pairs; expected the two antennas"),
         ('"pairs.csv"', '"antennas.csv"', "pairs cannot be read as an array of int64"),
@@ -322,6 +326,11 @@ def test_magnitude_and_phase(tmp_path, parts, turn):
         ("re\n1,5\n3,25\n", r"line 2 has 2 columns; expected 1 .*decimal commas, say decimal = \",\""),
         ("1.5;2,5\n3;4,5\n", "line 1 has '2,5'"),
         ("1+2i;3-1j\n1+x;2\n", r"line 2 has '1\+x'; expected a finite number"),
+        ("a;b\n1;2\n3;4\nEND\n", "t.csv, line 4 has 1 columns; expected 2 as before: 'END'; rows = 2 leaves out what"),
+        ("1;2;\n3;;\n", "line 2 has ''"),
+        ("1;2;\n3\n", "line 1 has '1;2;'"),
+        ("1\x002\n", "bytes that no text has"),
+        ("\xb5\n1 2\n3\n", "line 2 has 2 columns; expected 1|line 3 has 1"),
     ],
 )
 def test_a_decimal_comma_is_never_two_numbers(tmp_path, content, message):
@@ -342,10 +351,24 @@ def test_texts_that_are_plain(tmp_path):
         ("a,b\n1,5\n3,25\n", {}, [[1, 5], [3, 25]]), ("1, 5\n3, 25\n", {}, [[1, 5], [3, 25]]),
         ("1,2,3\n4,5,6\n", {}, [[1, 2, 3], [4, 5, 6]]),
         ("(1+2j) 3j # a\n\n1.5-2i 4\n", {}, [[1 + 2j, 3j], [1.5 - 2j, 4]]),
+        ("0.5 + 2i   -1.5e0 - 0.25i\n", {}, [[0.5 + 2j, -1.5 - 0.25j]]), ("1;2;\n3;4;\n", {}, [[1, 2], [3, 4]]),
+        ("! VNA, 1.5\nBEGIN\nf (Hz),dB\n1,2\n3,4\nEND\n5,6\n", {"skip_rows": 2, "rows": 2}, [[1, 2], [3, 4]]),
+        ("t;0;1\n1;2;3\n", {}, [[1, 2, 3]]),
         ("1e-3\t-2\n", {}, [[1e-3, -2]]), ("head\nmore, of it\n1;2\n", {"skip_rows": 2}, [[1, 2]]),
     ):  # fmt: skip
         (tmp_path / "t.csv").write_text(content)
         assert np.array_equal(ms_read(tmp_path / "t.csv", **settings).values, expected)
+    for encoding in ("latin-1", "utf-8", "utf-8-sig", "utf-16"):
+        (tmp_path / "t.csv").write_text("Phase [°];µ\n1;2\n", encoding=encoding)
+        assert ms_read(tmp_path / "t.csv").names == ("Phase [°]", "µ")
+    (tmp_path / "t.csv").write_text("t,a,b\n1,2,3\n")
+    table = ms_read(tmp_path / "t.csv")
+    assert np.array_equal(table.columns("1:"), [[2, 3]])
+    for wanted in ("a", "3:", [], [0.5], ":1"):
+        with pytest.raises(ms.errors.InputError, match=r"columns is .*expected a list of numbers.*t.csv has 3"):
+            table.columns(wanted)
+    with pytest.raises(ms.errors.FileError, match="t.csv has 1 rows of numbers; expected 5"):
+        ms_read(tmp_path / "t.csv", rows=5)
 
 
 def test_slices_in_references(tmp_path):
@@ -427,6 +450,34 @@ def test_the_page_on_network_analysers_shows_what_works(tmp_path):
     assert np.allclose(read_capture(written(tmp_path, text)).frames[0, 0, 0], field, atol=1e-5)
     halved = read_capture(written(tmp_path, many + calibration))
     assert np.allclose(halved.frames, frames / 2j, atol=1e-5)
+
+
+@pytest.mark.parametrize("along", ["part", "sample"])
+def test_files_that_are_entries_of_an_axis(tmp_path, along):
+    """Real and imaginary parts in two texts; a file for each frequency."""
+    tx, frames = save_plane(tmp_path, count=5, step=0.03)
+    field = frames[:, 0, 0]
+    if along == "part":
+        for name, part in (("re", field.real), ("im", field.imag)):
+            np.savetxt(tmp_path / f"{name}.csv", part, delimiter=";")
+        text = 'file = ["im.csv", "re.csv"]\nparts = ["Q", "I"]\naxes = ["pose", "sample"]\n'
+    else:
+        for number, column in enumerate(field.T):
+            np.save(tmp_path / f"f{number}.npy", column.reshape(5, 5).T)
+        text = 'file = "f*.npy"\naxes = ["y", "x"]\n'
+    where = PLANE_TEXT if along == "part" else "[positions]\nraster = { step = 0.03, center = [0, 0, 0.3] }\n"
+    text = RADAR + f'[frames]\nfiles_along = "{along}"\n{text}phase_sign = -1\n'
+    capture = read_capture(written(tmp_path, text + where))
+    same_image(capture, image_of(frames, tx))
+    np.savetxt(tmp_path / "im.csv", field.imag[:3], delimiter=";")
+    np.save(tmp_path / "f3.npy", np.ones((4, 5), complex))
+    for old, new, message in (
+        (f'"{along}"', '"chirp"', "files_along in .*'chirp'"), (f'files_along = "{along}"\n', "", "files_along"),
+        ("files_along", "file_along", "Did you mean 'files_along'"), ("", "", r"whole files of one shape; .* has \("),
+        (where, where + '[calibration]\nbackground = "points.npy"\n', "not beside another file|whole files"),
+    ):  # fmt: skip
+        with pytest.raises(ms.errors.MillisightError, match=message):
+            read_capture(written(tmp_path, (text + where).replace(old, new, 1)))
 
 
 # Calibration, media, layers
@@ -553,6 +604,11 @@ def test_pulses(tmp_path):
     capture = read_capture(written(tmp_path, text))
     assert np.allclose(capture.radar.waveform.frequencies, frequencies)
     same_image(capture, image_of(frames, tx, frequencies=frequencies), 1e-4)
+    lines = ["t [ns];" + ";".join(f"CH{i}" for i in range(25)) + ";"]
+    lines += [";".join(f"{v:.9g}" for v in row) + ";" for row in np.column_stack([times, pulses.T])]
+    (tmp_path / "scope.csv").write_text("\n".join(lines))
+    traces = text.replace("f.npy", 'scope.csv"\ncolumns = "1:').replace('["pose", "sample"]', '["sample", "pose"]')
+    same_image(read_capture(written(tmp_path, traces)), image_of(frames, tx, frequencies=frequencies), 1e-4)
     for old, new, message in (
         ("stop_frequency = 6e9\n", "", r"\[radar\] has no stop_frequency; expected .*the band of the pulse"),
         ("stop_frequency = 6e9", "stop_frequency = 60e9", "stop_frequency is .*up to 2e.10 Hz, which samples"),
@@ -613,6 +669,31 @@ def test_adc_start_and_receivers_by_number(tmp_path):
     ):  # fmt: skip
         with pytest.raises(ms.errors.MillisightError, match=message):
             read_capture(written(tmp_path, text.replace(old, new) + PLANE_TEXT))
+
+
+def test_transmitters_that_take_turns_many_times_a_frame(tmp_path):
+    """Three transmitters, five chirps each, as mmWave Studio records them: `shape` tells the two apart."""
+    tx, _ = save_plane(tmp_path, count=5, step=0.03)
+    places = np.array([[0, 0, 0], [0.015, 0, 0], [0, 0.015, 0]])
+    frames = frames_at(tx + places, np.repeat(tx, 2, axis=1), frequencies=FREQUENCIES[:32])
+    counts = np.round(2000 * np.repeat(frames[:, None], 5, axis=1) * np.arange(1, 6)[:, None, None, None])
+    write_dca1000(tmp_path / "f.bin", counts.reshape(25, 15, 2, 32), order="two-lane")
+    text = RADAR + f"tx_positions = {places.tolist()}\nrx_positions = {[[0, 0, 0]] * 2}\n[frames]\nfile = 'f.bin'\n"
+    text += 'samples = 32\nreceivers = 2\nchirps = 15\norder = "two-lane"\nphase_sign = -1\nchirp = "mean"\n'
+    text += 'shape = [-1, 5, 3, 2, 32]\naxes = ["pose", "chirp", "tx", "rx", "sample"]\n' + PLANE_TEXT
+    capture = read_capture(written(tmp_path, text))
+    same_image(capture, image_of(3 * frames * 2000, tx + places, np.repeat(tx, 2, 1), 0, FREQUENCIES[:32]), 1e-3)
+    for old, new, message in (
+        (
+            "[-1, 5, 3, 2, 32]",
+            "[25, 5, 4, 2, 32]",
+            r"one for the 24000 numbers in .*f.bin, \(25, 15, 2, 32\)",
+        ),
+        ("[-1, 5, 3, 2, 32]", "[5, 25, 3, 2, 32]", r"shape is .*25 first, the frames .*f.bin"),
+        ("shape = [-1, 5, 3, 2, 32]\n", "", "axes is .*or others where shape says them"),
+    ):
+        with pytest.raises(ms.errors.FormatError, match=message):
+            read_capture(written(tmp_path, text.replace(old, new)))
 
 
 def test_packets_of_a_dca1000(tmp_path):

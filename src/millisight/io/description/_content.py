@@ -148,7 +148,7 @@ class Description:
             )
         rows = [
             ScanRow(times=t, read=partial(self._values, path), source=printable(path.name), missing=lost)
-            for path, (_, lost, _), t in zip(self._reader.paths, looked, times, strict=True)
+            for path, (_, lost, _), t in zip(self._reader.parts, looked, times, strict=True)
         ]
         shape, _, settings = looked[0]
         radar = self.radar(shape)
@@ -179,7 +179,7 @@ class Description:
 
     def _read(self, progress: Progress | None) -> Iterator[Frames]:
         """The frames of each file in turn."""
-        first, paths = None, self._reader.paths
+        first, paths = None, self._reader.parts
         for number, path in enumerate(paths, 1):
             part = self._reader.read(path)
             first = first or part

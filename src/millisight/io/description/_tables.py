@@ -19,7 +19,7 @@ from millisight.core.errors import FileError, FormatError, InputError, UnknownNa
 from millisight.io.arrays import TEXT_SUFFIXES, read_array, read_table
 
 _LONGEST = 1 << 20  # bytes of a description
-REFERENCE = ("file", "array", "columns", "index", "slice", "unit", "skip_rows", "decimal")
+REFERENCE = ("file", "array", "columns", "index", "slice", "unit", "skip_rows", "rows", "decimal")
 _UNITS = {
     "": {},
     "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6},
@@ -250,7 +250,7 @@ class Table:
     def values(self, *, whole: bool = False) -> np.ndarray:
         """The numbers that this table, a reference, leads to, in their own unit; `whole`: no decimals are meant."""
         path = self.file()
-        columns = self.columns()
+        columns = self.get("columns")
         with self.errors():
             if path.suffix.lower() in TEXT_SUFFIXES:
                 table = read_table(path, **self.text_settings(path, "." if whole else None))
@@ -274,11 +274,13 @@ class Table:
             The file is no text, and something is said all the same.
         """
         settings: dict[str, Any] = {"decimal": decimal}
-        for key in ("skip_rows", "decimal"):
+        for key in ("skip_rows", "rows", "decimal"):
             if key in self and path.suffix.lower() not in TEXT_SUFFIXES:
                 raise self.error(key, f"it of texts alone, and not of {printable(path)}")
         if "skip_rows" in self:
             settings["skip_rows"] = self.integer("skip_rows", minimum=0)
+        if "rows" in self:
+            settings["rows"] = self.integer("rows")
         if "decimal" in self:
             settings["decimal"] = self.text("decimal", among=(".", ","))
         return settings
@@ -293,13 +295,6 @@ class Table:
         if not places[0] < places[1] <= count:
             raise self.error("slice", f"start below stop, and stop up to {count}, the entries that are there")
         return values[slice(*places)]
-
-    def columns(self) -> list[Any] | None:
-        """The columns that are wanted, numbers or names; None: all."""
-        value = self._values.get("columns")
-        if value is not None and not (isinstance(value, list) and all(type(item) in (int, str) for item in value)):
-            raise self.error("columns", "a list of numbers, from 0 on, or of names")
-        return value
 
     def _picked(self, values: np.ndarray, axis: int, key: str, places: Any) -> np.ndarray:
         try:

@@ -30,6 +30,7 @@ def read_robot_log(
     scale: float = 1.0,
     columns: Sequence[int | str] | None = None,
     skip_rows: int = 0,
+    rows: int | None = None,
     decimal: str | None = None,
 ) -> Trajectory:
     """The poses of a robot's log, by its own clock.
@@ -45,7 +46,7 @@ def read_robot_log(
     times, positions, orientations : names of arrays where they are not the usual ones
     scale : metres a unit of length of the file
     columns : of a text, the 4 or 8 that are `COLUMNS`, numbers from 0 on or names; None: as the first line names them
-    skip_rows, decimal : of a text, as of `read_table`
+    skip_rows, rows, decimal : of a text, as of `read_table`
 
     Returns
     -------
@@ -63,11 +64,14 @@ def read_robot_log(
     path = check_readable(path)
     name = printable(path)
     if path.suffix.lower() in _ARRAYS:
-        if columns is not None or skip_rows or decimal is not None:
-            raise InputError(f"{name} is no text; expected no columns, skip_rows or decimal")
+        if columns is not None or skip_rows or rows is not None or decimal is not None:
+            raise InputError(f"{name} is no text; expected no columns, skip_rows, rows or decimal")
         values, place = _from_arrays(path, times, positions, orientations), "entry"
     else:
-        values, place = _from_text(read_table(path, skip_rows=skip_rows, decimal=decimal), columns), "row of numbers"
+        values, place = (
+            _from_text(read_table(path, skip_rows=skip_rows, rows=rows, decimal=decimal), columns),
+            "row of numbers",
+        )
     values = _without_repeats(values)
     steps = np.diff(values[:, 0])
     if (steps <= 0).any():
@@ -114,9 +118,10 @@ def _from_text(table: TextTable, columns: Sequence[int | str] | None) -> np.ndar
     if np.iscomplexobj(table.values):
         raise FormatError(f"{table.source} holds complex numbers; expected times and positions")
     if columns is not None:
-        if len(columns) not in (4, 8):
-            raise InputError(f"columns is {list(columns)}; expected 4 or 8, those of {', '.join(COLUMNS)}")
-        return table.columns(columns)
+        chosen = table.columns(columns)
+        if chosen.shape[1] not in (4, 8):
+            raise InputError(f"columns is {columns}; expected 4 or 8, those of {', '.join(COLUMNS)}")
+        return chosen
     width = table.values.shape[1]
     if not table.names:
         if width not in (4, 8):
