@@ -13,7 +13,7 @@ from helpers import oracles, small_recipe
 from millisight.core import rotation_from_euler_deg
 from millisight.core.errors import FileError, FormatError, InputError
 from millisight.datasets import prepare_objects
-from millisight.datasets._dataset_objects import lying_like
+from millisight.datasets._generated_objects import lying_like
 from millisight.datasets.generation import RigJob, plan_dataset, read_recipe, recipe_from_table
 from millisight.datasets.generation._jobs import jobs_of, poses_of
 from millisight.datasets.generation._recipe import Objects, Poses

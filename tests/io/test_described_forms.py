@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import millisight as ms
+from helpers.commands import run_here
 from helpers.oracles import C, point_frames, relative, shared, snell
 from helpers.raw_scenes import pcap_of
 from millisight.calibration import read_capture
@@ -194,6 +195,19 @@ def test_antennas_for_each_pose(tmp_path):
     assert np.allclose(capture.tx_positions, tx)
     assert np.array_equal(capture.rx_positions, rx)
     same_image(capture, image_of(frames, tx, rx))
+    for old, new, message in (
+        (
+            'rx_points = { array = "rx" }\n',
+            "",
+            r"has no rx_points; expected both of tx_points and rx_points, or raster",
+        ),
+        ('array = "rx"', 'array = "tx"', r"rx_points is .*\(30, 3, 3\), each antenna .*; its shape is \(30, 2, 3\)"),
+        ("tx_points =", "tx_point =", "'tx_point'. Did you mean 'tx_points'"),
+        ('unit = "mm"', 'unit = "mil"', r"tx_points: 'mil'"),
+        ("[radar]", "[radar]\ntx_positions = [[0, 0, 0]]", r"tx_positions is .*them in \[positions\] alone"),
+    ):
+        with pytest.raises(ms.errors.MillisightError, match=message):
+            read_capture(written(tmp_path, text.replace(old, new)))
     # Saved and loaded, and with noise or a step of calibration, they are where they were.
     ms.save(tmp_path / "c.h5", capture)
     with ms.open_capture(tmp_path / "c.h5") as opened:
@@ -729,6 +743,11 @@ def test_a_new_raw_format_is_one_function(tmp_path, monkeypatch):
     RAW_FORMATS.names()
     monkeypatch.setattr(RAW_FORMATS, "_entries", dict(RAW_FORMATS._entries))
     RAW_FORMATS.add("xyz", RawFormat(suffixes=(".xyz",), keys=("length",), read=read, axes=("pose", "sample")))
+    assert "xyz: state length in a description" in run_here("info", tmp_path / "f.xyz")[1]
+    whole = RawFormat(suffixes=(".all",), keys=(), read=lambda path: read(path, length=41), axes=("pose", "sample"))
+    RAW_FORMATS.add("all", whole)
+    (tmp_path / "f.xyz").with_suffix(".all").write_bytes((tmp_path / "f.xyz").read_bytes())
+    assert "all: 25 x 41 complex64 (pose, sample)" in run_here("info", tmp_path / "f.all")[1]
     text = '[radar]\n[frames]\nfile = "f.xyz"\nlength = 41\nphase_sign = -1\n' + PLANE_TEXT
     same_image(read_capture(written(tmp_path, text)), image_of(frames, tx))
     same_image(read_capture(written(tmp_path, text.replace("length", 'format = "xyz"\nlength'))), image_of(frames, tx))

@@ -20,7 +20,7 @@ from helpers.miniature import MUG
 from millisight.cli.app import app
 from millisight.core.errors import DamagedFileError, DeviceError, FileError, FormatError, InputError
 from millisight.viz import grid_box
-from millisight.viz._style import mask_borders
+from millisight.viz._panels import mask_borders
 from millisight.viz.viewer import PaneGrid, ViewSettings, first_settings, gather, start
 from millisight.viz.viewer import _contents as contents_module
 from millisight.viz.viewer import _server as server_module

@@ -88,8 +88,8 @@ def image(
     window: Annotated[
         str | None,
         typer.Option(
-            help="none, hann or taylor: lower sidelobes for a wider main lobe. [default: none, or as the description "
-            "states]"
+            help=f"none, {', '.join(WINDOWS)}: lower sidelobes for a wider main lobe. [default: none, or as the "
+            "description states]"
         ),
     ] = None,
     tolerance: Annotated[

@@ -25,7 +25,9 @@ def view(
     ],
     threshold: Annotated[float, typer.Option(help="Hide weaker voxels [dB relative to the maximum].")] = -15.0,
     range_db: Annotated[float, typer.Option("--range", help="Dynamic range of the colours [dB].")] = 30.0,
-    colormap: Annotated[str | None, typer.Option(help="Colour map, such as viridis or jet. [default: inferno]")] = None,
+    colormap: Annotated[
+        str | None, typer.Option(help=f"Colour map, such as viridis or jet. [default: {colormap_in_use()}]")
+    ] = None,
     slices: Annotated[bool, typer.Option("--slices", help="Start with three slices instead of points.")] = False,
     volume: Annotated[bool, typer.Option("--volume", help="Start with all slices, half transparent.")] = False,
     common: Annotated[

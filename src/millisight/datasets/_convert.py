@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 from millisight.core import atomic_path, checked_number, make_folder, printable, record, same_file, write_text
 from millisight.core.errors import FileError, InputError
 from millisight.datasets import _mito
-from millisight.datasets._inventory import Dataset, Item
+from millisight.datasets._dataset import Dataset, Item
 from millisight.datasets._manifest import Entry, Manifest, Source, checksum, read_manifest, size_of, write_manifest
 from millisight.datasets._workers import each
 from millisight.io import SCHEMA_VERSION, mito, save

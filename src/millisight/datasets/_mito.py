@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from millisight.core import checked_path, printable
 from millisight.core.errors import FileError
-from millisight.datasets._inventory import Dataset, Experiment, Item, ObjectFolder, Simulation
+from millisight.datasets._dataset import Dataset, Experiment, Item, ObjectFolder, Simulation
 from millisight.io import mito
 
 SIMULATED_EXTS = ("_specular", "_edges")

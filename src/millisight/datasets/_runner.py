@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from millisight.core import make_folder, write_text
 from millisight.core.errors import InputError
 from millisight.datasets import _mito
-from millisight.datasets._inventory import Dataset
+from millisight.datasets._dataset import Dataset
 from millisight.datasets._scenes import DatasetFiles, find_scenes
 from millisight.datasets._workers import each
 from millisight.evaluation import TASKS, EvaluationItem, Result, Task

@@ -9,7 +9,7 @@ import numpy as np
 from millisight.core import check_known, read_toml, record, rotation_from_quaternion
 from millisight.core.errors import FileError, InputError
 from millisight.data import CameraFrame, CameraMask, Mask, SarImage
-from millisight.datasets._inventory import Dataset, Experiment, Item, expect, read_item
+from millisight.datasets._dataset import Dataset, Experiment, Item, expect, read_item
 from millisight.datasets._manifest import read_manifest
 from millisight.evaluation import (
     HIGH,

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from millisight.core import record
 from millisight.datasets import _mito
-from millisight.datasets._inventory import Dataset, Item
+from millisight.datasets._dataset import Dataset, Item
 from millisight.datasets._manifest import MANIFEST_NAME, Entry, checksum, read_manifest
 from millisight.datasets._workers import each
 from millisight.io import load, open_capture

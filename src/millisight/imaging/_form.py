@@ -92,8 +92,8 @@ def form_image(
     checked_record(grid, VoxelGrid, name="grid")
     if method not in METHODS:
         raise UnknownNameError("imaging method", method, METHODS)
-    if method == "exact" and device == "cuda":
-        raise InputError('method="exact" is float64 on the CPU alone; leave device="cuda" out')
+    if method in ("exact", "sparse") and device == "cuda":
+        raise InputError(f'method="{method}" runs on the CPU alone; leave device="cuda" out')
     if method in ("exact", "sparse") and tolerance is not None:
         raise InputError(f'method="{method}" has no tolerance; leave tolerance out, or use "fast"')
     check_device(device)
@@ -115,7 +115,7 @@ def form_image(
 
         settings["oversampling"] = OVERSAMPLING if oversampling is None else int(oversampling)
         values, settings["solver"] = sparse(
-            capture, grid, window=window, oversampling=settings["oversampling"], device=device, progress=progress
+            capture, grid, window=window, oversampling=settings["oversampling"], progress=progress
         )
     else:
         wanted = TOLERANCE if tolerance is None else _checked_tolerance(tolerance)

@@ -30,11 +30,11 @@ from typing import TYPE_CHECKING, Any
 from millisight.core import check_known, checked_number, printable, put, record
 from millisight.core.errors import FileError, InputError
 from millisight.data import MATERIALS, Material, SceneObject, TriangleMesh
+from millisight.meshes._shape_classes import SHAPE_CLASSES
 
 if TYPE_CHECKING:
     from manifold3d import Manifold
 
-SHAPE_CLASSES = ("can", "handle", "box", "sphere", "other")
 CATEGORIES = ("food", "kitchen", "tool", "shape", "task")
 SOURCES = ("scan", "reported", "table", "nominal")
 

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from millisight import evaluation
 from millisight.evaluation import PREDICTED, SIGHT_GROUPS, ClassifierAnswer, Mistake, Variant, chosen
 from millisight.perception import project
-from millisight.viz._style import borders, checked_colormap, styled
+from millisight.viz._panels import borders, checked_colormap, styled
 
 # Okabe and Ito's, told apart by everybody; markers beside, for print.
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "black")

@@ -10,8 +10,8 @@ from matplotlib.patches import Patch
 from millisight import evaluation
 from millisight.data import Mask, Picture, PixelGrid, SarImage
 from millisight.evaluation import DISTANCES, SIGHTS, THRESHOLDS, CloudSettings, ImagePair, MaskAttempt, MaskTrial
-from millisight.viz._style import ORDER, borders, checked_colormap, panel_of, show_pixels, styled
-from millisight.viz._style import Scale as Shades
+from millisight.viz._panels import ORDER, borders, checked_colormap, panel_of, show_pixels, styled
+from millisight.viz._panels import Scale as Shades
 
 _MEASURED, _SIMULATED = "#0072B2", "#D55E00"  # Okabe and Ito's: told apart by everybody
 _PARTS = (("combined", "#009E73"), ("specular", "#0072B2"), ("edge", "#E69F00"))

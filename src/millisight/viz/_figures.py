@@ -16,9 +16,9 @@ from millisight.core import check_shape
 from millisight.core.errors import InputError
 from millisight.data import PixelGrid, SarImage, TriangleMesh
 from millisight.imaging import combine
-from millisight.viz import _style
+from millisight.viz import _panels
 from millisight.viz._outline import LIGHT, PLANE, TOWARDS_VIEWER, checked_axis, outline_of
-from millisight.viz._style import NotebookFigure, Scale, checked_colormap, panel_of, styled
+from millisight.viz._panels import NotebookFigure, Scale, checked_colormap, panel_of, styled
 
 BLUE, ORANGE, GREEN, VERMILION, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#6b7378"
 """Colours that everybody can tell apart (Okabe and Ito 2008, "Color Universal Design"), and a grey."""
@@ -190,7 +190,7 @@ def plot_hidden(
     show_photo(shut, closed_view)
     show_image(through, image, shades, colours)
     if mesh is not None:
-        _style.draw_outline(through, outline_of(mesh, "z"), "z", inner=False, alpha=0.7)
+        _panels.draw_outline(through, outline_of(mesh, "z"), "z", inner=False, alpha=0.7)
     titles = ("the camera, box open", "the camera, box shut", "the radar, box shut")
     for place, title in zip((seen, shut, through), titles, strict=True):
         place.set_title(title)
@@ -265,7 +265,7 @@ def show_image(ax: Axes, image: SarImage, shades: Scale, colours: Colormap) -> N
     """The mean of |I| along z over its own maximum, with a scale bar in place of ticks."""
     panel = panel_of(image.grid.xy)
     ax.set(xlim=panel.u, ylim=panel.v)
-    _style.show_pixels(ax, image.grid.x, image.grid.y, shades(image.project("z")), shades, colours)
+    _panels.show_pixels(ax, image.grid.x, image.grid.y, shades(image.project("z")), shades, colours)
     ax.set(xticks=[], yticks=[])
     scale_bar(ax)
 

@@ -10,7 +10,7 @@ from matplotlib.patches import Arc
 from millisight.core import SPEED_OF_LIGHT, checked_number
 from millisight.data import PHASE_SIGN
 from millisight.viz._figures import BLUE, GREY, VERMILION, taken_axes
-from millisight.viz._style import Scale, checked_colormap, show_pixels, styled
+from millisight.viz._panels import Scale, checked_colormap, show_pixels, styled
 
 _REFLECTORS = np.array([[-0.06, 0.0, -0.30], [0.05, 0.0, -0.25], [0.02, 0.0, -0.36]])  # in the plane y = 0 [m]
 _FREQUENCIES = np.linspace(77.5e9, 80.5e9, 16)  # [Hz]

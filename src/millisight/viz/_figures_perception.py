@@ -10,12 +10,12 @@ from matplotlib.contour import ContourSet
 from matplotlib.figure import Figure
 from matplotlib.patheffects import Normal, Stroke
 
-from millisight.core import check_shape
+from millisight.core import PUBLISHED_COLORMAP, check_shape
 from millisight.core.errors import InputError
 from millisight.data import CameraFrame, Mask, Picture, PixelGrid, Prediction, Prompts, SarImage
-from millisight.viz import _figures, _style
+from millisight.viz import _figures, _panels
 from millisight.viz._figures import BLUE, GREY, ORANGE, VERMILION, show_image, show_photo, taken_axes
-from millisight.viz._style import Scale, checked_colormap, panel_of, styled
+from millisight.viz._panels import Scale, checked_colormap, panel_of, styled
 
 if TYPE_CHECKING:
     from millisight.evaluation import Table
@@ -265,14 +265,14 @@ def plot_segmentation(found: "Segmented", *, dynamic_range_db: float = 30, title
     if grid is None or power is None:
         raise InputError("plot_segmentation got a mask on a photo; expected one on a radar image")
     scales = Scale.checked("linear", dynamic_range_db), Scale.checked("db", dynamic_range_db)
-    figure, (row,), (bar,) = _style.place_panels([[[panel_of(grid)], [panel_of(grid)]]], title=title)
-    for axes, scale, name in zip(row, scales, ("jet", None), strict=True):
-        _style.show_pixels(axes, grid.x, grid.y, scale(power), scale, checked_colormap(name))
+    figure, (row,), (bar,) = _panels.place_panels([[[panel_of(grid)], [panel_of(grid)]]], title=title)
+    for axes, scale, name in zip(row, scales, (PUBLISHED_COLORMAP, None), strict=True):
+        _panels.show_pixels(axes, grid.x, grid.y, scale(power), scale, checked_colormap(name))
         axes.set(xlabel="x [m]", ylabel="y [m]")
     _draw_prompts(row[0], found, grid)
     row[1].set_title(f"mask: {100 * found.inside.mean():.1f} % of the picture")
-    _style.draw_lines(row[1], _style.mask_borders(found.mask), color="white", width=1.2, zorder=4)
-    _style.add_colour_bar(bar, scales[1])
+    _panels.draw_lines(row[1], _panels.mask_borders(found.mask), color="white", width=1.2, zorder=4)
+    _panels.add_colour_bar(bar, scales[1])
     return figure
 
 
@@ -360,7 +360,7 @@ def _show_picture(ax: Axes, picture: Picture, rgb: np.ndarray) -> None:
     if grid is None:
         show_photo(ax, rgb)
         return
-    u, v = _style.borders(grid.x, 1e-3), _style.borders(grid.y, 1e-3)
+    u, v = _panels.borders(grid.x, 1e-3), _panels.borders(grid.y, 1e-3)
     ax.pcolormesh(u, v, rgb.transpose(1, 0, 2), rasterized=True)
     panel = panel_of(grid)
     ax.set(xlim=panel.u, ylim=panel.v, aspect="equal", xticks=[], yticks=[])

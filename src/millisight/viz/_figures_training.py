@@ -13,7 +13,7 @@ from millisight.perception import canvas_axis, projected_levels, resampled_power
 from millisight.perception.classification import CLASSIFIER_CHANNELS, masked_channels
 from millisight.perception.training import SceneParts
 from millisight.viz._figures import draw_mesh
-from millisight.viz._style import checked_colormap, styled
+from millisight.viz._panels import checked_colormap, styled
 
 _COLUMNS = 7
 _PANEL = 1.25  # inches

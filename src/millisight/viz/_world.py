@@ -12,7 +12,7 @@ from matplotlib.patches import Patch, Rectangle
 from millisight.data import CameraFrame, TriangleMesh
 from millisight.rig.virtual import World, WorldLayout, appearance_of, image_grid
 from millisight.viz._outline import PLANE
-from millisight.viz._style import ORDER, Panel, checked_colormap, draw_lines, label_view, place_panels, styled
+from millisight.viz._panels import ORDER, Panel, checked_colormap, draw_lines, label_view, place_panels, styled
 
 _APERTURE, _GRID, _HIDES, _BEHIND = "#1f5fa8", "#8a8a8a", "#9a6a2f", "#dcdcdc"
 _ROWS = 40  # drawn at most

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from millisight.core import write_text
-from millisight.datasets._dataset_objects import MESH_NAME, DatasetObject
+from millisight.datasets._generated_objects import MESH_NAME, DatasetObject
 from millisight.datasets._manifest import MANIFEST_NAME, Manifest
 from millisight.datasets.generation._jobs import EMPTY_FOLDERS, Job
 from millisight.datasets.generation._recipe import Recipe

@@ -306,8 +306,8 @@ class FrameReader:
             raise self._table.error(
                 "analytic",
                 f"true, since {printable(path)} holds real numbers: they become complex by leaving out the negative "
-                'half of their spectrum. Or, where I and Q are both there, "part" among the axes, or files_along = "part" '
-                'for two files, and parts. Or domain = "time", where they are pulses',
+                'half of their spectrum. Or, where I and Q are both there, "part" among the axes, or files_along = '
+                '"part" of two files, and parts. Or domain = "time", where they are pulses',
             )
         from scipy.signal import hilbert
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from millisight.core import check_known, checked_integer, checked_number, checked_numbers, checked_record, put, record
 from millisight.core.errors import InputError, UnknownNameError
-from millisight.meshes import CATALOGUE, SHAPE_CLASSES
+from millisight.meshes import CATALOGUE, RANDOM_SHAPES
 from millisight.perception import canvas_axis, resampled_power, resampling_weights
 from millisight.perception.classification import (
     CLASSIFIER_CHANNELS,
@@ -124,7 +124,7 @@ class ClassifierRecipe:
         """Names of the objects of each class, whether trained with or not."""
         return self.classes or {
             shape: tuple(name for name, entry in CATALOGUE.items() if entry.shape_class == shape)
-            for shape in SHAPE_CLASSES[:-1]
+            for shape in RANDOM_SHAPES
         }
 
     @property

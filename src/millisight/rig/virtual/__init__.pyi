@@ -4,14 +4,14 @@ from ._camera import footprint as footprint
 from ._camera import object_pixels as object_pixels
 from ._camera import render as render
 from ._camera import visible_pixels as visible_pixels
+from ._echoes import EchoModel as EchoModel
+from ._echoes import Part as Part
+from ._echoes import echoes as echoes
 from ._layout import PlacedObject as PlacedObject
 from ._layout import WorldLayout as WorldLayout
 from ._layout import build_layout as build_layout
 from ._occluders import Sheet as Sheet
 from ._occluders import box_sheets as box_sheets
-from ._optics import EchoModel as EchoModel
-from ._optics import Part as Part
-from ._optics import echoes as echoes
 from ._published import experiment_folder_of as experiment_folder_of
 from ._published import experiment_info as experiment_info
 from ._published import image_grid as image_grid

@@ -159,8 +159,8 @@ def plan_of(world: World) -> ScanPlan:
 def optics_of(layout: WorldLayout) -> Frames:
     """What a perfect radar measures of a layout, by the rig's optics."""
     # Numba is loaded when echoes are computed, not when a world is checked.
+    from millisight.rig.virtual._echoes import EchoModel, Part
     from millisight.rig.virtual._occluders import Sheet
-    from millisight.rig.virtual._optics import EchoModel, Part
 
     world = layout.world
     parts = tuple(Part(mesh=part.mesh, material=part.material) for part in layout.parts)

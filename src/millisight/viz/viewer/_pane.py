@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
-from millisight.viz._style import grid_box, mask_borders
+from millisight.viz._panels import grid_box, mask_borders
 from millisight.viz.viewer._contents import Exhibit
 from millisight.viz.viewer._levels import Cloud, Levels, mixed_levels
 from millisight.viz.viewer._settings import ViewSettings

@@ -1,6 +1,6 @@
-"""Shapes of the paper's four classes, their proportions drawn at random: more of each than a catalogue holds.
+"""The classes of shapes, and shapes of each with proportions drawn at random: more than a catalogue holds.
 
-They are meant for training: a network that has seen two cans knows these two. Sizes are those of a household, evenly
+These are meant for training: a network that has seen two cans knows these two. Sizes are those of a household, evenly
 drawn in their logarithms; no shape is drawn after any one object.
 """
 
@@ -153,3 +153,6 @@ RANDOM_SHAPES: dict[str, Callable[[np.random.Generator], "Manifold"]] = {
     "sphere": _ball,
 }
 """What draws each class."""
+
+SHAPE_CLASSES: tuple[str, ...] = (*RANDOM_SHAPES, "other")
+"""The paper's classes, and what is of none of them."""
