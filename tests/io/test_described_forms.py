@@ -309,10 +309,10 @@ def test_an_analysers_own_text(tmp_path, decimal, separator):
     told = ('decimal = ","\n', ', decimal = ","') if decimal == "," else ("", "")
     same_image(read_capture(written(tmp_path, text % (told[1], told[0]))), image_of(frames, tx))
     if decimal == ",":
-        with pytest.raises(ms.errors.MillisightError, match=r"f.dat, line 4 has '.*say decimal = \",\""):
+        with pytest.raises(ms.errors.MillisightError, match=r"f.dat, line 4 has '.*set decimal = \",\""):
             read_capture(written(tmp_path, text % (told[1], "")))
     else:
-        with pytest.raises(ms.errors.MillisightError, match="f.dat, line . has .*no point can stand in it"):
+        with pytest.raises(ms.errors.MillisightError, match="f.dat, line . has .*a number cannot contain a point"):
             read_capture(written(tmp_path, text % ("", 'decimal = ","\n')))
 
 
@@ -333,11 +333,11 @@ def test_magnitude_and_phase(tmp_path, parts, turn):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ("1,5;2,5\n3,5;4,5\n", r"t.csv, line 1 has '1,5'.*say decimal = \",\""),
-        ("1,5 2,5\n3,5 4,5\n", r"t.csv, line 1 has '1,5'.*say decimal = \",\""),
-        ("1,5\n3,25\n", r"t.csv, line 2: '3,25' may be 1 numbers with a decimal comma, or 2 whole ones; say decimal"),
+        ("1,5;2,5\n3,5;4,5\n", r"t.csv, line 1 has '1,5'.*set decimal = \",\""),
+        ("1,5 2,5\n3,5 4,5\n", r"t.csv, line 1 has '1,5'.*set decimal = \",\""),
+        ("1,5\n3,25\n", r"t.csv, line 2: '3,25' may be 1 numbers with a decimal comma, or 2 whole ones; set decimal"),
         ("1,5,2,5\n3,5,4,5\n", "may be 2 numbers with a decimal comma, or 4 whole ones"),
-        ("re\n1,5\n3,25\n", r"line 2 has 2 columns; expected 1 .*decimal commas, say decimal = \",\""),
+        ("re\n1,5\n3,25\n", r"line 2 has 2 columns; expected 1 .*decimal commas, set decimal = \",\""),
         ("1.5;2,5\n3;4,5\n", "line 1 has '2,5'"),
         ("1+2i;3-1j\n1+x;2\n", r"line 2 has '1\+x'; expected a finite number"),
         ("a;b\n1;2\n3;4\nEND\n", "t.csv, line 4 has 1 columns; expected 2 as before: 'END'; rows = 2 leaves out what"),
@@ -427,6 +427,10 @@ def test_touchstone_files_one_a_pose(tmp_path):
     text = '[radar]\nname = "VNA"\n[frames]\nfile = "p*.s2p"\n' + PLANE_TEXT
     same_image(read_capture(written(tmp_path, text)), image_of(frames, tx))
     assert np.allclose(read_capture(tmp_path / "scan.toml").radar.waveform.frequencies, FREQUENCIES)
+    german = (tmp_path / "p1.s2p").read_text()
+    (tmp_path / "p1.s2p").write_text(german.replace(".", ","))
+    same_image(read_capture(tmp_path / "scan.toml"), image_of(frames, tx))
+    (tmp_path / "p1.s2p").write_text(german)
     first = (tmp_path / "p0.s2p").read_text()
     for old, new, message in (
         ('"p*.s2p"', '"p*.s2p"\nparameter = "S31"', "parameter is 'S31'; .*p0.s2p has S11, S21, S12, S22"),

@@ -281,7 +281,7 @@ def test_a_robots_log_places_the_frames(tmp_path):
     log = '{ file = "arm.txt", skip_rows = 1, decimal = ",", columns = [0, 4, "y/mm", 2], unit = "mm" }'
     text = described(tmp_path, SWEEP.replace('"robot.csv"', log))
     assert np.allclose(read_capture(text).trajectory.positions, positions, atol=1e-9)
-    with pytest.raises(FileError, match=r"arm.txt, line 3 has .*say decimal = \",\""):
+    with pytest.raises(FileError, match=r"arm.txt, line 3 has .*set decimal = \",\""):
         read_capture(described(tmp_path, SWEEP.replace('"robot.csv"', log.replace('decimal = ",", ', ""))))
     described(tmp_path, SWEEP)
     late = read_capture(tmp_path / "scan.toml", clock=ms.ClockCorrection(offset=0.05))
@@ -298,7 +298,7 @@ def test_a_robots_log_places_the_frames(tmp_path):
         ('"robot.csv"', '{ file = "robot.csv", times = "t" }', "it of arrays alone; of a text, columns"),
         ('"robot.csv"', '{ file = "robot.csv", columns = ["time", "x"] }', r"log: columns is .*expected 4 or 8"),
         ('"robot.csv"', '{ file = "robot.csv", columns = [0, 1, 2, 9] }', "column in .*robot.csv: 9. Known: 0, 1"),
-        ('"robot.csv"', '{ file = "robot.csv", decimal = "," }', "robot.csv, line 2 .*no point can stand in it"),
+        ('"robot.csv"', '{ file = "robot.csv", decimal = "," }', "robot.csv, line 2 .*a number cannot contain a point"),
         ('"robot.csv"', '{ file = "robot.npz", skip_rows = 1 }', "skip_rows is '1'; expected it of texts alone"),
         ("[times]\nstart = [10, 11]\nperiod = 0.01\n", "", "no table .times. says when"),
     ):
@@ -460,14 +460,15 @@ def test_data_that_cannot_be_used_is_named(tmp_path):
     for data, message in (
         (holed, r"frames.npy.*NaN or infinite, the first at \(3,"), (frames[:0], "frames.npy: array '0' is empty"),
         (frames.astype(complex) * 1e60, r"frames of .*frames.npy has .*infinite"),
-        (np.full((12, 2, 3, 8), "x"), "no array of numbers; that in .*frames.npy is <U1"), (frames.real, "analytic"),
+        (np.full((12, 2, 3, 8), "x"), "not an array of numbers; that in .*frames.npy is <U1"),
+        (frames.real, "analytic"),
         (frames[:, :, :, 0], "axes is"),
     ):  # fmt: skip
         np.save(tmp_path / "frames.npy", data)
         with pytest.raises(FileError, match=message):
             read_capture(described(tmp_path, GOOD))
     np.savez(tmp_path / "frames.npy.npz", a=frames, b=frames)
-    with pytest.raises(FormatError, match=r"frames.npy.npz holds the arrays a, b; say which"):
+    with pytest.raises(FormatError, match=r"frames.npy.npz holds the arrays a, b; choose one"):
         read_capture(described(tmp_path, GOOD.replace("frames.npy", "frames.npy.npz")))
     with pytest.raises(InputError, match="no log of a robot"):
         read_scan(described(tmp_path, GOOD.replace("frames.npy", 'frames.npy.npz"\narray = "a')))

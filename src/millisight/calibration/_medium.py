@@ -57,7 +57,7 @@ def set_one_way(capture: Capture) -> Capture:
     _check_no_layers(capture)
     poses, transmitters, receivers, samples = capture.frames.shape
     if transmitters != 1:
-        raise InputError(f"one way has no transmitters, and the frames are of {transmitters}; expected one")
+        raise InputError(f"expected one transmitter in a one-way capture; got {transmitters}")
     radar = capture.radar
     changed = replace(radar, waveform=_scaled(radar.waveform, 0.5), path_offset=2 * radar.path_offset)
     if receivers == 1:
@@ -162,7 +162,9 @@ def see_through(
 
 def _check_no_layers(capture: Capture) -> None:
     if capture.layers is not None:
-        raise InputError("the capture has layers already; expected this step before them, and all layers at once")
+        raise InputError(
+            "the capture already has layers; apply this step before they are added, and add all layers at once"
+        )
 
 
 def _widest_sine(limit: float, thickness: np.ndarray, relative: np.ndarray, reach: tuple[float, float]) -> float:

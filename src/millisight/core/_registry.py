@@ -95,7 +95,7 @@ class Registry(Generic[T]):
             entry = plugin.load()
         except Exception as error:
             raise InputError(
-                f"{self.kind} {name!r} of the plug-in {plugin.value} cannot be loaded: {error}; mend or uninstall it"
+                f"{self.kind} {name!r} of the plug-in {plugin.value} cannot be loaded: {error}; repair or uninstall it"
             ) from error
         if self._check is not None:
             self._check(name, entry)

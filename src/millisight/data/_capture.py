@@ -23,11 +23,9 @@ def check_follows_log(capture: "Capture") -> None:
     InputError
     """
     if capture.tx_points is not None or capture.rx_points is not None:
-        raise InputError(
-            "the capture's antennas have places of their own at each pose; a robot's log says nothing of them"
-        )
+        raise InputError("the capture states the antenna positions of each pose; a robot log cannot replace them")
     if capture.layers is not None:
-        raise InputError("the capture has layers before its scene; place its frames by the log first, then add them")
+        raise InputError("the capture already has layers; place its frames by the log first, then add the layers")
 
 
 @record

@@ -35,7 +35,7 @@ class Layers:
         indices = checked_array(self.indices, name="indices", shape=(len(thicknesses),))
         normal = checked_array(self.normal, name="normal", shape=(3,))
         if not len(thicknesses) or not (thicknesses > 0).all() or not (indices > 0).all():
-            raise InputError("a layer has no thickness or no refractive index above 0; expected both of each layer")
+            raise InputError("a layer has a thickness or a refractive index that is not above 0; expected both above 0")
         if abs(np.linalg.norm(normal) - 1) > 1e-9:
             raise InputError(f"normal has length {np.linalg.norm(normal):.6g}; expected 1")
         put(

@@ -29,14 +29,14 @@ class Prompts:
     def __post_init__(self) -> None:
         points = checked_array(self.points, name="points", shape=("n", 2), dtype=np.int64)
         if points.min() < 0:
-            raise InputError(f"points go down to {points.min()}; expected indices of pixels, from 0 on")
+            raise InputError(f"points have the index {points.min()}; expected pixel indices from 0")
         positive = checked_array(self.positive, name="positive", shape=(len(points),), dtype=np.bool_)
         inside, outside = ({(int(i), int(j)) for i, j in points[which]} for which in (positive, ~positive))
         both = inside & outside
         if both:
             raise InputError(
                 f"the point {list(min(both))} is both positive and negative; expected each to lie on the object or "
-                "beside it: drop one of the two"
+                "beside it: remove one of the two"
             )
         put(self, points=points, positive=positive)
 

@@ -159,7 +159,7 @@ class Radar:
             return record_from_file(_Preset, entry, "a radar").radar(name, rx_axis)
         if isinstance(entry, Radar):
             if rx_axis is not None:
-                raise InputError(f"the receivers of the radar {name!r} lie as they do; leave rx_axis={rx_axis!r} out")
+                raise InputError(f"the receivers of the radar {name!r} are fixed; leave rx_axis={rx_axis!r} out")
             return entry
         return checked_record(entry(**({"rx_axis": rx_axis} if rx_axis else {})), Radar, name=f"radar {name!r}")
 

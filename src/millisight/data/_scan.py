@@ -81,7 +81,7 @@ class ScanRow:
         if len(wrong):
             i = int(wrong[0])
             raise InputError(
-                f"times of {self.source} go from {times[i]:.6f} to {times[i + 1]:.6f} s at frame {i + 1}; expected "
+                f"the times of {self.source} go from {times[i]:.6f} to {times[i + 1]:.6f} s at frame {i + 1}; expected "
                 "times that increase"
             )
         if not callable(self.read):

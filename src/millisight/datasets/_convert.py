@@ -91,12 +91,12 @@ def convert(
     dataset = root if isinstance(root, Dataset) else _mito.open(root)
     items = [item for item in dataset.items if not item.converted]
     if all(item.kind == mito.INFO for item in items):
-        raise InputError(f"{printable(dataset.root)} holds nothing that is not converted already")
+        raise InputError(f"{printable(dataset.root)} holds no file left to convert: all are converted")
     if min_distance is not None:
         min_distance = checked_number(min_distance, name="min_distance", unit="m", minimum=0)
     out = make_folder(out)
     if same_file(out, dataset.root):
-        raise InputError(f"{printable(out)} is the dataset itself; choose another folder to convert it into")
+        raise InputError(f"{printable(out)} is the dataset itself; choose another output folder")
     settings = {"conversion": _VERSION, "schema": SCHEMA_VERSION, "min_distance": min_distance}
     kept, notes, failures = 0, [], []
     with _Ledger(out, settings) as ledger:

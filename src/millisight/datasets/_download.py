@@ -120,9 +120,7 @@ def _listing(repository: str, revision: str, endpoint: str | None) -> tuple[str,
         files = [RemoteFile(entry.path, int(entry.size)) for entry in tree if hasattr(entry, "size")]
     for file in files:
         if PurePosixPath(file.path).is_absolute() or ".." in PurePosixPath(file.path).parts:
-            raise FileError(
-                f"{repository} lists the file {file.path!r}, which would lie outside the folder; not trusted"
-            )
+            raise FileError(f"{repository} lists the file {file.path!r}, which would lie outside the folder; refused")
     return commit, files
 
 
@@ -160,8 +158,8 @@ def _check_room(root: Path, needed: int) -> None:
     room = shutil.disk_usage(root).free
     if room < needed:
         raise InputError(
-            f"{needed / 1e9:.1f} GB are to be downloaded, but {printable(root)} has room for {room / 1e9:.1f} GB; "
-            "choose another folder, or fewer objects"
+            f"{needed / 1e9:.1f} GB must be downloaded, but the free space in {printable(root)} is {room / 1e9:.1f} "
+            "GB; choose another folder, or fewer objects"
         )
 
 
@@ -194,7 +192,7 @@ def _explained(hub: Any, repository: str, revision: str) -> Iterator[None]:
         elif status is not None:
             advice = f"the hub answers {status} ({reason}): try again later; what was downloaded is kept"
         elif isinstance(error, hub.errors.HFValidationError):
-            advice = f"that is no name of a repository ({reason}): expected owner/name"
+            advice = f"that is not the name of a repository ({reason}): expected owner/name"
         else:
             advice = (
                 f"the hub cannot be reached, or the connection broke ({type(error).__name__}: {reason}): check the "

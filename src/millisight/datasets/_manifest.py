@@ -115,7 +115,7 @@ def read_manifest(folder: str | os.PathLike[str]) -> Manifest | None:
     lines = path.read_bytes().splitlines()
     head = _parsed(name, 1, lines[0] if lines else b"")
     if head.get("format") != _FORMAT:
-        raise FormatError(f"{name} is no manifest of millisight: its first line does not say so")
+        raise FormatError(f"{name} is not a manifest of millisight: its first line does not identify it")
     if head.get("version") != _VERSION:
         raise FormatError(f"{name} is of version {head.get('version')}; this millisight reads {_VERSION}: upgrade it")
     entries = {}
@@ -171,5 +171,5 @@ def _entry(name: str, number: int, value: dict[str, Any]) -> Entry:
     except (KeyError, TypeError) as error:
         raise DamagedFileError(f"{name}, line {number}: {error}; convert again") from error
     if not right or not inside:
-        raise DamagedFileError(f"{name}, line {number}: sizes, checksum or path cannot be right; convert again")
+        raise DamagedFileError(f"{name}, line {number}: sizes, checksum or path are invalid; convert again")
     return entry

@@ -59,8 +59,8 @@ def find_object(folder: str | os.PathLike[str]) -> ObjectFolder:
         if mito.object_of(above.name) and any((above / name).is_dir() for name in ("robot_collected", "simulation")):
             return _Walk(above).object()
     raise FileError(
-        f"{printable(folder)} is no object or experiment of the published layout; expected a folder <id>_<name>, or "
-        "one in it such as robot_collected/0_0_0/exp1/los"
+        f"{printable(folder)} is not an object or experiment of the published layout; expected a folder <id>_<name>, "
+        "or one in it such as robot_collected/0_0_0/exp1/los"
     )
 
 

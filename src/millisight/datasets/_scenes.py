@@ -127,7 +127,9 @@ class SceneFiles(SceneSource):
         if truth == "exact":
             masks = self._exact_masks()
         elif self.camera_mask is None or (self.camera_number != self.number and not self.physics()):
-            raise FileError(f"{self.name} has no camera mask of its object in line of sight, and so no truth")
+            raise FileError(
+                f"{self.name} has no camera mask of its object in line of sight, so the true mask is unknown"
+            )
         else:
             camera: CameraMask = read_item(self.camera_mask, CameraMask)
             masks = {band: camera_truth(camera, image.grid.xy, placed(camera.pose)) for band, image in images.items()}
@@ -152,13 +154,13 @@ class SceneFiles(SceneSource):
             support = _SUPPORTS.get(self._info()["background"], _BLOCK)
         # At the depth d along the axis the height is T[2, 3] + d T[2, 2].
         if not matrix[2, 2] < 0:
-            raise InputError(f"{self.name}: the camera does not look down, by its pose; expected it above the object")
+            raise InputError(f"{self.name}: by its pose the camera does not look down; expected it above the object")
         farthest = (support + _MARGIN - matrix[2, 3]) / matrix[2, 2]
         return CameraView(frame=frame, T_radar_camera=matrix, farthest=farthest)
 
     def _exact_masks(self) -> dict[str, Mask]:
         if not self.physics():
-            raise InputError(f"{self.name} is not marked as simulated: its radar masks are no truth; use the camera's")
+            raise InputError(f"{self.name} is not marked as simulated: its radar masks are not exact; use the camera's")
         missing = [band for band in self.images if band not in self.masks]
         if missing:
             raise FileError(f"{self.name} has no radar mask at {missing[0]}; expected radar_masks.pkl beside the image")
@@ -166,7 +168,7 @@ class SceneFiles(SceneSource):
 
     def _info(self) -> dict[str, Any]:
         if self.info is None:
-            raise FileError(f"{self.name} has no experiment_info.json, which says how it was made")
+            raise FileError(f"{self.name} has no experiment_info.json, which describes how it was made")
         return mito.read_info(self.info.path)
 
     def _radar_turn(self) -> np.ndarray | None:

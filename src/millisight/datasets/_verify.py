@@ -113,6 +113,6 @@ def _differences(path: Path, entry: Entry) -> list[str]:
         size = path.stat().st_size
         if size != entry.size:
             return [f"it has {size} bytes, by {MANIFEST_NAME} {entry.size}"]
-        return [] if checksum(path) == entry.sha256 else [f"its checksum is not that in {MANIFEST_NAME}"]
+        return [] if checksum(path) == entry.sha256 else [f"its checksum differs from that in {MANIFEST_NAME}"]
     except OSError:
-        return [f"it is in {MANIFEST_NAME}, but not there"]
+        return [f"it is listed in {MANIFEST_NAME}, but missing"]

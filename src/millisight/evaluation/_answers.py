@@ -165,7 +165,9 @@ def confusion(answers: Sequence[ClassifierAnswer]) -> Confusion:
     """
     orders = {one.prediction.class_names for one in answers if one.prediction is not None}
     if len(orders) > 1:
-        raise InputError(f"answers are of classifiers that know other classes: {sorted(orders)}; take one at a time")
+        raise InputError(
+            f"the answers come from classifiers with different classes, {sorted(orders)}; pass one at a time"
+        )
     known = orders.pop() if orders else tuple(sorted({one.truth for one in answers}))
     names = (*known, *([NO_MASK] if any(one.prediction is None for one in answers) else []))
     truths = tuple(name for name in known if any(one.truth == name for one in answers))
@@ -260,6 +262,6 @@ def _by_scene(answers: Iterable[ClassifierAnswer]) -> dict[str, ClassifierAnswer
     found: dict[str, ClassifierAnswer] = {}
     for one in answers:
         if one.scene in found:
-            raise InputError(f"{one.scene} is there twice; expected the answers of one variant in one kind of masks")
+            raise InputError(f"{one.scene} occurs twice; expected the answers of one variant in one kind of masks")
         found[one.scene] = one
     return found

@@ -157,7 +157,7 @@ def medians(scores: Iterable[MaskScores]) -> MaskScores:
     """
     some = list(scores)
     if not some:
-        raise InputError("medians of no scores; expected one at least")
+        raise InputError("medians of no scores; expected at least one")
     return MaskScores({name: float(np.median([one[name] for one in some])) for name in some[0]})
 
 

@@ -132,7 +132,7 @@ def survey(data: EvaluationData, *, transform: str | None, **reading: Any) -> Su
             failures.append((scene.name, str(error)))
     kinds = set(physics.values())
     if len(kinds) > 1 and "" in kinds:
-        raise InputError(f"{data.path} has simulated scenes and others; evaluate them apart, by choosing objects")
+        raise InputError(f"{data.path} mixes simulated and other scenes; evaluate them separately, by choosing objects")
     made = ", ".join(sorted(kinds - {""}))
     if made and "virtual rig" not in made:  # scenes are of `robot_collected`, and no other robot is simulated
         made = f"virtual rig, {made}"

@@ -108,8 +108,8 @@ def form_image(
     elif method == "sparse":
         if capture.layers is not None and capture.layers.error > capture.radar.waveform.wavelength / 20:
             raise InputError(
-                f'method="sparse" takes refracted paths as straight, which errs by {capture.layers.error * 1e3:.2g} mm '
-                "here, more than a twentieth of the wavelength; use another method"
+                f'method="sparse" approximates refracted paths as straight, with an error of '
+                f"{capture.layers.error * 1e3:.2g} mm here, more than a twentieth of the wavelength; use another method"
             )
         from millisight.imaging._sparse import sparse  # Numba and SciPy: not for --help
 

@@ -148,7 +148,7 @@ def _estimate(capture, log, grid, limits, rng, step_done, found) -> tuple[ClockC
         pattern, scan.rows, wavelength=wavelength, max_offset=limits[0], max_late=longest_late, rng=rng
     )
     if guess is None:
-        raise Unobservable("nothing in what the radar hears changes along the rows")
+        raise Unobservable("the echoes do not change along the rows")
     found["coarse_offset"] = guess.offset
     step_done()
 
@@ -238,7 +238,7 @@ def _refined(
         if top is not None:
             best = best + np.clip(top, -width * step, width * step)
     if top is None or move.any():
-        raise Unobservable("the image has no clock at which it is sharpest: the scene is too faint, or too large")
+        raise Unobservable("no clock makes the image sharpest: the scene is too faint, or too large")
     without_set = [_fourth(whole - images[:, :, k]).sum(axis=-1) for k in range(_SUBSETS)]
     without_group = [_fourth(whole[..., groups != k]).sum(axis=-1) for k in np.unique(groups)]
     errors = [np.full(2, _FLOOR * step), _jackknife(nodes, without_set)]

@@ -190,7 +190,7 @@ def _opened(path: str | os.PathLike[str]) -> Iterator[Any]:
     if start != b"\x89HDF\r\n\x1a\n":
         raise FormatError(f"{path} {_instead(path, start)}")
     if sealed is False:
-        raise DamagedFileError(f"{path} is damaged: it differs from its seal; make or copy it again")
+        raise DamagedFileError(f"{path} is damaged: its checksum differs; make or copy it again")
     try:
         file = h5py.File(path, "r")
     except OSError as error:
@@ -209,7 +209,7 @@ def _opened(path: str | os.PathLike[str]) -> Iterator[Any]:
             )
         if sealed is None and version > 1:
             raise DamagedFileError(
-                f"{path} has lost its seal: it is damaged, or another program changed it; make or copy it again"
+                f"{path} has no checksum: it is damaged, or another program changed it; make or copy it again"
             )
         yield file
 

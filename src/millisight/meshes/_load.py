@@ -215,7 +215,7 @@ def _mended(vertices: np.ndarray, faces: np.ndarray, name: str) -> tuple[np.ndar
     faces, turned = _wound(vertices, faces, name)
     _note(done, turned, "turned {} face{s} to wind all alike and outward")
     if done:
-        logger.warning("%s was mended: %s", name, ", ".join(done))
+        logger.warning("%s was repaired: %s", name, ", ".join(done))
     used, faces = np.unique(faces, return_inverse=True)
     return vertices[used], faces.reshape(-1, 3)
 

@@ -98,12 +98,12 @@ class PublishedWriter:
         out = self.path
         mito.place_of(out)
         if out.exists():
-            raise InputError(f"{printable(out)} is there already; remove it, or record under another number")
+            raise InputError(f"{printable(out)} already exists; remove it, or record under another number")
         other = out.parent / mito.INFO_NAME
         if other.exists() and mito.read_info(other) != dict(self._info):
             raise InputError(
-                f"{printable(other)} says {mito.read_info(other)}; expected {dict(self._info)}: line of sight and not "
-                "of one experiment are set up alike, record under another number"
+                f"{printable(other)} says {mito.read_info(other)}; expected {dict(self._info)}: los and nlos of an "
+                "experiment need the same set-up, record under another number"
             )
         make_folder(out.parent)
 

@@ -130,7 +130,7 @@ def plot_reliability(answers: Sequence[ClassifierAnswer], split: str, *, data: s
     figure = Figure(figsize=(6.6, 6.2))
     axes = figure.add_axes((0.11, 0.36, 0.85, 0.44), facecolor="white")
     below = figure.add_axes((0.11, 0.09, 0.85, 0.2), facecolor="white")
-    axes.plot([0, 1], [0, 1], color="0.6", linewidth=0.8, linestyle="--", label="as sure as right")
+    axes.plot([0, 1], [0, 1], color="0.6", linewidth=0.8, linestyle="--", label="perfect calibration")
     variants = evaluation.variants_of(mine)
     for number, variant in enumerate(variants):
         bins = evaluation.reliability(chosen(mine, variant=variant))
@@ -147,7 +147,7 @@ def plot_reliability(answers: Sequence[ClassifierAnswer], split: str, *, data: s
         width = 0.09 / len(variants)
         middles = [(one.low + one.high) / 2 + (number - (len(variants) - 1) / 2) * width for one in bins]
         below.bar(middles, [one.images for one in bins], width=width, color=colour)
-    axes.set(xlim=(0, 1), ylim=(0, 1.02), ylabel="share that is right")
+    axes.set(xlim=(0, 1), ylim=(0, 1.02), ylabel="share of right answers")
     below.set(xlim=(0, 1), xlabel="confidence", ylabel="images")
     axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2)
     for one in (axes, below):

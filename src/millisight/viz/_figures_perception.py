@@ -237,7 +237,7 @@ def _draw_bars(axes: Axes, prediction: Prediction) -> None:
     )
     label = "probability"
     if prediction.threshold > 0:
-        label += f" (dashed: sure from {prediction.threshold:.2f})"
+        label += f" (dashed: threshold {prediction.threshold:.2f})"
         axes.axvline(prediction.threshold, color="black", linewidth=1, linestyle="--", zorder=3)
     axes.set_yticks(np.arange(len(names)), names)
     axes.set(xlim=(0, 1.12), ylim=(len(names) - 0.4, -0.6), xlabel=label, title=prediction.answer)

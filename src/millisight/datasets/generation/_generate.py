@@ -117,7 +117,7 @@ def plan_dataset(
         costs, problems = _checked(todo, Path(workspace), here, progress)
     if problems:
         more = f"; and {len(problems) - _SHOWN} more" if len(problems) > _SHOWN else ""
-        raise InputError(f"{recipe.source}: impossible: {'; '.join(problems[:_SHOWN])}{more}")
+        raise InputError(f"{recipe.source}: cannot be generated: {'; '.join(problems[:_SHOWN])}{more}")
     return Plan(
         recipe=recipe, out=out, things=things, jobs=jobs, todo=todo, costs=costs, texts=texts, ledger=ledger,
         slowness=slowness() if any(isinstance(job, RigJob) for job in todo) else 1.0,
@@ -206,7 +206,8 @@ def check_room(plan: Plan, workers: int) -> None:
     if free < needed.kept + needed.spool:
         raise FileError(
             f"{printable(plan.out)}: the disk has {free / 1e9:.1f} GB left; the dataset needs {needed.kept / 1e9:.1f} "
-            f"GB, and {needed.spool / 1e9:.1f} GB besides while it is made: free some, or keep less (rig.keep)"
+            f"GB, and {needed.spool / 1e9:.1f} GB more while it is made: free some space, or keep fewer files "
+            "(rig.keep)"
         )
 
 
@@ -269,7 +270,10 @@ def _make(root: Path, version: str, item: tuple[Job, str]) -> tuple[Entry, ...]:
     if version != _version():
         raise InputError(f"this worker has millisight {_version()}, the run {version}; install the same everywhere")
     if not (root / _PARTIAL_NAME).is_dir():
-        raise FileError(f"{printable(root)} is not there; a cluster's workers must see the dataset under the same path")
+        raise FileError(
+            f"{printable(root)} does not exist on this worker; the workers of a cluster must see the "
+            "dataset under the same path"
+        )
     stage = make_folder(root / _PARTIAL_NAME / secrets.token_hex(6))
     try:
         job.make(root, stage, json.loads(text)["made_by"])

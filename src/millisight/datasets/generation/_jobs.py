@@ -73,7 +73,8 @@ def jobs_of(recipe: Recipe, things: Mapping[str, DatasetObject]) -> tuple[Job, .
     for job, count in Counter(job.key for job in jobs).items():
         if count > 1:
             raise FormatError(
-                f"{recipe.source}: scenes: {job} would be made {count} times; give scenes of equal objects other angles"
+                f"{recipe.source}: scenes: {job} would be made {count} times; use different angles for scenes of the "
+                "same objects"
             )
     return tuple(jobs)
 
@@ -118,7 +119,7 @@ class _Scans:
         for name, table in {"rig.world": rig.world, **{f"rig.scans[{i}]": t for i, t in enumerate(rig.scans)}}.items():
             for key in ("seed", "objects"):
                 if key in table:
-                    raise FormatError(f"{recipe.source}: {name}.{key}: the recipe has its own; leave it out here")
+                    raise FormatError(f"{recipe.source}: {name}.{key}: the recipe sets it itself; leave it out here")
         self._worlds = [
             {background: self._world(i, background) for background in rig.backgrounds}
             for i in range(max(1, len(rig.scans)))

@@ -31,7 +31,7 @@ class Ledger:
         self._done: dict[str, tuple[str, tuple[Entry, ...]]] = {}
         before = read_manifest(out)
         if before is None and out.is_dir() and any(not entry.name.startswith(".") for entry in out.iterdir()):
-            raise InputError(f"{printable(out)} is not empty, and no dataset of this recipe; choose another folder")
+            raise InputError(f"{printable(out)} is not empty, and not a dataset of this recipe; choose another folder")
         if before is not None and dict(before.settings) != self._settings:
             raise InputError(
                 f"{printable(out)} holds another dataset: its {MANIFEST_NAME} says {dict(before.settings)}, this one "
@@ -128,7 +128,7 @@ def _alone(out: Path) -> Iterator[None]:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
-            raise FileError(f"another run is at work in {printable(out)}; wait for it, or stop it") from error
+            raise FileError(f"another run is using {printable(out)}; wait for it, or stop it") from error
         except OSError:
             pass
         yield

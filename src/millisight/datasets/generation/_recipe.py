@@ -75,7 +75,7 @@ class Objects:
         _check_all("class", self.classes, SHAPE_CLASSES)
         checked_record(self.all, bool, name="all")
         if not self.chosen and (self.all or self.names or self.categories or self.classes):
-            raise InputError("without leaves no object; name some to keep")
+            raise InputError("without removes every object; keep at least one")
 
     @property
     def chosen(self) -> tuple[str, ...]:
@@ -143,7 +143,7 @@ class SceneRecipe:
     def __post_init__(self) -> None:
         if len(self.objects) < 2:
             raise InputError(
-                f"objects has {len(self.objects)} entries; expected two at least, a single one is an object"
+                f"objects has {len(self.objects)} entries; expected at least two; for a single one use object"
             )
 
 
@@ -169,7 +169,7 @@ class Poses:
         ranges = {name: _range(getattr(self, name), name) for name in ("x_deg", "y_deg", "z_deg")}
         room = int(np.prod([high - low + 1 for low, high in ranges.values()])) - len(angles)
         if count > room:
-            raise InputError(f"count is {count}, but the ranges hold no more than {max(room, 0)} other whole angles")
+            raise InputError(f"count is {count}, but the ranges hold only {max(room, 0)} other whole angles")
         shift = checked_number(self.shift, name="shift", unit="m", minimum=0)
         put(self, angles_deg=angles, count=count, shift=shift, **ranges)
 
@@ -304,13 +304,11 @@ class Recipe:
         put(self, seed=checked_integer(self.seed, name="seed", minimum=0))
         if not self.objects.chosen and not self.files and not self.scenes:
             raise InputError(
-                "there is no object; name some in [objects], by names, categories or classes, or all = true; or give "
-                "[[files]] or [[scenes]]"
+                "the recipe has no object; list some in [objects], by names, categories or classes, or all = true; or "
+                "add [[files]] or [[scenes]]"
             )
         if self.rig is None and self.simulator is None:
-            raise InputError(
-                "nothing is to be made; add [rig] for captures like real ones, [simulator] for training images"
-            )
+            raise InputError("nothing to generate; add [rig] for realistic captures, [simulator] for training images")
         own = [file.name for file in self.files]
         for name in own:
             if own.count(name) > 1 or name in CATALOGUE:

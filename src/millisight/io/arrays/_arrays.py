@@ -170,7 +170,7 @@ def read_array(path: Path, name: str | None = None, *, skip_rows: int = 0, decim
     else:
         arrays = read_arrays(path, names=None if name is None else [name])
     if name is None and len(arrays) != 1:
-        raise FormatError(f"{printable(path)} holds the arrays {', '.join(arrays)}; say which one with the key array")
+        raise FormatError(f"{printable(path)} holds the arrays {', '.join(arrays)}; choose one with the key array")
     if name is not None:
         check_known(f"array in {printable(path)}:", name, arrays)
     return arrays[next(iter(arrays)) if name is None else name]

@@ -50,7 +50,7 @@ def read_pickle(path: str | os.PathLike[str]) -> Any:
         except _Refused as error:
             raise FormatError(f"{printable(path)}, byte {machine.position}: {error}") from error
         except (ValueError, LookupError, TypeError, OverflowError, struct.error) as error:
-            place = f"{printable(path)} is no pickle, or damaged, at byte {machine.position}"
+            place = f"{printable(path)} is not a pickle, or is damaged, at byte {machine.position}"
             raise DamagedFileError(f"{place}: {error}; copy or make it again") from error
 
 

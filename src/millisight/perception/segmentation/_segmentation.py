@@ -215,7 +215,7 @@ def find_mask(
 
     def draw(thresholds: Thresholds, count: int | None = None) -> Prompts:
         if generator is None:
-            raise InputError(f"{by.name} needs prompts, which are drawn at random: pass rng=0, say, or prompts")
+            raise InputError(f"{by.name} needs prompts, which are drawn at random: pass rng=0, for example, or prompts")
         return power_prompts(picture, other=other, thresholds=thresholds, count=count, rng=generator)
 
     if prompts is not None:
@@ -232,7 +232,7 @@ def find_mask(
         if best is not None:
             inside, score = candidates.masks[best], float(candidates.scores[best])
             return Segmented(picture=picture, inside=inside, prompts=points, score=score)
-    advice = "pass rng=0, say, to try with prompts drawn at random" if prompts is None and generator is None else (
+    advice = "pass rng=0, for example, to try prompts drawn at random" if prompts is None and generator is None else (
         "choose prompts of your own"
     )  # fmt: skip
     raise InputError(

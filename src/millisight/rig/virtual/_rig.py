@@ -150,8 +150,8 @@ def plan_of(world: World) -> ScanPlan:
         count = len(rows) * row_time / period
         if not count <= _MOST_FRAMES:
             raise InputError(
-                f"{what} would take {count:.3g} frames or poses, one each {period:g} s; expected {_MOST_FRAMES:.0e} at "
-                "most: a faster arm, fewer rows, or a longer period"
+                f"{what} would take {count:.3g} frames or poses, one every {period:g} s; expected at most "
+                f"{_MOST_FRAMES:.0e}: use a faster arm, fewer rows, or a longer period"
             )
     return plan
 

@@ -40,7 +40,9 @@ class Antenna:
         for name in ("beamwidth_x_deg", "beamwidth_y_deg"):
             width = checked_number(getattr(self, name), name=name, unit="degrees", above=0)
             if width >= 180:
-                raise InputError(f"{name} is {width:g} degrees; expected under 180, or no antenna for one without aim")
+                raise InputError(
+                    f"{name} is {width:g} degrees; expected under 180; leave the antenna out for an isotropic one"
+                )
             put(self, **{name: width})
 
     @property

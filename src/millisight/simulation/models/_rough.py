@@ -32,7 +32,9 @@ class RoughModel:
     """
 
     name: ClassVar[str] = "rough"
-    lobe_deg: float = parameter(40.0, "Rough: angle off the mirrored wave at which half the power is left [degrees].")
+    lobe_deg: float = parameter(
+        40.0, "Rough: angle from the specular direction at which the power has halved [degrees]."
+    )
 
     def __post_init__(self) -> None:
         check_angle(self.lobe_deg, "lobe_deg")
