@@ -175,7 +175,7 @@ def test_what_else_a_file_holds_is_kept(miniature, tmp_path):
         ({"image": np.ones((10, 10, 5))}, "image is an array of float64; expected complex"),
         ({"image": np.ones((2, 2), complex)}, r"values has shape \(2, 2\)"),
         ({"x_locs": np.zeros(10)}, "x must increase strictly"),
-        ({"x_locs": [[1], [1, 2]]}, "x_locs is no array"),
+        ({"x_locs": [[1], [1, 2]]}, "x_locs is not an array"),
         ({"odd": {1, 2}}, "odd is of type set"),
         ({"a.b": 1}, "the key 'a.b'"),
         ({3: 1}, "other keys than texts"),

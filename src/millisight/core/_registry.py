@@ -1,6 +1,7 @@
 """Registries: the names that a kind of plug-in has, from this package and from installed ones."""
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from pkgutil import iter_modules
@@ -54,11 +55,7 @@ class Registry(Generic[T]):
             The name is taken.
         """
         if entry is None:
-
-            def decorator(decorated: Any) -> Any:
-                return self.add(name, decorated)
-
-            return decorator
+            return partial(self.add, name)
         if name in self._entries and self._entries[name] is not entry:
             raise InputError(f"{self.kind} {name!r} is already in use; choose another name")
         self._entries[name] = entry

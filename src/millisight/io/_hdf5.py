@@ -19,42 +19,22 @@ from typing import Any
 
 import numpy as np
 
+from millisight import data
 from millisight.core import atomic_path, check_readable, printable
 from millisight.core.errors import DamagedFileError, FileError, FormatError, InputError
-from millisight.data import (
-    PHASE_SIGN,
-    AntennaArray,
-    CameraFrame,
-    CameraMask,
-    Capture,
-    Intrinsics,
-    Layers,
-    Mask,
-    Material,
-    PixelGrid,
-    Prediction,
-    Radar,
-    SarImage,
-    Scene,
-    SceneObject,
-    Trajectory,
-    TriangleMesh,
-    VoxelGrid,
-    Waveform,
-)
+from millisight.data import PHASE_SIGN, Capture
 from millisight.io._seal import chunk_extents, seal_holds, write_seal
 from millisight.io._sink import Sink
 
 SCHEMA_VERSION = 2  # 1 had no seal
-_PLACED_VERSION = (
-    3  # of captures with antennas at places of their own, or layers, which an older reader would pass over
-)
+_PLACED_VERSION = 3  # of captures with antennas at their own places, or layers, which an older reader would pass over
 
 RECORDS = {
     cls.__name__: cls
     for cls in (
-        Waveform, AntennaArray, Radar, Trajectory, Layers, Capture, VoxelGrid, PixelGrid, SarImage, Mask, Prediction,
-        TriangleMesh, Material, SceneObject, Scene, Intrinsics, CameraFrame, CameraMask,
+        data.Waveform, data.AntennaArray, data.Radar, data.Trajectory, data.Layers, Capture, data.VoxelGrid,
+        data.PixelGrid, data.SarImage, data.Mask, data.Prediction, data.TriangleMesh, data.Material,
+        data.SceneObject, data.Scene, data.Intrinsics, data.CameraFrame, data.CameraMask,
     )
 }  # fmt: skip
 
