@@ -492,7 +492,7 @@ def test_files_that_are_entries_of_an_axis(tmp_path, along):
     for old, new, message in (
         (f'"{along}"', '"chirp"', "files_along in .*'chirp'"), (f'files_along = "{along}"\n', "", "files_along"),
         ("files_along", "file_along", "Did you mean 'files_along'"), ("", "", r"whole files of one shape; .* has \("),
-        (where, where + '[calibration]\nbackground = "points.npy"\n', "not beside another file|whole files"),
+        (where, where + '[calibration]\nbackground = "points.npy"\n', "no such key beside another file|whole files"),
     ):  # fmt: skip
         with pytest.raises(ms.errors.MillisightError, match=message):
             read_capture(written(tmp_path, (text + where).replace(old, new, 1)))
