@@ -75,18 +75,18 @@ def convert(
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Converted:
-    """Convert a dataset of the published layout into `out`; what is there already and still right is kept.
+    """Convert a dataset of the published layout into `out`; valid existing files are kept.
 
     An item is kept when its file, its sources by their checksums, the settings and the schema are those of the
-    manifest. One that cannot be converted stops no other. Interrupted at any point, a further call finishes the work
-    with the same bytes as one that was never interrupted.
+    manifest. An item that cannot be converted does not stop the others. After an interruption, call it again to finish
+    the work, with the same bytes as without the interruption.
 
     Parameters
     ----------
     root : the dataset, or some of its objects: `ms.datasets.open(root).only(["004"])`
-    out : a folder, made where it is missing; `manifest.jsonl` in it lists the files and their checksums
+    out : a folder, created if missing; its `manifest.jsonl` lists the files and their checksums
     min_distance : of the frames of raw captures, as of `RawScan.to_capture` [m]
-    workers : processes; None: one a core, eight at most; a raw item needs some hundred megabytes in each
+    workers : processes; None: one per core, at most eight; a raw item needs some hundred megabytes in each
     progress : called with (items done, items in all)
 
     Raises
@@ -94,7 +94,7 @@ def convert(
     FileError, FormatError, DamagedFileError
         There is no dataset, `out` cannot be written to, or its manifest is damaged.
     InputError
-        `out` is the dataset itself, or that is converted already.
+        `out` is the dataset itself, or the dataset is already converted.
     """
     dataset = root if isinstance(root, Dataset) else _mito.open(root)
     items = [item for item in dataset.items if not item.converted]

@@ -41,16 +41,16 @@ def verify(
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[Checked, ...]:
-    """Open and check every file of a dataset, published or converted: one result an item, in the order of their paths.
+    """Open and check every file of a dataset, published or converted; one result per item, sorted by path.
 
-    Of a published one: pickles are read, arrays' shapes and values checked, and of raw captures the log's times, each
-    file's length, order, gaps and numbers, and rows that are listed but not there. Of a converted one: each file is
-    read through and compared with the manifest's checksum.
+    For a published dataset, pickles are read, shapes and values of arrays are checked, and for raw captures the times
+    of the log, the length, order, gaps and numbers of each file, and missing rows. For a converted one, each file is
+    read and compared with its checksum in the manifest.
 
     Parameters
     ----------
     root : the dataset, or some of its objects: `ms.datasets.open(root).only(["004"])`
-    workers : processes; None: one a core, eight at most
+    workers : processes; None: one per core, at most eight
     progress : called with (items done, items in all)
 
     Raises

@@ -43,7 +43,7 @@ class Variant(NamedTuple):
 
 @record
 class ClassifierAnswer:
-    """What one classifier said of one image in one mask.
+    """Answer of one classifier for one image in one mask.
 
     Attributes
     ----------
@@ -91,7 +91,7 @@ class ClassifierAnswer:
 
     @property
     def right(self) -> bool:
-        """Whether that is what it is."""
+        """Whether the label is the true class."""
         return self.label == self.truth
 
 
@@ -188,7 +188,7 @@ class Bin(NamedTuple):
 
 
 def reliability(answers: Iterable[ClassifierAnswer], *, bins: int = 10) -> list[Bin]:
-    """How often the classifier was right when it was how sure: bins of equal widths that are not empty."""
+    """Accuracy over confidence, in bins of equal width that are not empty."""
     count = checked_integer(bins, name="bins")
     pairs = [(one.prediction.confidence, one.right) for one in answers if one.prediction is not None]
     if not pairs:

@@ -27,7 +27,7 @@ WEIGHTS: tuple[tuple[float, float], ...] = (
 
 @record
 class CloudSettings:
-    """How clouds are made, aligned and compared. The paper's main text prints neither tau_P nor tau_F.
+    """Settings to make, align and compare point clouds. The main text of the paper states neither tau_P nor tau_F.
 
     Attributes
     ----------
@@ -174,7 +174,7 @@ def sensitivity(
     thresholds: Sequence[float],
     distances: Sequence[float],
 ) -> np.ndarray:
-    """(thresholds, distances) F-scores of one simulated image, aligned anew for each tau_P.
+    """(thresholds, distances) F-scores of one simulated image, aligned again for each tau_P.
 
     Parameters
     ----------

@@ -92,7 +92,7 @@ class Objects:
 
 @record
 class MeshFile:
-    """An object of one's own.
+    """A mesh file as an object.
 
     Attributes
     ----------
@@ -253,7 +253,7 @@ class Simulator:
 
 @record
 class Shares:
-    """What share of the objects, and of the poses of each, goes to training, validation and test."""
+    """Shares of objects, and of their poses, for training, validation and test."""
 
     train: float = 0.7
     val: float = 0.15
@@ -270,7 +270,7 @@ class Shares:
 
 @record
 class Recipe:
-    """What a dataset is to hold.
+    """Contents of a dataset to generate.
 
     Attributes
     ----------
@@ -323,7 +323,7 @@ class Recipe:
 
 
 def read_recipe(path: str | os.PathLike[str]) -> Recipe:
-    """The recipe that a TOML file holds; relative paths in it start at its own folder.
+    """Read a recipe from a TOML file; relative paths in it start at its folder.
 
     Raises
     ------

@@ -58,7 +58,7 @@ def calibration_steps(
         if "samples" in table:
             samples = table.wholes("samples")
             if samples.shape != (2,):
-                raise table.error("samples", "[first, stop]: the samples from first on, before stop")
+                raise table.error("samples", "[first, stop]: the samples from first to stop - 1")
             yield step("crop_samples", first=int(samples[0]), stop=int(samples[1]))
 
 
@@ -75,7 +75,7 @@ def medium_steps(table: TomlTable, reach: tuple[float, float] | None) -> Iterato
         table.number("permittivity", "")  # so there is nothing else
         for key in ("towards", "max_angle"):
             if key in table:
-                raise table.error(key, "it beside layers alone")
+                raise table.error(key, "this key only beside layers")
         yield CalibrationStep(name="set_medium", settings={"permittivity": permittivity}, source=table.place)
         return
     listed = table.get("layers")

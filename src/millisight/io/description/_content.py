@@ -96,8 +96,8 @@ class Description:
         """
         if "positions" not in self._tables:
             raise InputError(
-                f"{printable(self._source)} has no table [positions]: its frames can be read, but nothing can be "
-                "imaged from them; say by raster, circle, points or log where the radar was at each of them"
+                f"{printable(self._source)} has no table [positions]: its frames can be read, but not imaged; add "
+                "raster, circle, points or log with the positions of the radar"
             )
         table = self._tables["positions"]
         read = list(self._read(progress))
@@ -144,7 +144,7 @@ class Description:
         times = self._times([len(lost) for _, lost, _ in looked])
         if times is None:
             raise InputError(
-                f"{printable(self._source)} names a robot's log, but no table [times] says when the frames were taken"
+                f"{printable(self._source)} names a robot log, but has no table [times] with the times of the frames"
             )
         rows = [
             ScanRow(times=t, read=partial(self._values, path), source=printable(path.name), missing=lost)

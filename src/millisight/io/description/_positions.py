@@ -45,7 +45,7 @@ def read_log(table: TomlTable) -> Trajectory | None:
     table.only_one("raster", "circle", "points", "log")
     for key in (*_ANTENNAS, "count_from"):
         if key in table:
-            raise table.error(key, "it not beside log")
+            raise table.error(key, "no such key beside log")
     from millisight.io.raw import read_robot_log
 
     if isinstance(table.get("log"), str):
@@ -55,7 +55,9 @@ def read_log(table: TomlTable) -> Trajectory | None:
         path = about.file()
         names = {key: about.text(key) for key in ("times", "positions", "orientations") if key in about}
         if names and path.suffix.lower() in TEXT_SUFFIXES:
-            raise about.error(next(iter(names)), "it of arrays alone; of a text, columns says which are time, x, y, z")
+            raise about.error(
+                next(iter(names)), "this key only for arrays; for a text file, columns selects time, x, y, z"
+            )
         settings = about.text_settings(path)
         with about.errors():
             log = read_robot_log(path, **names, **settings, columns=about.get("columns"), scale=about.unit("m"))
@@ -109,7 +111,7 @@ def _scanned(table: TomlTable, times: np.ndarray | None, scan: dict[str, int]) -
     if way == "circle":
         positions, turned, offset = circle(table, scan)
     elif {"angle", "height"} & set(scan):
-        raise table.error(way, "circle, since the axes name angle or height")
+        raise table.error(way, "circle, since the axes include angle or height")
     elif way == "raster":
         positions = _raster(table.table("raster", _RASTER_KEYS), scan)
     else:
@@ -137,7 +139,8 @@ def _antenna_points(table: TomlTable, key: str, count: int, antennas: int) -> np
     if points.shape not in ((count, antennas, 3), (1, antennas, 3), (antennas, 3)):
         one = f", or ({count}, 3)" if antennas == 1 else ""
         raise table.error(
-            key, f"({count}, {antennas}, 3), each antenna at each frame, or ({antennas}, 3) where they stay{one}; its "
+            key, f"({count}, {antennas}, 3), each antenna at each frame, or ({antennas}, 3) if they do not move{one}; "
+                "its "
             f"shape is {points.shape}"
         )  # fmt: skip
     return np.array(np.broadcast_to(points, (count, antennas, 3)))
@@ -149,7 +152,7 @@ def _paired(table: TomlTable, times: np.ndarray | None, scan: dict[str, int]) ->
     first = table.integer("count_from", 0, minimum=0)
     with table.errors(), _unbounded():
         if "tx_points" not in table:
-            raise table.error("tx_points", "the places of the antennas that pairs speaks of, one [x, y, z] each [m]")
+            raise table.error("tx_points", "the positions of the antennas in pairs, one [x, y, z] each [m]")
         antennas = [table.array(key, "m", ("antenna", 3)) for key in ("tx_points", "rx_points") if key in table]
         antennas = [antennas[0], antennas[-1]]
         if pairs.ndim != 2 or pairs.shape[1] != 2:
@@ -180,7 +183,7 @@ def _paired(table: TomlTable, times: np.ndarray | None, scan: dict[str, int]) ->
             # One time for each pair of each pose: the poses have those of their first pairs.
             trajectory, offset = _scanned(table, None if times is None else times[:: len(pairs)], rest)
         elif count > 1:
-            raise table.error("points", "raster, circle or points, where the antennas were at each pose")
+            raise table.error("points", "raster, circle or points, with the positions of the antennas")
         else:
             trajectory = Trajectory(times=np.zeros(1), positions=-_origin(table)[None])
         tx, rx = (
@@ -237,13 +240,15 @@ def _raster(table: TomlTable, scan: dict[str, int]) -> np.ndarray:
     for place, (axis, count) in enumerate(counts.items()):
         number = "xy".index(axis)
         if count > 1 and not steps[number]:
-            raise table.error("step", "the distance of neighbouring positions along x and y [m], one number or two")
+            raise table.error(
+                "step", "the distance between neighbouring positions along x and y [m], one number or two"
+            )
         index = np.arange(count) - (0 if corner else (count - 1) / 2)
         along = [-1 if other == place else 1 for other in range(len(counts))]
         places[..., number] = (index * steps[number]).reshape(along)
     if table.flag("serpentine"):
         if len(counts) < 2:
-            raise table.error("serpentine", "two axes of the scan, x and y, where rows run to and fro")
+            raise table.error("serpentine", "two axes of the scan, x and y, where rows alternate in direction")
         places[1::2] = places[1::2, ::-1].copy()
     key = "start" if corner else "center"
     return places.reshape(-1, 3) + (table.array(key, "m", (3,)) if key in table else 0)
@@ -254,7 +259,7 @@ def _counts(table: TomlTable, scan: dict[str, int]) -> dict[str, int]:
     if "pose" not in scan:
         for key in ("counts", "along"):
             if key in table:
-                raise table.error(key, "it only where the axes name pose, and neither x nor y")
+                raise table.error(key, "this key only if the axes include pose, and neither x nor y")
         return scan
     if scan["pose"] == 1 and "counts" not in table:
         return {}

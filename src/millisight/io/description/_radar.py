@@ -61,12 +61,12 @@ def read_radar(
         rx_axis = table.text("rx_axis", among=("x", "y")) if "rx_axis" in table else None
         preset = Radar.preset(table.text("preset", among=radar_names()), rx_axis=rx_axis) if "preset" in table else None
         if preset is None and rx_axis is not None:
-            raise table.error("rx_axis", "it beside preset only; elsewhere rx_positions say it")
+            raise table.error("rx_axis", "this key only beside preset; otherwise give rx_positions")
         antennas = {"tx_positions": np.zeros((1, 3)), "rx_positions": np.zeros((1, 3))}
         for key in antennas:
             if placed is not None and key in placed:
                 if key in table:
-                    raise table.error(key, "them in [positions] alone, which says where the antennas were")
+                    raise table.error(key, "antenna positions only in [positions], which has them already")
                 antennas[key] = placed[key]
             elif key in table:
                 antennas[key] = table.array(key, "m", ("antenna", 3))
@@ -100,7 +100,7 @@ def _waveform(
     if found is not None:
         for key in ("frequencies", "step", "slope", "sample_rate", "adc_start"):
             if key in table:
-                raise table.error(key, "it not here: the frames' files say the frequencies, or their times do")
+                raise table.error(key, "no such key here: the frequencies come from the files or times of the frames")
         return _listed(table, found)
     if "frequencies" in table:
         for key in ("start_frequency", "stop_frequency", "step", "slope"):
@@ -116,7 +116,7 @@ def _waveform(
     start = table.number("start_frequency", "Hz", stated.get("start_frequency"))
     if "adc_start" in table:
         if config is not None:
-            raise table.error("adc_start", "it not beside config, whose profile has its own")
+            raise table.error("adc_start", "no such key beside config, whose profile sets it")
         delay = table.number("adc_start", "s")
         if delay < 0:
             raise table.error("adc_start", "0 or more [s], from the start of the ramp to the first sample")

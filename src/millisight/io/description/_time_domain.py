@@ -28,7 +28,7 @@ def to_frequencies(values: np.ndarray, frames: TomlTable, radar: TomlTable) -> t
         radar.number(key, "Hz") if key in radar else None for key in ("start_frequency", "stop_frequency")
     )
     if real and "carrier" in frames:
-        raise frames.error("carrier", "it of complex samples alone; those in the file are real")
+        raise frames.error("carrier", "this key only for complex samples; those in the file are real")
     carrier = frames.number("carrier", "Hz", 0.0)
     if lowest is None or highest is None:
         if real or not carrier:
