@@ -18,7 +18,15 @@ from millisight.core import atomic_path, checked_number, make_folder, printable,
 from millisight.core.errors import FileError, InputError
 from millisight.datasets import _mito
 from millisight.datasets._dataset import Dataset, Item
-from millisight.datasets._manifest import Entry, Manifest, Source, checksum, read_manifest, size_of, write_manifest
+from millisight.datasets._manifest import (
+    Manifest,
+    ManifestEntry,
+    ManifestSource,
+    checksum,
+    read_manifest,
+    size_of,
+    write_manifest,
+)
 from millisight.datasets._workers import each
 from millisight.io import SCHEMA_VERSION, mito, save
 
@@ -48,13 +56,13 @@ class _Job(NamedTuple):
     item: Item
     root: Path
     out: Path
-    before: tuple[Entry, ...]
+    before: tuple[ManifestEntry, ...]
     known: Checksums
     min_distance: float | None
 
 
 class _Done(NamedTuple):
-    entries: tuple[Entry, ...]
+    entries: tuple[ManifestEntry, ...]
     known: Checksums
     kept: bool
 
@@ -189,7 +197,7 @@ def _convert(job: _Job) -> _Done:
         write(partial)
         target = job.out / output
         make_folder(target.parent)
-        entry = Entry(output, job.item.kind, partial.stat().st_size, checksum(partial), sources, tuple(notes))
+        entry = ManifestEntry(output, job.item.kind, partial.stat().st_size, checksum(partial), sources, tuple(notes))
         os.replace(partial, target)
         entries.append(entry)
     return _Done(tuple(entries), known, False)
@@ -239,7 +247,7 @@ def _sources_of(item: Item) -> Iterator[tuple[Path, list[Path]]]:
             yield image, [image]
 
 
-def _source(path: Path, files: Iterable[Path], job: _Job, known: Checksums) -> Source:
+def _source(path: Path, files: Iterable[Path], job: _Job, known: Checksums) -> ManifestSource:
     """A source as the manifest names it; `known` takes what was learned of its files."""
     lines = []
     size = 0
@@ -256,10 +264,10 @@ def _source(path: Path, files: Iterable[Path], job: _Job, known: Checksums) -> S
         size += status.st_size
         lines.append((sha256, file))
     if [file for _, file in lines] == [path]:
-        return Source(_relative(path, job.root), size, lines[0][0])
+        return ManifestSource(_relative(path, job.root), size, lines[0][0])
     listing = "".join(f"{sha256}  {file.relative_to(path).as_posix()}\n" for sha256, file in lines)
     digest = hashlib.sha256(listing.encode("utf-8", "surrogateescape")).hexdigest()
-    return Source(_relative(path, job.root), size, digest, len(lines))
+    return ManifestSource(_relative(path, job.root), size, digest, len(lines))
 
 
 def _relative(path: Path, root: Path) -> str:

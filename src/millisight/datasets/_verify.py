@@ -9,7 +9,7 @@ from typing import NamedTuple
 from millisight.core import record
 from millisight.datasets import _mito
 from millisight.datasets._dataset import Dataset, Item
-from millisight.datasets._manifest import MANIFEST_NAME, Entry, checksum, read_manifest
+from millisight.datasets._manifest import MANIFEST_NAME, ManifestEntry, checksum, read_manifest
 from millisight.datasets._workers import each
 from millisight.io import load, open_capture
 from millisight.io.mito import INFO, RAW, read_experiment, read_info, read_published
@@ -32,7 +32,7 @@ class Checked:
 
 class _Job(NamedTuple):
     item: Item
-    entry: Entry | None
+    entry: ManifestEntry | None
 
 
 def verify(
@@ -108,7 +108,7 @@ def _check(job: _Job) -> tuple[list[str], list[str]]:
     return problems, notes
 
 
-def _differences(path: Path, entry: Entry) -> list[str]:
+def _differences(path: Path, entry: ManifestEntry) -> list[str]:
     try:
         size = path.stat().st_size
         if size != entry.size:

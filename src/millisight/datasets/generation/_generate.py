@@ -16,7 +16,7 @@ from typing import Any
 
 from millisight.core import make_folder, printable, record, write_text
 from millisight.core.errors import FileError, InputError
-from millisight.datasets import DatasetObject, Entry, Manifest, checksum, prepare_objects
+from millisight.datasets import DatasetObject, Manifest, ManifestEntry, checksum, prepare_objects
 from millisight.datasets.generation._card import write_card
 from millisight.datasets.generation._cost import Cost, Total, slowness, total
 from millisight.datasets.generation._engine import Engine
@@ -264,7 +264,7 @@ def _sha256(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def _make(root: Path, version: str, item: tuple[Job, str]) -> tuple[Entry, ...]:
+def _make(root: Path, version: str, item: tuple[Job, str]) -> tuple[ManifestEntry, ...]:
     """Do one job, wherever this is: its files to their places, and what they are."""
     job, text = item
     if version != _version():
@@ -299,8 +299,8 @@ def _place(stage: Path, root: Path, folders: Sequence[str], files: Sequence[str]
         os.replace(stage / name, target)
 
 
-def _entry(root: Path, path: str, kind: str, sources: tuple[Any, ...]) -> Entry:
-    return Entry(path, kind, (root / path).stat().st_size, checksum(root / path), sources)
+def _entry(root: Path, path: str, kind: str, sources: tuple[Any, ...]) -> ManifestEntry:
+    return ManifestEntry(path, kind, (root / path).stat().st_size, checksum(root / path), sources)
 
 
 def _answers_for(job: Job, path: str) -> bool:

@@ -148,7 +148,7 @@ class SceneRecipe:
 
 
 @record
-class Poses:
+class PoseSettings:
     """How every object lies: the stated angles, then drawn ones, other ones for each object."""
 
     angles_deg: tuple[tuple[int, int, int], ...] | None = None  # about the fixed x, y, then z axis, whole
@@ -291,7 +291,7 @@ class Recipe:
     objects: Objects = field(default_factory=Objects)
     files: tuple[MeshFile, ...] = ()
     scenes: tuple[SceneRecipe, ...] = ()
-    poses: Poses = field(default_factory=Poses)
+    poses: PoseSettings = field(default_factory=PoseSettings)
     rig: Rig | None = None
     simulator: Simulator | None = None
     splits: Shares = field(default_factory=Shares)

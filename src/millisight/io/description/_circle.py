@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from millisight.io.description._tables import Table
+from millisight.io.description._tables import TomlTable
 
 _KEYS = (
     "radius", "far_field", "angles", "step", "start", "unit", "height", "axis", "center", "turns", "range_from",
@@ -12,7 +12,7 @@ _KEYS = (
 _FAR = 1e4  # radius of a circle that stands for a far field [m]
 
 
-def circle(table: Table, scan: dict[str, int]) -> tuple[np.ndarray, np.ndarray, float]:
+def circle(table: TomlTable, scan: dict[str, int]) -> tuple[np.ndarray, np.ndarray, float]:
     """The poses (P, 3) [m] and orientations (P, 4) of a circle about an axis, and its path offset [m].
 
     At the angle 0 the radar is on the next axis after the circle's own (x of a circle about z), its own frame as the
@@ -64,7 +64,7 @@ def circle(table: Table, scan: dict[str, int]) -> tuple[np.ndarray, np.ndarray, 
     return positions + center, turned, offset
 
 
-def _angles(about: Table, count: int) -> np.ndarray:
+def _angles(about: TomlTable, count: int) -> np.ndarray:
     """(count,) angles of the antenna as the scene sees it [rad]."""
     factor = about.unit("rad")
     if about.only_one("angles", "step") == "angles":

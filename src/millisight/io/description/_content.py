@@ -22,7 +22,7 @@ from millisight.data import (
 )
 from millisight.io.description import _calibration, _frames, _positions, _radar
 from millisight.io.description._frames import FrameReader, Frames
-from millisight.io.description._tables import Files, Table
+from millisight.io.description._tables import Files, TomlTable
 
 Progress = Callable[[int, int], None]
 
@@ -57,7 +57,7 @@ class Description:
 
     def __init__(self, content: dict[str, Any], files: Files, source: Path):
         known = _tables()
-        whole = Table(content, "its tables", source, files, ("title", *known))
+        whole = TomlTable(content, "its tables", source, files, ("title", *known))
         self._source = source
         self._title = whole.text("title", source.stem)
         self._tables = {name: whole.table(name, keys, f"[{name}]") for name, keys in known.items() if name in whole}

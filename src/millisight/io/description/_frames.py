@@ -10,7 +10,7 @@ from millisight.core import as_array, printable
 from millisight.core.errors import FormatError, UnknownNameError
 from millisight.data import PHASE_SIGN
 from millisight.io.description import _time_domain
-from millisight.io.description._tables import Table
+from millisight.io.description._tables import TomlTable
 from millisight.io.raw import RAW_FORMATS, RawArray, RawFormat
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ class FrameReader:
         A file is missing, or the table cannot be right.
     """
 
-    def __init__(self, table: Table, radar: Table, config: "TiConfig | None"):
+    def __init__(self, table: TomlTable, radar: TomlTable, config: "TiConfig | None"):
         self._table, self._radar, self._config = table, radar, config
         self.paths = self._find()
         self._along = table.text("files_along", among=_STACKED) if "files_along" in table else None

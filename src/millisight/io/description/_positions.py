@@ -9,7 +9,7 @@ import numpy as np
 from millisight.data import Trajectory
 from millisight.io.arrays import TEXT_SUFFIXES
 from millisight.io.description._circle import circle
-from millisight.io.description._tables import Table
+from millisight.io.description._tables import TomlTable
 
 KEYS = (
     "raster", "circle", "points", "log", "tx_points", "rx_points", "pairs", "count_from", "orientations", "origin",
@@ -38,7 +38,7 @@ class Poses:
     rx_points: np.ndarray | None = None
 
 
-def read_log(table: Table) -> Trajectory | None:
+def read_log(table: TomlTable) -> Trajectory | None:
     """The robot's log that [positions] names, in the frame that `origin` shifts it to; None: it names none."""
     if "log" not in table:
         return None
@@ -65,7 +65,7 @@ def read_log(table: Table) -> Trajectory | None:
         return Trajectory(times=log.times, positions=log.positions - _origin(table), orientations=log.orientations)
 
 
-def read_poses(table: Table, times: np.ndarray | None, scan: dict[str, int], antennas: tuple[int, int]) -> Poses:
+def read_poses(table: TomlTable, times: np.ndarray | None, scan: dict[str, int], antennas: tuple[int, int]) -> Poses:
     """The poses of frames on a raster, on a circle, at listed points, or of antennas that are listed themselves.
 
     Parameters
@@ -104,7 +104,7 @@ def read_poses(table: Table, times: np.ndarray | None, scan: dict[str, int], ant
         return Poses(trajectory, offset, points.get("tx_points"), points.get("rx_points"))
 
 
-def _scanned(table: Table, times: np.ndarray | None, scan: dict[str, int]) -> tuple[Trajectory, float]:
+def _scanned(table: TomlTable, times: np.ndarray | None, scan: dict[str, int]) -> tuple[Trajectory, float]:
     """The poses on a raster, on a circle or at points, and the path offset that comes with them."""
     count, offset, turned = math.prod(scan.values()), 0.0, None
     way = table.only_one("raster", "circle", "points", "log")
@@ -131,7 +131,7 @@ def _times(times: np.ndarray | None, count: int) -> np.ndarray:
     return _INTERVAL * np.arange(count) if times is None else times
 
 
-def _antenna_points(table: Table, key: str, count: int, antennas: int) -> np.ndarray:
+def _antenna_points(table: TomlTable, key: str, count: int, antennas: int) -> np.ndarray:
     """(P, A, 3) places of the antennas of one kind at each pose [m]."""
     points = table.array(key, "m")
     if antennas == 1 and points.shape in ((count, 3), (3,)):
@@ -146,7 +146,7 @@ def _antenna_points(table: Table, key: str, count: int, antennas: int) -> np.nda
     return np.array(np.broadcast_to(points, (count, antennas, 3)))
 
 
-def _paired(table: Table, times: np.ndarray | None, scan: dict[str, int]) -> Poses:
+def _paired(table: TomlTable, times: np.ndarray | None, scan: dict[str, int]) -> Poses:
     """The poses of measured pairs: each pair of each pose becomes a pose of one transmitter and one receiver."""
     pairs = table.wholes("pairs")
     first = table.integer("count_from", 0, minimum=0)
@@ -202,7 +202,7 @@ def _paired(table: Table, times: np.ndarray | None, scan: dict[str, int]) -> Pos
         )
 
 
-def read_times(table: Table, counts: Sequence[int]) -> list[np.ndarray]:
+def read_times(table: TomlTable, counts: Sequence[int]) -> list[np.ndarray]:
     """When the frames of each file were taken [s], by file; `counts` are their numbers.
 
     Raises
@@ -227,11 +227,11 @@ def _unbounded() -> np.errstate:
     return np.errstate(over="ignore", invalid="ignore")
 
 
-def _origin(table: Table) -> np.ndarray:
+def _origin(table: TomlTable) -> np.ndarray:
     return table.array("origin", "m", (3,)) if "origin" in table else np.zeros(3)
 
 
-def _raster(table: Table, scan: dict[str, int]) -> np.ndarray:
+def _raster(table: TomlTable, scan: dict[str, int]) -> np.ndarray:
     """(P, 3) positions on a raster parallel to x and y, the frames' slow axis first [m]."""
     counts = _counts(table, scan)
     steps = table.numbers("step", "m", 2) if "step" in table else np.zeros(2)
@@ -254,7 +254,7 @@ def _raster(table: Table, scan: dict[str, int]) -> np.ndarray:
     return places.reshape(-1, 3) + (table.array(key, "m", (3,)) if key in table else 0)
 
 
-def _counts(table: Table, scan: dict[str, int]) -> dict[str, int]:
+def _counts(table: TomlTable, scan: dict[str, int]) -> dict[str, int]:
     """The number of positions along x and y, the slow axis first; frames one after another are dealt out."""
     if "pose" not in scan:
         for key in ("counts", "along"):

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from millisight.data import AntennaArray, Radar, Waveform, radar_names
-from millisight.io.description._tables import Table
+from millisight.io.description._tables import TomlTable
 
 if TYPE_CHECKING:
     from millisight.io.raw import TiConfig
@@ -19,7 +19,7 @@ _LOWEST, _NARROWEST = 1e6, 1e3  # frequency and bandwidth of a radar [Hz]
 _UNEVEN = 0.01  # by so much of a step may a list of frequencies stray from even ones
 
 
-def read_config(table: Table) -> "TiConfig | None":
+def read_config(table: TomlTable) -> "TiConfig | None":
     """The TI profile (.cfg) that [radar] names, if it does."""
     if "config" not in table:
         return None
@@ -34,7 +34,7 @@ def read_config(table: Table) -> "TiConfig | None":
 
 
 def read_radar(
-    table: Table,
+    table: TomlTable,
     config: "TiConfig | None",
     shape: tuple[int, ...],
     name: str,
@@ -94,7 +94,7 @@ def read_radar(
 
 
 def _waveform(
-    table: Table, config: "TiConfig | None", preset: Radar | None, samples: int, found: np.ndarray | None
+    table: TomlTable, config: "TiConfig | None", preset: Radar | None, samples: int, found: np.ndarray | None
 ) -> Waveform:
     """The chirp, of the frames' number of samples unless something says otherwise."""
     if found is not None:
@@ -136,7 +136,7 @@ def _waveform(
     return Waveform.stepped(start, (table.number("stop_frequency", "Hz") - start) / max(1, samples - 1), samples)
 
 
-def _check_band(table: Table, waveform: Waveform) -> None:
+def _check_band(table: TomlTable, waveform: Waveform) -> None:
     """Refuse what no radar sends, and what forgotten units make."""
     key = "frequencies" if "frequencies" in table else "start_frequency"
     if waveform.frequencies[-1] < _LOWEST:
@@ -148,7 +148,7 @@ def _check_band(table: Table, waveform: Waveform) -> None:
         raise table.error(key, f"a sweep in Hz, with slopes in Hz/s: it is {waveform.bandwidth:.4g} Hz wide")
 
 
-def _listed(table: Table, frequencies: np.ndarray) -> Waveform:
+def _listed(table: TomlTable, frequencies: np.ndarray) -> Waveform:
     """The waveform of frequencies that are listed one by one."""
     frequencies = frequencies.reshape(frequencies.size)  # MATLAB's lists are rows or columns
     count = len(frequencies)

@@ -88,7 +88,7 @@ class Files:
         raise FileError(f"no file in {printable(self._folders[0])} matches {pattern!r}")
 
 
-class Table:
+class TomlTable:
     """One table of a description, such as [frames], its keys among the `known` ones.
 
     Raises
@@ -234,13 +234,13 @@ class Table:
             raise self.error("file", "the name of a file, since the frames are in several files")
         return self.files.subject
 
-    def table(self, key: str, known: Sequence[str], name: str | None = None) -> "Table":
+    def table(self, key: str, known: Sequence[str], name: str | None = None) -> "TomlTable":
         """A table inside this one, for messages called `name`."""
         return self.inner(self._values.get(key), name or f"{self.name} {key}", known)
 
-    def inner(self, values: Any, name: str, known: Sequence[str]) -> "Table":
+    def inner(self, values: Any, name: str, known: Sequence[str]) -> "TomlTable":
         """A table of `values` inside this one."""
-        return Table(values, name, self.source, self.files, known)
+        return TomlTable(values, name, self.source, self.files, known)
 
     def _referred(self, key: str, unit: str, *, whole: bool) -> tuple[np.ndarray, float]:
         """The numbers that a reference leads to, and the factor that makes them SI units."""
