@@ -68,21 +68,37 @@ class CloudSettings:
 
 
 class WeightTrial(NamedTuple):
-    """What one pair of weights scores."""
+    """What one pair of weights scores.
 
-    weights: tuple[float, float]  # (a1, a2), their sum 1
+    Attributes
+    ----------
+    weights : (a1, a2), their sum 1
+    score : F-score of the simulated cloud against the measured one
+    points : number of points of the simulated cloud
+    converged : whether the alignment converged; False where there was none
+    translation : shift of the simulated cloud [m]; None: not aligned
+    problem : why there was no alignment; "" otherwise
+    """
+
+    weights: tuple[float, float]
     score: FScore
-    points: int  # of the simulated cloud
-    converged: bool  # whether the alignment did; False where there was none
-    translation: tuple[float, float, float] | None = None  # of the simulated cloud [m]; None: not aligned
-    problem: str = ""  # why there was none; "" otherwise
+    points: int
+    converged: bool
+    translation: tuple[float, float, float] | None = None
+    problem: str = ""
 
 
 class SimulatorComparison(NamedTuple):
-    """A measured image against a specular and an edge image, for every weight."""
+    """A measured image against a specular and an edge image, for every weight.
 
-    points: int  # of the measured cloud
-    trials: tuple[WeightTrial, ...]  # one for each of W
+    Attributes
+    ----------
+    points : number of points of the measured cloud
+    trials : one for each pair of weights in W
+    """
+
+    points: int
+    trials: tuple[WeightTrial, ...]
 
     @property
     def best(self) -> WeightTrial:
