@@ -87,9 +87,9 @@ def test_layers_are_kept_on_disk_and_by_what_follows(tmp_path):
         lambda: ms.calibration.retime(through, log, ms.ClockCorrection(offset=0.0)),
         lambda: ms.imaging.estimate_clock(through, log, rng=0),
     ):  # fmt: skip
-        with pytest.raises(ms.errors.InputError, match="the capture has layers"):
+        with pytest.raises(ms.errors.InputError, match="the capture already has layers"):
             step()
     with pytest.raises(ms.errors.InputError, match="normal has length 2; expected 1"):
         replace(through.layers, normal=[0, 0, 2])
-    with pytest.raises(ms.errors.InputError, match="no thickness"):
+    with pytest.raises(ms.errors.InputError, match="thickness or a refractive index"):
         replace(through.layers, thicknesses=[0.1, 0.0, 0.1])

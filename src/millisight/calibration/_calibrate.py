@@ -35,7 +35,7 @@ class PathOffset(NamedTuple):
 
 
 def set_antennas(capture: Capture, array: AntennaArray) -> Capture:
-    """The capture with its antennas at other places in the radar frame, as many as before.
+    """Replace the antenna positions in the radar frame; their number stays the same.
 
     Raises
     ------
@@ -46,7 +46,7 @@ def set_antennas(capture: Capture, array: AntennaArray) -> Capture:
     checked_record(capture, Capture, name="capture")
     checked_record(array, AntennaArray, name="array")
     if capture.tx_points is not None or capture.rx_points is not None:
-        raise InputError("the capture's antennas have places of their own at each pose; no array can move them")
+        raise InputError("the capture states the antenna positions of each pose; they cannot be moved with an array")
     radar = capture.radar
     return remade(
         capture,
@@ -57,7 +57,7 @@ def set_antennas(capture: Capture, array: AntennaArray) -> Capture:
 
 
 def set_path_offset(capture: Capture, path_offset: float) -> Capture:
-    """The capture with another constant path in cables and front end, added to every path length [m] (primer 2)."""
+    """Set the path offset, the length in cables and front end that is added to every path [m] (primer 2)."""
     checked_record(capture, Capture, name="capture")
     radar = capture.radar
     changed = replace(radar, path_offset=path_offset)
@@ -67,7 +67,7 @@ def set_path_offset(capture: Capture, path_offset: float) -> Capture:
 def estimate_path_offset(
     capture: Capture, target: np.ndarray, *, search: tuple[float, float] = (-0.5, 1.0)
 ) -> PathOffset:
-    """The path offset under which a reference target is brightest in its known place (primer 2, 4).
+    """Estimate the path offset that makes a reference target brightest at its known position (primer 2, 4).
 
     Only magnitudes are compared, so the phase of the target's reflection does not matter.
 
@@ -88,7 +88,7 @@ def estimate_path_offset(
     low, high = checked_numbers(search, name="search", count=2, unit="m")
     waveform = capture.radar.waveform
     if waveform.samples_per_chirp < 2:
-        raise InputError("a single frequency says nothing of the path offset; expected a sweep")
+        raise InputError("the path offset cannot be found from a single frequency; expected a frequency sweep")
     span = SPEED_OF_LIGHT / waveform.frequency_step
     if not 0 < high - low < span:
         raise InputError(
@@ -114,7 +114,7 @@ def estimate_path_offset(
 
 
 def divide_gains(capture: Capture, gains: np.ndarray) -> Capture:
-    """The frames of each channel divided by its complex gain (T, R).
+    """Divide the frames of each channel by its complex gain (T, R).
 
     Raises
     ------
@@ -133,17 +133,17 @@ def divide_gains(capture: Capture, gains: np.ndarray) -> Capture:
 
 
 def estimate_gains(capture: Capture, target: np.ndarray) -> np.ndarray:
-    """(T, R) complex gain of each channel, relative to their mean, from a reference target at (3,) [m] (primer 3)."""
+    """Estimate the (T, R) complex gains, relative to their mean, from a reference target at (3,) [m] (primer 3)."""
     checked_record(capture, Capture, name="capture")
     offset = 2j * np.pi / SPEED_OF_LIGHT * capture.radar.waveform.frequencies * capture.radar.path_offset
     answers = (_focused(capture, target) * np.exp(offset)).mean(axis=(0, 3))
     if not np.abs(answers).min() > 0:
-        raise InputError("a channel sees nothing of the target; check the target's place and the frames")
+        raise InputError("a channel has no signal from the target; check the target's position and the frames")
     return answers / answers.mean()
 
 
 def divide_reference(capture: Capture, spectrum: np.ndarray, *, power: float = 1.0) -> Capture:
-    """The frames divided by a reference spectrum: what the radar answers where it should answer 1.
+    """Divide the frames by a reference spectrum: the measured signal of a target whose true signal is 1.
 
     Parameters
     ----------
@@ -173,7 +173,7 @@ def divide_reference(capture: Capture, spectrum: np.ndarray, *, power: float = 1
 
 
 def add_phase(capture: Capture, frequencies: np.ndarray, phases: np.ndarray, *, between: str = "linear") -> Capture:
-    """The frames times exp(+i phase), the phase given over frequency, as that of a front end is measured.
+    """Multiply the frames by exp(+i phase), with the phase over frequency, for example of a front end.
 
     Parameters
     ----------
@@ -189,15 +189,15 @@ def add_phase(capture: Capture, frequencies: np.ndarray, phases: np.ndarray, *, 
     known = checked_array(frequencies, name="frequencies", shape=("M",), unit="Hz")
     phases = checked_array(phases, name="phases", shape=(len(known),), unit="rad")
     if between not in ("linear", "nearest"):
-        raise UnknownNameError("way between frequencies", between, ("linear", "nearest"))
+        raise UnknownNameError("interpolation between frequencies", between, ("linear", "nearest"))
     if not (np.diff(known) > 0).all():
-        raise InputError("frequencies must increase strictly; sort them, phases along with them")
+        raise InputError("frequencies must increase strictly; sort them together with their phases")
     waveform = capture.radar.waveform
     wanted = waveform.frequencies
     if wanted[0] < known[0] - waveform.frequency_step or wanted[-1] > known[-1] + waveform.frequency_step:
         raise InputError(
-            f"phases are given from {known[0] / 1e9:.4f} to {known[-1] / 1e9:.4f} GHz; expected them over the "
-            f"capture's {wanted[0] / 1e9:.4f} to {wanted[-1] / 1e9:.4f} GHz"
+            f"phases are given from {known[0] / 1e9:.4f} to {known[-1] / 1e9:.4f} GHz; expected them for the "
+            f"capture's band, {wanted[0] / 1e9:.4f} to {wanted[-1] / 1e9:.4f} GHz"
         )
     if between == "nearest":
         found = phases[np.abs(known[None] - wanted[:, None]).argmin(axis=1)]
@@ -208,7 +208,7 @@ def add_phase(capture: Capture, frequencies: np.ndarray, phases: np.ndarray, *, 
 
 
 def subtract_mean(capture: Capture) -> Capture:
-    """The frames less each channel's and sample's mean over all poses.
+    """Subtract the mean over all poses from each channel and sample.
 
     What is the same everywhere, the antennas' own echo and leakage, goes; so does a little of the scene.
     """
@@ -219,7 +219,7 @@ def subtract_mean(capture: Capture) -> Capture:
 
 
 def subtract_background(capture: Capture, empty: Capture, *, frame: str = "mean") -> Capture:
-    """The frames less those of the empty scene, seen by the same radar.
+    """Subtract the frames of the empty scene, captured by the same radar.
 
     Parameters
     ----------
@@ -242,8 +242,8 @@ def subtract_background(capture: Capture, empty: Capture, *, frame: str = "mean"
         for name in ("tx_positions", "rx_positions")
     ):
         raise InputError(
-            f"the empty scene was seen by another radar ({theirs.name}) than the scene ({ours.name}); expected the "
-            "same frequencies and as many antennas"
+            f"the empty scene was captured by another radar ({theirs.name}) than the scene ({ours.name}); expected "
+            "the same frequencies and number of antennas"
         )
     if frame == "same":
         _check_same_poses(capture, empty)
@@ -257,7 +257,7 @@ def subtract_background(capture: Capture, empty: Capture, *, frame: str = "mean"
 
 
 def crop_samples(capture: Capture, first: int, stop: int) -> Capture:
-    """The samples `first` to `stop` - 1 of each chirp alone: a narrower band, starting at a later frequency.
+    """Keep only the samples `first` to `stop` - 1 of each chirp: a narrower band from a later frequency.
 
     Raises
     ------

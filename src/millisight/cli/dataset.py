@@ -81,7 +81,7 @@ def info(
 
 @app.command("verify")
 def verify(root: Root, objects: Objects = None, workers: Workers = None) -> None:
-    """Open every file and report damage and loss; compare checksums for a converted dataset.
+    """Open every file and report damaged and missing ones; compare checksums for a converted dataset.
 
     The exit code is 1 if there is a problem. Notes do not count.
 
@@ -128,7 +128,7 @@ def convert(
         done = datasets.convert(dataset, output, min_distance=distance, workers=workers, progress=report)
     for path, text in done.notes:
         say(f"note: {path}: {text}")
-    say(f"converted {done.made} items into {output}; {done.kept} were there already")
+    say(f"converted {done.made} items into {output}; {done.kept} existed already")
     end_with_failures([f"{path}: {in_options(reason)}" for path, reason in done.failures])
 
 
@@ -156,7 +156,7 @@ def download(
         except ImportError as error:
             raise InputError(str(error)) from error
     say(f"{done.repository} at {done.commit}: {len(done.files)} files, {done.size / 1e6:.1f} MB; "
-        f"{done.there} files were there already")  # fmt: skip
+        f"{done.there} files existed already")  # fmt: skip
     if dry_run:
         sizes: Counter[str] = Counter()
         for file in done.files:

@@ -12,7 +12,9 @@ if TYPE_CHECKING:
 
 
 def generate(
-    recipe: Annotated[Path, typer.Argument(metavar="RECIPE.toml", help="Recipe: objects, poses, radars, images.")],
+    recipe: Annotated[
+        Path, typer.Argument(metavar="RECIPE.toml", help="Recipe: objects, poses, radars and images to make.")
+    ],
     output: Annotated[
         Path | None,
         typer.Option("-o", "--output", metavar="DIR", help="Dataset folder. [default: the name of the recipe]"),
@@ -79,7 +81,7 @@ def _summary(plan: "Plan", engine: "Engine") -> list[str]:
     ]
     if total.jobs:
         lines.append(
-            f"estimate: {duration(total.core_seconds)} of one core, {duration(total.wall / engine.threads)} on "
+            f"estimate: {duration(total.core_seconds)} on one core, {duration(total.wall / engine.threads)} on "
             f"{engine.cores}; {_size(total.kept)}, and {_size(total.spool)} of temporary files"
         )
     return lines

@@ -146,7 +146,7 @@ def named_segmenter(method: str, **options: Any) -> Segmenter:
         return segmenter(method, **options)
     except ImportError as error:
         raise InputError(
-            f"--method {method} cannot be used here: {error}; --method classical needs nothing more"
+            f"--method {method} cannot be used: {error}; --method classical needs no other package"
         ) from error
 
 

@@ -201,7 +201,7 @@ def _config_lines(path: Path) -> list[str]:
         f"{config.waveform.sample_rate / 1e6:g} MHz",
         f"frames: {frames}, every {config.frame_period * 1e3:g} ms, {config.chirps_per_frame} chirps each, "
         f"{config.receivers} RX",
-        f"order: {config.order or 'not said'}, {'Q' if config.sample_swap else 'I'} first",
+        f"order: {config.order or 'not stated'}, {'Q' if config.sample_swap else 'I'} first",
     ]
 
 

@@ -90,7 +90,7 @@ def as_array(
         with np.errstate(over="ignore", invalid="ignore"):
             array = np.asarray(given, dtype=dtype)
         if given.dtype.kind == "f" and dtype.kind in "iu" and not np.array_equal(given, array):
-            raise TypeError("it holds values that are not whole")
+            raise TypeError("it holds values that are not whole numbers")
     except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"{name} cannot be read as an array of {dtype}: {error}") from error
     check_shape(array.shape, name=name, shape=shape)
@@ -98,7 +98,7 @@ def as_array(
         where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
         count = int((~np.isfinite(array)).sum())
         raise InputError(
-            f"{name}{unit} has {count} values that are NaN or infinite, the first at {where}; remove or mend them"
+            f"{name}{unit} has {count} values that are NaN or infinite, the first at {where}; remove or correct them"
         )
     return array
 
@@ -110,7 +110,7 @@ def check_shape(actual: tuple[int, ...], *, name: str, shape: tuple[int | str, .
     )
     if not fits:
         expected = ", ".join(map(str, shape)) + ("," if len(shape) == 1 else "")
-        raise InputError(f"{name} has shape {actual}; expected ({expected}), no dimension empty")
+        raise InputError(f"{name} has shape {actual}; expected ({expected}), and no empty dimension")
 
 
 def checked_number(

@@ -23,11 +23,9 @@ def check_follows_log(capture: "Capture") -> None:
     InputError
     """
     if capture.tx_points is not None or capture.rx_points is not None:
-        raise InputError(
-            "the capture's antennas have places of their own at each pose; a robot's log says nothing of them"
-        )
+        raise InputError("the capture states the antenna positions of each pose; a robot log cannot replace them")
     if capture.layers is not None:
-        raise InputError("the capture has layers before its scene; place its frames by the log first, then add them")
+        raise InputError("the capture already has layers; place its frames by the log first, then add the layers")
 
 
 @record
@@ -40,9 +38,9 @@ class Capture:
     trajectory : Trajectory of P poses
     frames : (P, T, R, N) complex64, pose x transmitter x receiver x sample; an array, or an HDF5 dataset on disk
     metadata : provenance; what JSON can hold
-    tx_points, rx_points : (P, T, 3), (P, R, 3) antennas in the world frame [m], where they are not the radar's array
-        at the trajectory's poses but elsewhere at each pose, as of measured pairs of a fixed array; None: the array
-    layers : plane layers between antennas and scene; None: there are none
+    tx_points, rx_points : (P, T, 3), (P, R, 3) antenna positions in the world frame [m] for each pose, for example
+        for measured pairs of a fixed array; None: the radar's array at the poses of the trajectory
+    layers : plane layers between antennas and scene, or None
 
     Raises
     ------
@@ -84,7 +82,7 @@ class Capture:
         )
 
     def plot(self, **settings: Any) -> Any:
-        """Where the radar was and the range profile of every pose, as a figure.
+        """Plot the positions of the radar and the range profile of every pose.
 
         Parameters
         ----------

@@ -13,13 +13,13 @@ _MOST_VOXELS = 1e11  # 800 GB of complex64
 def _coordinates(value: np.ndarray, name: str) -> np.ndarray:
     coordinates = checked_array(value, name=name, shape=(name.upper(),), unit="m")
     if not (np.diff(coordinates) > 0).all():
-        raise InputError(f"grid coordinates {name} must increase strictly; sort them and drop repeats")
+        raise InputError(f"grid coordinates {name} must increase strictly; sort them and remove repeats")
     return coordinates
 
 
 @record
 class PixelGrid:
-    """Where a picture's pixels are.
+    """Positions of the pixels of a picture.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class PixelGrid:
 
 @record
 class VoxelGrid:
-    """Where an image's voxels are.
+    """Positions of the voxels of an image.
 
     Attributes
     ----------
@@ -68,7 +68,7 @@ class VoxelGrid:
         upper: Sequence[float] | np.ndarray,
         spacing: float | Sequence[float] | np.ndarray,
     ) -> "VoxelGrid":
-        """Voxels from `lower` on, `spacing` apart, up to `upper` where whole steps reach it [m].
+        """Regular voxels from `lower` to at most `upper`, `spacing` apart [m].
 
         Raises
         ------

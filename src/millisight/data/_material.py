@@ -32,19 +32,19 @@ _TABLE = Path(__file__).with_name("materials.toml")
 
 @record
 class Material:
-    """What a surface is made of.
+    """The material of a surface.
 
     Attributes
     ----------
     name : str
-    reflection : complex reflection amplitude at normal incidence over a perfect conductor's, so 1 for metal
+    reflection : complex reflection amplitude at normal incidence, relative to a perfect conductor (1 for metal)
     alpha : default weights (a1, a2) of the specular and the edge image (primer 14)
     frequencies : (K,) where `permittivities` are known, increasing [Hz]; or None
     permittivities : (K,) complex relative permittivities eps' - i eps''; or None
     conductivity : of a metal [S/m]; or None
     roughness : rms height of the surface [m]
-    correlation_length : along the surface, of that height [m]; None where it is not known
-    source : of the electric figures, and how far to trust them (see `materials.toml`)
+    correlation_length : of the height along the surface [m]; None: unknown
+    source : of the electric properties, and their reliability (see `materials.toml`)
     """
 
     name: str
@@ -66,7 +66,8 @@ class Material:
         amplitude = checked_number(abs(reflection), name="|reflection|", above=0)
         if amplitude > 1:
             raise InputError(
-                f"|reflection| is {amplitude:g}; expected at most 1: a passive surface returns no more than it gets"
+                f"|reflection| is {amplitude:g}; expected at most 1: a passive surface cannot reflect more than it "
+                "receives"
             )
         put(self, reflection=reflection, alpha=(a1, a2))
         self._check_electric_figures()
@@ -78,7 +79,7 @@ class Material:
 
     def _check_electric_figures(self) -> None:
         if (self.frequencies is None) != (self.permittivities is None):
-            raise InputError("frequencies and permittivities come together: give both, or neither")
+            raise InputError("frequencies and permittivities belong together: give both, or neither")
         if self.conductivity is not None:
             if self.permittivities is not None:
                 raise InputError("give a metal's conductivity or a dielectric's permittivities, not both")
@@ -121,14 +122,14 @@ class Material:
             values = np.interp(np.log(given), np.log(self.frequencies), self.permittivities)
         else:
             raise InputError(
-                f"material {self.name!r} is known by its reflection alone; give it frequencies and "
-                "permittivities, or a conductivity, or take one of MATERIALS"
+                f"material {self.name!r} has only a reflection amplitude; give it frequencies and permittivities or a "
+                "conductivity, or use one of MATERIALS"
             )
         return values if np.ndim(frequency) else complex(values)
 
 
 class Layer(NamedTuple):
-    """One layer of a slab: what it is made of, and how thick it is [m]."""
+    """One layer of a slab: material and thickness [m]."""
 
     material: Material
     thickness: float

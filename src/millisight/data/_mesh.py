@@ -36,7 +36,7 @@ class TriangleMesh:
         faces = checked_array(self.faces, name="faces", shape=("F", 3), dtype=np.int64)
         if faces.min() < 0 or faces.max() >= len(vertices):
             raise MeshError(
-                f"faces name vertices {faces.min()} to {faces.max()}; expected 0 to {len(vertices) - 1}: "
+                f"faces refer to vertices {faces.min()} to {faces.max()}; expected 0 to {len(vertices) - 1}: "
                 "the mesh is damaged, export it again"
             )
         put(self, vertices=vertices, faces=faces)
@@ -47,7 +47,7 @@ class TriangleMesh:
         return f"TriangleMesh({len(self.vertices)} vertices, {len(self.faces)} faces, {box(*self.bounds)})"
 
     def plot(self, **settings: Any) -> Any:
-        """A lit solid seen along z, y and x, as a figure.
+        """Plot the mesh as a shaded solid, seen along z, y and x.
 
         Parameters
         ----------

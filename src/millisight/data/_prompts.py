@@ -20,7 +20,7 @@ class Prompts:
     ----------
     points : (n, 2) int64, indices [i, j] into the picture's first two axes: of a radar image x and y, of a photo row
         and column
-    positive : (n,) bool, whether a point lies on the object; else it lies beside it
+    positive : (n,) bool, whether a point lies on the object (else beside it)
     """
 
     points: np.ndarray
@@ -29,14 +29,14 @@ class Prompts:
     def __post_init__(self) -> None:
         points = checked_array(self.points, name="points", shape=("n", 2), dtype=np.int64)
         if points.min() < 0:
-            raise InputError(f"points go down to {points.min()}; expected indices of pixels, from 0 on")
+            raise InputError(f"points have the index {points.min()}; expected pixel indices from 0")
         positive = checked_array(self.positive, name="positive", shape=(len(points),), dtype=np.bool_)
         inside, outside = ({(int(i), int(j)) for i, j in points[which]} for which in (positive, ~positive))
         both = inside & outside
         if both:
             raise InputError(
                 f"the point {list(min(both))} is both positive and negative; expected each to lie on the object or "
-                "beside it: drop one of the two"
+                "beside it: remove one of the two"
             )
         put(self, points=points, positive=positive)
 

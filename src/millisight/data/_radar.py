@@ -86,7 +86,7 @@ class Waveform:
 
 @record
 class AntennaArray:
-    """Where a radar's antennas are; every pair of a transmitter and a receiver is one channel.
+    """Antenna positions of a radar; every pair of a transmitter and a receiver is one channel.
 
     Attributes
     ----------
@@ -112,7 +112,7 @@ class AntennaArray:
 
 @record
 class Radar:
-    """A radar: what it sends, from where, and the electrical path it adds.
+    """A radar: waveform, antennas, and path offset of its electronics.
 
     Attributes
     ----------
@@ -135,7 +135,7 @@ class Radar:
 
     @classmethod
     def preset(cls, name: str, *, rx_axis: str | None = None) -> "Radar":
-        """A radar by name: one of the published set-up's, or of an installed plug-in; see `radar_names()`.
+        """A radar by name, of the published set-up or of an installed plug-in; see `radar_names()`.
 
         Parameters
         ----------
@@ -159,7 +159,7 @@ class Radar:
             return record_from_file(_Preset, entry, "a radar").radar(name, rx_axis)
         if isinstance(entry, Radar):
             if rx_axis is not None:
-                raise InputError(f"the receivers of the radar {name!r} lie as they do; leave rx_axis={rx_axis!r} out")
+                raise InputError(f"the receivers of the radar {name!r} are fixed; leave rx_axis={rx_axis!r} out")
             return entry
         return checked_record(entry(**({"rx_axis": rx_axis} if rx_axis else {})), Radar, name=f"radar {name!r}")
 
@@ -202,5 +202,5 @@ for _file in sorted(Path(__file__).with_name("presets").glob("*.toml")):
 
 
 def radar_names() -> tuple[str, ...]:
-    """The names that `Radar.preset` knows."""
+    """Names that `Radar.preset` accepts."""
     return RADAR_PRESETS.names()

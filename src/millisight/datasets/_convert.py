@@ -18,21 +18,17 @@ from millisight.core import atomic_path, checked_number, make_folder, printable,
 from millisight.core.errors import FileError, InputError
 from millisight.datasets import _mito
 from millisight.datasets._dataset import Dataset, Item
-from millisight.datasets._manifest import Entry, Manifest, Source, checksum, read_manifest, size_of, write_manifest
-from millisight.datasets._workers import each
-from millisight.io import SCHEMA_VERSION, save
-from millisight.io.mito import (
-    INFO,
-    INFO_NAME,
-    RADAR_MASK,
-    RAW,
-    RAW_CAPTURE,
-    RAW_LOG,
-    image_beside,
-    read_experiment,
-    read_info,
-    read_published,
+from millisight.datasets._manifest import (
+    Manifest,
+    ManifestEntry,
+    ManifestSource,
+    checksum,
+    read_manifest,
+    size_of,
+    write_manifest,
 )
+from millisight.datasets._workers import each
+from millisight.io import SCHEMA_VERSION, mito, save
 
 _VERSION = 1  # of the conversion: another one, and everything is converted anew
 _CACHE_NAME = ".checksums.json"
@@ -60,13 +56,13 @@ class _Job(NamedTuple):
     item: Item
     root: Path
     out: Path
-    before: tuple[Entry, ...]
+    before: tuple[ManifestEntry, ...]
     known: Checksums
     min_distance: float | None
 
 
 class _Done(NamedTuple):
-    entries: tuple[Entry, ...]
+    entries: tuple[ManifestEntry, ...]
     known: Checksums
     kept: bool
 
@@ -79,18 +75,18 @@ def convert(
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Converted:
-    """Convert a dataset of the published layout into `out`; what is there already and still right is kept.
+    """Convert a dataset of the published layout into `out`; valid existing files are kept.
 
     An item is kept when its file, its sources by their checksums, the settings and the schema are those of the
-    manifest. One that cannot be converted stops no other. Interrupted at any point, a further call finishes the work
-    with the same bytes as one that was never interrupted.
+    manifest. An item that cannot be converted does not stop the others. After an interruption, call it again to finish
+    the work, with the same bytes as without the interruption.
 
     Parameters
     ----------
     root : the dataset, or some of its objects: `ms.datasets.open(root).only(["004"])`
-    out : a folder, made where it is missing; `manifest.jsonl` in it lists the files and their checksums
+    out : a folder, created if missing; its `manifest.jsonl` lists the files and their checksums
     min_distance : of the frames of raw captures, as of `RawScan.to_capture` [m]
-    workers : processes; None: one a core, eight at most; a raw item needs some hundred megabytes in each
+    workers : processes; None: one per core, at most eight; a raw item needs some hundred megabytes in each
     progress : called with (items done, items in all)
 
     Raises
@@ -98,17 +94,17 @@ def convert(
     FileError, FormatError, DamagedFileError
         There is no dataset, `out` cannot be written to, or its manifest is damaged.
     InputError
-        `out` is the dataset itself, or that is converted already.
+        `out` is the dataset itself, or the dataset is already converted.
     """
     dataset = root if isinstance(root, Dataset) else _mito.open(root)
     items = [item for item in dataset.items if not item.converted]
-    if all(item.kind == INFO for item in items):
-        raise InputError(f"{printable(dataset.root)} holds nothing that is not converted already")
+    if all(item.kind == mito.INFO for item in items):
+        raise InputError(f"{printable(dataset.root)} holds no file left to convert: all are converted")
     if min_distance is not None:
         min_distance = checked_number(min_distance, name="min_distance", unit="m", minimum=0)
     out = make_folder(out)
     if same_file(out, dataset.root):
-        raise InputError(f"{printable(out)} is the dataset itself; choose another folder to convert it into")
+        raise InputError(f"{printable(out)} is the dataset itself; choose another output folder")
     settings = {"conversion": _VERSION, "schema": SCHEMA_VERSION, "min_distance": min_distance}
     kept, notes, failures = 0, [], []
     with _Ledger(out, settings) as ledger:
@@ -201,7 +197,7 @@ def _convert(job: _Job) -> _Done:
         write(partial)
         target = job.out / output
         make_folder(target.parent)
-        entry = Entry(output, job.item.kind, partial.stat().st_size, checksum(partial), sources, tuple(notes))
+        entry = ManifestEntry(output, job.item.kind, partial.stat().st_size, checksum(partial), sources, tuple(notes))
         os.replace(partial, target)
         entries.append(entry)
     return _Done(tuple(entries), known, False)
@@ -210,16 +206,16 @@ def _convert(job: _Job) -> _Done:
 def _contents(job: _Job) -> Iterator[tuple[Callable[[Path], None], list[str]]]:
     """What writes each output of an item, and what is odd about the item."""
     item = job.item
-    if item.kind == INFO:
-        read_info(item.path)
+    if item.kind == mito.INFO:
+        mito.read_info(item.path)
         yield lambda path: _copy(item.path, path), []
-    elif item.kind == RAW:
-        scan = read_experiment(item.path, item.radar)
+    elif item.kind == mito.RAW:
+        scan = mito.read_experiment(item.path, item.radar)
         notes = [str(note) for name in ("left_out", "notes") for note in scan.metadata[name]]
         yield lambda path: save(path, scan.to_capture(min_distance=job.min_distance), reproducible=True), notes
         yield lambda path: save(path, scan.log, reproducible=True), notes
     else:
-        published = read_published(item.path)
+        published = mito.read_published(item.path)
         yield lambda path: save(path, published.record, extras=published.extras, reproducible=True), []
 
 
@@ -231,27 +227,27 @@ def _copy(source: Path, path: Path) -> None:
 def _outputs(item: Item, root: Path) -> list[str]:
     """Where in the converted dataset an item goes."""
     place = Path(_relative(item.path, root))
-    if item.kind == INFO:
+    if item.kind == mito.INFO:
         return [place.as_posix()]
-    if item.kind == RAW:
-        return [(place / name).as_posix() for name in (RAW_CAPTURE, RAW_LOG)]
+    if item.kind == mito.RAW:
+        return [(place / name).as_posix() for name in (mito.RAW_CAPTURE, mito.RAW_LOG)]
     return [place.with_suffix(".h5").as_posix()]
 
 
 def _sources_of(item: Item) -> Iterator[tuple[Path, list[Path]]]:
     """What an item is made of: a file or a folder, and the files of it that matter."""
-    if item.kind == RAW:
+    if item.kind == mito.RAW:
         files = [*item.path.glob("radar_data/*"), *item.path.glob("antenna*.npz"), *item.path.glob("continuous*.pkl")]
         yield item.path, sorted(file for file in files if file.is_file())
-        info = item.path.parents[3] / INFO_NAME
+        info = item.path.parents[3] / mito.INFO_NAME
         yield info, [info] if info.is_file() else []
     else:
         yield item.path, [item.path]
-        if item.kind == RADAR_MASK and (image := image_beside(item.path)).is_file():
+        if item.kind == mito.RADAR_MASK and (image := mito.image_beside(item.path)).is_file():
             yield image, [image]
 
 
-def _source(path: Path, files: Iterable[Path], job: _Job, known: Checksums) -> Source:
+def _source(path: Path, files: Iterable[Path], job: _Job, known: Checksums) -> ManifestSource:
     """A source as the manifest names it; `known` takes what was learned of its files."""
     lines = []
     size = 0
@@ -268,10 +264,10 @@ def _source(path: Path, files: Iterable[Path], job: _Job, known: Checksums) -> S
         size += status.st_size
         lines.append((sha256, file))
     if [file for _, file in lines] == [path]:
-        return Source(_relative(path, job.root), size, lines[0][0])
+        return ManifestSource(_relative(path, job.root), size, lines[0][0])
     listing = "".join(f"{sha256}  {file.relative_to(path).as_posix()}\n" for sha256, file in lines)
     digest = hashlib.sha256(listing.encode("utf-8", "surrogateescape")).hexdigest()
-    return Source(_relative(path, job.root), size, digest, len(lines))
+    return ManifestSource(_relative(path, job.root), size, digest, len(lines))
 
 
 def _relative(path: Path, root: Path) -> str:

@@ -56,19 +56,19 @@ def download(
     workers: int = 4,
     progress: Callable[[int, int], None] | None = None,
 ) -> Download:
-    """Download the published dataset into the folder `out`: processed files, as the hub has no others.
+    """Download the processed files of the published dataset into the folder `out`.
 
-    Files that are there already are not fetched again, so that an interrupted download goes on where it stopped. A
-    connection that breaks is taken up, in large files where it broke. A file that cannot be fetched stops no other.
+    Existing files are not downloaded again, so an interrupted download continues where it stopped. Broken connections
+    are resumed, in large files at the same position. A file that cannot be downloaded does not stop the others.
 
     Parameters
     ----------
-    out : made where it is missing
+    out : folder, created if missing
     objects : ids, names or folders, such as "004", "sugar_box" or "004_sugar_box"; none: everything
     repository : name of a dataset repository on the hub
     revision : a branch, tag or commit of it
-    dry_run : look what there is, and fetch nothing
-    workers : processes that fetch files
+    dry_run : list the files, and download nothing
+    workers : number of parallel downloads
     progress : called with (bytes done, bytes in all)
 
     Raises
@@ -80,7 +80,7 @@ def download(
     UnknownNameError
         There is no such object.
     InputError
-        The disk has less room than is needed.
+        There is not enough disk space.
     """
     endpoint = os.environ.get("HF_ENDPOINT") or None
     commit, listed = _listing(repository, revision, endpoint)
@@ -120,9 +120,7 @@ def _listing(repository: str, revision: str, endpoint: str | None) -> tuple[str,
         files = [RemoteFile(entry.path, int(entry.size)) for entry in tree if hasattr(entry, "size")]
     for file in files:
         if PurePosixPath(file.path).is_absolute() or ".." in PurePosixPath(file.path).parts:
-            raise FileError(
-                f"{repository} lists the file {file.path!r}, which would lie outside the folder; not trusted"
-            )
+            raise FileError(f"{repository} lists the file {file.path!r}, which would lie outside the folder; refused")
     return commit, files
 
 
@@ -160,8 +158,8 @@ def _check_room(root: Path, needed: int) -> None:
     room = shutil.disk_usage(root).free
     if room < needed:
         raise InputError(
-            f"{needed / 1e9:.1f} GB are to be downloaded, but {printable(root)} has room for {room / 1e9:.1f} GB; "
-            "choose another folder, or fewer objects"
+            f"{needed / 1e9:.1f} GB must be downloaded, but the free space in {printable(root)} is {room / 1e9:.1f} "
+            "GB; choose another folder, or fewer objects"
         )
 
 
@@ -194,7 +192,7 @@ def _explained(hub: Any, repository: str, revision: str) -> Iterator[None]:
         elif status is not None:
             advice = f"the hub answers {status} ({reason}): try again later; what was downloaded is kept"
         elif isinstance(error, hub.errors.HFValidationError):
-            advice = f"that is no name of a repository ({reason}): expected owner/name"
+            advice = f"that is not the name of a repository ({reason}): expected owner/name"
         else:
             advice = (
                 f"the hub cannot be reached, or the connection broke ({type(error).__name__}: {reason}): check the "

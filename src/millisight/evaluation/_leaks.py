@@ -26,7 +26,7 @@ _NAMES = {entry.ycb_id: name for name, entry in CATALOGUE.items()}
 
 
 class Training(NamedTuple):
-    """What a classifier learned from, as the description beside its weights tells.
+    """Training data of a classifier, from the description beside its weights.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class Training(NamedTuple):
 
 
 def training_of(name: str, description: Mapping[str, Any]) -> Training:
-    """What the description of a classifier's weights says of its training.
+    """Read the training data of a classifier from the description of its weights.
 
     Raises
     ------
@@ -59,12 +59,12 @@ def training_of(name: str, description: Mapping[str, Any]) -> Training:
         seed, physics = int(description["seed"]), str(description["physics"])
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise InputError(
-            f"the description of {name} does not tell its training's objects, poses, seed and physics ({error!r}), and "
-            "so not whether test images are new to it; train anew"
+            f"the description of {name} does not state the objects, poses, seed and physics of its training "
+            f"({error!r}), so test images may not be new to it; train it again"
         ) from error
     unknown = sorted({*sides["training"], *sides["validation"]} - set(poses))
     if unknown:
-        raise InputError(f"the description of {name} tells no poses of {', '.join(unknown)}; train anew")
+        raise InputError(f"the description of {name} states no poses of {', '.join(unknown)}; train it again")
     return Training(
         name=name,
         training=frozenset(map(_known_as, sides["training"])),
@@ -100,7 +100,7 @@ def nearest_pose_deg(training: Training, name: str, angles_deg: ArrayLike) -> fl
 
 
 class TestImage(NamedTuple):
-    """What is known of a test image.
+    """Facts about a test image.
 
     Attributes
     ----------
@@ -120,7 +120,7 @@ class TestImage(NamedTuple):
 
 
 class SplitPlan(NamedTuple):
-    """Where test images stand for one classifier.
+    """Split of the test images for one classifier.
 
     Attributes
     ----------
@@ -133,7 +133,7 @@ class SplitPlan(NamedTuple):
 
 
 def plan_splits(training: Training, images: Sequence[TestImage], classes: Mapping[str, str]) -> SplitPlan:
-    """Which images test a classifier on objects that it knows, which on new ones, and which not; leaks checked.
+    """Split images into tests on known objects, tests on new objects, and others; check for leaks.
 
     Parameters
     ----------
@@ -192,7 +192,7 @@ def check_seeds(training: Training, seeds: Iterable[int]) -> None:
     """No seed of the test images may be that of training."""
     if training.seed in set(seeds):
         raise InputError(
-            f"{training.name} was trained with the seed {training.seed}, with which the test images were made, too: "
+            f"{training.name} was trained with the seed {training.seed}, which the test images were made with, too: "
             "their random numbers may be the same; make test images with another seed"
         )
 
@@ -201,12 +201,12 @@ def check_physics(training: Training, tested: Iterable[str]) -> None:
     """Refuse test images made by what made those of training ("" of real ones), or training that does not say."""
     learned = _kind(training.physics)
     if not learned:
-        raise InputError(f"the description of {training.name} does not say by what physics its images were made")
+        raise InputError(f"the description of {training.name} does not state the physics of its images")
     same = sorted({physics for physics in tested if _kind(physics) == learned})
     if same:
         raise InputError(
-            f"{training.name} was trained on images of the physics of the test images, {same[0]!r}: no test of how it "
-            "takes to other physics; train on the simulator's images, or test on the rig's"
+            f"{training.name} was trained on images of the same physics as the test images, {same[0]!r}: this is no "
+            "test on other physics; train on images of the simulator, or test on images of the rig"
         )
 
 

@@ -129,10 +129,10 @@ class MaskScores(dict[str, float]):
 
 
 def score_mask(predicted: Mask, truth: Mask) -> MaskScores:
-    """How well `predicted` fits `truth`, by every metric of METRICS.
+    """Score `predicted` against `truth` with every metric of METRICS.
 
-    With TP, FP, FN and TN pixels. Where a ratio is 0 / 0, it is 1 if both masks are empty, for nothing was to be found
-    and nothing was, and 0 otherwise: an empty mask of something has precision 0.
+    With TP, FP, FN and TN pixels. Where a ratio is 0 / 0, it is 1 if both masks are empty, and 0 otherwise: an empty
+    mask of an existing object has precision 0.
 
     Raises
     ------
@@ -157,7 +157,7 @@ def medians(scores: Iterable[MaskScores]) -> MaskScores:
     """
     some = list(scores)
     if not some:
-        raise InputError("medians of no scores; expected one at least")
+        raise InputError("medians of no scores; expected at least one")
     return MaskScores({name: float(np.median([one[name] for one in some])) for name in some[0]})
 
 

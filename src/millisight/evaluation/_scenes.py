@@ -65,7 +65,7 @@ class LabelledScene:
         if not self.images or set(self.images) != set(self.truth):
             raise InputError(
                 f"scene {self.name} has images of {', '.join(self.images) or 'nothing'} and truth for "
-                f"{', '.join(self.truth) or 'nothing'}; expected a truth for each image, and one image at least"
+                f"{', '.join(self.truth) or 'nothing'}; expected a true mask for each image, and at least one image"
             )
         put(self, images=dict(self.images), truth=dict(self.truth))
 
@@ -216,5 +216,5 @@ class SegmenterEvaluator:
 
     def _view(self) -> CameraView:
         if self.scene.view is None:
-            raise InputError(f"scene {self.scene.name} has no picture of the camera's")
+            raise InputError(f"scene {self.scene.name} has no camera picture")
         return self.scene.view

@@ -34,8 +34,10 @@ _FOLDS, _FOLDS_OF = 2, 3  # of the bright places: so many are asked in turn, eac
 UNOBSERVABLE = (
     "A shift of the whole path moves the image and changes nothing else: the path as a whole stays where it was given.",
     "A path stretched, sheared or turned evenly stretches, shears or turns the image: such an error may remain.",
-    "Displacements across the line of sight to the bright places show little: only distances to them are told well.",
-    "A slow bend of the path looks like a curved reflector: scenes without several small reflectors do not tell it.",
+    "Displacements across the line of sight to the bright points have little effect: only distances to them are "
+    "accurate.",
+    "A slow bend of the path looks like a curved reflector: it can only be found in scenes with several small "
+    "reflectors.",
 )
 """What no sharpness tells, in words."""
 
@@ -124,7 +126,7 @@ def autofocus(
     """
     checked_record(capture, Capture, name="capture")
     if capture.tx_points is not None or capture.rx_points is not None:
-        raise InputError("the capture's antennas have places of their own at each pose; there is no path to correct")
+        raise InputError("the capture states the antenna positions of each pose; there is no path to correct")
     checked_record(grid, VoxelGrid, name="grid")
     if focus not in FOCUSES:
         raise UnknownNameError("focus", focus, FOCUSES)
@@ -144,7 +146,9 @@ def autofocus(
         return _unchanged(subject, f"the path has {len(rows)} rows; expected {_LEAST_ROWS} at least")
     if len(np.unique(places.folds)) < _FOLDS_OF:
         return _unchanged(
-            subject, f"{len(places.folds)} bright places, too few: a wrong path cannot be told from what is no point"
+            subject,
+            f"{len(places.folds)} bright points are too few: path errors cannot be distinguished from "
+            "extended reflectors",
         )
     search = _Search(subject, places, np.random.default_rng(rng), steps)
     tried: list[_Found] = []

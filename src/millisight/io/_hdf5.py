@@ -19,42 +19,22 @@ from typing import Any
 
 import numpy as np
 
+from millisight import data
 from millisight.core import atomic_path, check_readable, printable
 from millisight.core.errors import DamagedFileError, FileError, FormatError, InputError
-from millisight.data import (
-    PHASE_SIGN,
-    AntennaArray,
-    CameraFrame,
-    CameraMask,
-    Capture,
-    Intrinsics,
-    Layers,
-    Mask,
-    Material,
-    PixelGrid,
-    Prediction,
-    Radar,
-    SarImage,
-    Scene,
-    SceneObject,
-    Trajectory,
-    TriangleMesh,
-    VoxelGrid,
-    Waveform,
-)
+from millisight.data import PHASE_SIGN, Capture
 from millisight.io._seal import chunk_extents, seal_holds, write_seal
 from millisight.io._sink import Sink
 
 SCHEMA_VERSION = 2  # 1 had no seal
-_PLACED_VERSION = (
-    3  # of captures with antennas at places of their own, or layers, which an older reader would pass over
-)
+_PLACED_VERSION = 3  # of captures with antennas at their own places, or layers, which an older reader would pass over
 
 RECORDS = {
     cls.__name__: cls
     for cls in (
-        Waveform, AntennaArray, Radar, Trajectory, Layers, Capture, VoxelGrid, PixelGrid, SarImage, Mask, Prediction,
-        TriangleMesh, Material, SceneObject, Scene, Intrinsics, CameraFrame, CameraMask,
+        data.Waveform, data.AntennaArray, data.Radar, data.Trajectory, data.Layers, Capture, data.VoxelGrid,
+        data.PixelGrid, data.SarImage, data.Mask, data.Prediction, data.TriangleMesh, data.Material,
+        data.SceneObject, data.Scene, data.Intrinsics, data.CameraFrame, data.CameraMask,
     )
 }  # fmt: skip
 
@@ -101,19 +81,19 @@ def save(
     extras: Mapping[str, Any] | None = None,
     reproducible: bool = False,
 ) -> None:
-    """Write a record to an HDF5 file; an old file at `path` is replaced only when the new one is whole.
+    """Write a record to an HDF5 file; an old file at `path` is replaced only when the new one is complete.
 
     Parameters
     ----------
     path : the file
-    record : one of millisight's
-    extras : what comes along with the record, by name: arrays of numbers, and what JSON can hold; see `load_extras`
-    reproducible : leave out when and by which command the file was made, so that equal records give equal bytes
+    record : a record of millisight
+    extras : further data by name: arrays of numbers, and values that JSON can hold; see `load_extras`
+    reproducible : leave out date and command, so that equal records give equal bytes
 
     Raises
     ------
     InputError
-        It is no record of millisight, or an extra can be stored in no way.
+        It is not a record of millisight, or an extra cannot be stored.
     FileError
         The folder is missing, read-only, or full.
     """
@@ -141,16 +121,16 @@ def save(
 
 
 def load(path: str | os.PathLike[str]) -> Any:
-    """Read a record from an HDF5 file that `save` wrote, whole and into memory.
+    """Read a record from an HDF5 file of `save` into memory.
 
     Raises
     ------
     FileError
         There is no such file, or it cannot be opened.
     FormatError
-        It is not HDF5, not ours, or of a newer schema.
+        It is not HDF5, was not written by millisight, or has a newer schema.
     DamagedFileError
-        It is ours but truncated or corrupted.
+        It was written by millisight, but is truncated or corrupted.
     """
     with _opened(path) as file:
         return _read(file, path)
@@ -172,7 +152,7 @@ def open_capture(path: str | os.PathLike[str]) -> Iterator[Capture]:
 
 
 def load_extras(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """What `save` was given as `extras`, by name; empty where there were none.
+    """The `extras` that were passed to `save`, by name; empty if there were none.
 
     Raises
     ------
@@ -192,7 +172,7 @@ def load_extras(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 def provenance(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """What the file says of its own making: record, schema_version, code_version, command, created; or "unknown"."""
+    """Provenance of a file: record, schema_version, code_version, command, created; or "unknown"."""
     with _opened(path) as file:
         names = ("record", "schema_version", "code_version", "command", "created")
         told = {name: _plain(file.attrs.get(name, "unknown")) for name in names}
@@ -210,7 +190,7 @@ def _opened(path: str | os.PathLike[str]) -> Iterator[Any]:
     if start != b"\x89HDF\r\n\x1a\n":
         raise FormatError(f"{path} {_instead(path, start)}")
     if sealed is False:
-        raise DamagedFileError(f"{path} is damaged: it differs from its seal; make or copy it again")
+        raise DamagedFileError(f"{path} is damaged: its checksum differs; make or copy it again")
     try:
         file = h5py.File(path, "r")
     except OSError as error:
@@ -229,7 +209,7 @@ def _opened(path: str | os.PathLike[str]) -> Iterator[Any]:
             )
         if sealed is None and version > 1:
             raise DamagedFileError(
-                f"{path} has lost its seal: it is damaged, or another program changed it; make or copy it again"
+                f"{path} has no checksum: it is damaged, or another program changed it; make or copy it again"
             )
         yield file
 

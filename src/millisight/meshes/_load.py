@@ -34,7 +34,7 @@ MENDABLE = 0.01  # share of edges on three or more faces: up to here a flaw of a
 def load_mesh(
     source: "str | os.PathLike[str] | trimesh.Trimesh | trimesh.Scene", *, unit: str | None = None
 ) -> TriangleMesh:
-    """The mesh in a file (STL, OBJ, PLY, OFF or GLB) or in a trimesh object, in metres.
+    """Load a mesh from a file (STL, OBJ, PLY, OFF or GLB) or a trimesh object, in metres.
 
     Materials and textures are skipped, nothing is fetched from elsewhere, and the parts of a scene are put together
     in their places. Equal vertices become one; repeated faces, and faces with a corner twice, are dropped; a few
@@ -215,7 +215,7 @@ def _mended(vertices: np.ndarray, faces: np.ndarray, name: str) -> tuple[np.ndar
     faces, turned = _wound(vertices, faces, name)
     _note(done, turned, "turned {} face{s} to wind all alike and outward")
     if done:
-        logger.warning("%s was mended: %s", name, ", ".join(done))
+        logger.warning("%s was repaired: %s", name, ", ".join(done))
     used, faces = np.unique(faces, return_inverse=True)
     return vertices[used], faces.reshape(-1, 3)
 

@@ -278,7 +278,7 @@ def _stretch(solid: "Manifold", size: Triple) -> np.ndarray:
     if (np.abs(scale - 1) > MOST_STRETCH).any():
         drawn, wanted = (" x ".join(f"{v:.1f}" for v in values) for values in (upper - lower, size))
         raise InputError(
-            f"the solid is drawn {drawn} mm large; expected {wanted} mm within 10 %: redraw it, or mend the size"
+            f"the solid is drawn {drawn} mm large; expected {wanted} mm within 10 %: redraw it, or correct the size"
         )
     return scale
 

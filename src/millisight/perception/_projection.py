@@ -79,7 +79,7 @@ def power_on(other: Picture, picture: Picture) -> np.ndarray:
     along_x, along_y = _interpolation(grid.x, wanted.x), _interpolation(grid.y, wanted.y)
     if not (along_x.any() and along_y.any()):
         raise InputError(
-            f"the pictures have no place in common: x {wanted.x[0]:.4g} to {wanted.x[-1]:.4g} m and y "
+            f"the pictures do not overlap: x {wanted.x[0]:.4g} to {wanted.x[-1]:.4g} m and y "
             f"{wanted.y[0]:.4g} to {wanted.y[-1]:.4g} m here, x {grid.x[0]:.4g} to {grid.x[-1]:.4g} m and y "
             f"{grid.y[0]:.4g} to {grid.y[-1]:.4g} m in the other; image both bands on one grid"
         )

@@ -20,7 +20,7 @@ _ACROSS = 4  # mistakes in a row
 
 @styled
 def plot_accuracy(answers: Sequence[ClassifierAnswer], split: str, *, data: str) -> Figure:
-    """Each variant's accuracy in sight, out of it and overall, with both intervals; the paper's beside.
+    """Plot the accuracy of each variant in line of sight, out of it and overall, with both intervals, and the paper's.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def _kind(variant: Variant) -> str:
 
 @styled
 def plot_confusion(answers: Sequence[ClassifierAnswer], split: str, variant: Variant, *, data: str) -> Figure:
-    """How often each class was taken for which, in sight, out of it, overall: counts, shaded by shares of the class.
+    """Plot confusion matrices in line of sight, out of it and overall: counts, shaded by shares of the class.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ def plot_confusion(answers: Sequence[ClassifierAnswer], split: str, variant: Var
 
 @styled
 def plot_reliability(answers: Sequence[ClassifierAnswer], split: str, *, data: str) -> Figure:
-    """How often each variant was right when it was how sure, with Wilson intervals; below, how many answers.
+    """Plot accuracy over confidence of each variant, with Wilson intervals; below, the number of answers.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def plot_reliability(answers: Sequence[ClassifierAnswer], split: str, *, data: s
     figure = Figure(figsize=(6.6, 6.2))
     axes = figure.add_axes((0.11, 0.36, 0.85, 0.44), facecolor="white")
     below = figure.add_axes((0.11, 0.09, 0.85, 0.2), facecolor="white")
-    axes.plot([0, 1], [0, 1], color="0.6", linewidth=0.8, linestyle="--", label="as sure as right")
+    axes.plot([0, 1], [0, 1], color="0.6", linewidth=0.8, linestyle="--", label="perfect calibration")
     variants = evaluation.variants_of(mine)
     for number, variant in enumerate(variants):
         bins = evaluation.reliability(chosen(mine, variant=variant))
@@ -147,7 +147,7 @@ def plot_reliability(answers: Sequence[ClassifierAnswer], split: str, *, data: s
         width = 0.09 / len(variants)
         middles = [(one.low + one.high) / 2 + (number - (len(variants) - 1) / 2) * width for one in bins]
         below.bar(middles, [one.images for one in bins], width=width, color=colour)
-    axes.set(xlim=(0, 1), ylim=(0, 1.02), ylabel="share that is right")
+    axes.set(xlim=(0, 1), ylim=(0, 1.02), ylabel="share of right answers")
     below.set(xlim=(0, 1), xlabel="confidence", ylabel="images")
     axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2)
     for one in (axes, below):
@@ -159,7 +159,7 @@ def plot_reliability(answers: Sequence[ClassifierAnswer], split: str, *, data: s
 
 @styled
 def plot_mistakes(mistakes: Sequence[Mistake], *, title: str) -> Figure:
-    """Each mistake as two pictures: the image with the mask and the true one as outlines, and what was classified.
+    """Plot each mistake as two pictures: the image with outlines of mask and truth, and the classified part.
 
     Parameters
     ----------

@@ -97,7 +97,7 @@ def plot_sensitivity(pairs: Sequence[ImagePair], *, settings: CloudSettings, tit
 
 @styled
 def plot_scores(pairs: Sequence[ImagePair]) -> Figure:
-    """Every pair's F, sorted: the share of pairs with less, for the combination and for both parts alone."""
+    """Plot the sorted F-scores of all pairs, for the combination and for both parts alone."""
     there = [sight for sight in SIGHTS if any(pair.sight == sight for pair in pairs)]
     figure = Figure(figsize=(1.0 + 3.8 * len(there), 3.4))
     width = 0.82 / len(there)
@@ -108,7 +108,12 @@ def plot_scores(pairs: Sequence[ImagePair]) -> Figure:
             found = [getattr(pair.comparison, name).score.f for pair in pairs if pair.sight == sight]
             scores = np.sort(100 * np.array(found))
             axes.plot(scores, (np.arange(len(scores)) + 0.5) / len(scores), "o-", ms=3, color=colour, label=part)
-        axes.set(xlim=(0, 100), ylim=(0, 1), xlabel="F [%]", ylabel="share of pairs with less" if number == 0 else "")
+        axes.set(
+            xlim=(0, 100),
+            ylim=(0, 1),
+            xlabel="F [%]",
+            ylabel="share of pairs with a lower score" if number == 0 else "",
+        )
         axes.set_title(SIGHTS[sight])
         axes.grid(color="0.92", linewidth=0.6)
         axes.legend(loc="upper left")
@@ -136,7 +141,7 @@ def plot_attempt(attempt: MaskAttempt, *, picture: Picture, truth: Mask, title: 
         _show(left, picture.grid_xy, picture.rgb)
     prompts = None if attempt.found is None else attempt.found.prompts
     _draw_prompts(left, picture, prompts)
-    left.set_title("what it saw" if prompts is None else "what it saw, and prompts", fontsize=9)
+    left.set_title("input" if prompts is None else "input and prompts", fontsize=9)
     power = picture.power if picture.grid_xy is not None else None
     grey = np.full((*truth.inside.shape, 3), 230, np.uint8)
     if power is not None:

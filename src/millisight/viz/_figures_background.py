@@ -83,7 +83,7 @@ def _sketch_aperture(ax: Axes, positions: np.ndarray) -> None:
     ax.annotate("aperture", (0, 0), (0, 7), textcoords="offset points", ha="center", color=GREY)
     ax.annotate("reflector", reflector[[0, 2]], (-3, -15), textcoords="offset points", ha="right", color=VERMILION)
     ax.set(xlim=(-0.24, 0.24), ylim=(-0.42, 0.06), aspect="equal", facecolor="white")
-    ax.set(title="a) distances from four places", xlabel="x [m]", ylabel="z [m]")
+    ax.set(title="a) distances from four positions", xlabel="x [m]", ylabel="z [m]")
 
 
 @styled

@@ -23,7 +23,7 @@ _DEEP = 0.3  # of the colours of depth [m]
 
 @styled
 def plot_world(layout: WorldLayout, frame: CameraFrame, masks: list[np.ndarray]) -> Figure:
-    """A layout from above and from the side, and what the camera sees of it, with depth.
+    """Plot a layout from above and from the side, and the camera picture with depth.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def plot_world(layout: WorldLayout, frame: CameraFrame, masks: list[np.ndarray])
     bar.set_position((beside.x1 + 0.01, beside.y0, place.width, beside.height))
     figure.colorbar(image, cax=bar, extend="max").set_label("[m]")
     depth.set_facecolor("#5a1f1f")
-    for axes, title in ((rgb, "camera; objects outlined"), (depth, "its depth; dark red: none")):
+    for axes, title in ((rgb, "camera; objects outlined"), (depth, "depth; dark red: missing")):
         axes.set(xlim=(-0.5, 639.5), ylim=(479.5, -0.5), xticks=[], yticks=[], title=title)
     for mask in masks:
         if mask.any() and not mask.all():

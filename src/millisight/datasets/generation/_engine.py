@@ -74,7 +74,7 @@ def _one_blas_thread() -> Iterator[None]:
 
 
 def engine_of(scheduler: str = "processes", workers: int | None = None) -> Engine:
-    """The engine that goes by a name or an address.
+    """The engine with a name or at an address.
 
     Parameters
     ----------
@@ -98,7 +98,9 @@ def engine_of(scheduler: str = "processes", workers: int | None = None) -> Engin
     if not scheduler.startswith(ADDRESSES):
         raise UnknownNameError("scheduler", scheduler, (*LOCAL, "tcp://host:8786"))
     if workers is not None:
-        raise InputError("workers is for engines on this machine; a cluster has as many as were started for it")
+        raise InputError(
+            "workers applies to this machine only; a cluster uses all workers connected to it: leave workers out"
+        )
     return Engine(scheduler, *_cluster_size(scheduler))
 
 
@@ -136,9 +138,7 @@ def _on_cluster(address: str, function: Callable[[T], Any], things: Sequence[T])
                 if future.status == "finished":
                     yield Outcome(number, *future.result())
                 elif client.status != "running":
-                    raise DeviceError(
-                        f"the scheduler at {address} has gone; start it again, and go on with the same command"
-                    )
+                    raise DeviceError(f"lost the scheduler at {address}; start it again, then run the same command")
                 else:
                     yield Outcome(number, None, _reason(future))
         finally:
@@ -174,4 +174,4 @@ def _on_worker(function: Callable[[T], Any], thing: T) -> tuple[Any, str]:
 def _reason(future: Any) -> str:
     """Why there is no outcome, though an error of the job's own would be one."""
     error = future.exception() if future.status == "error" else None
-    return "Dask gave it up: " + " ".join(f"{type(error).__name__} {error}".split() if error else [future.status])
+    return "Dask gave up: " + " ".join(f"{type(error).__name__} {error}".split() if error else [future.status])

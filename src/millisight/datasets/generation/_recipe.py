@@ -75,7 +75,7 @@ class Objects:
         _check_all("class", self.classes, SHAPE_CLASSES)
         checked_record(self.all, bool, name="all")
         if not self.chosen and (self.all or self.names or self.categories or self.classes):
-            raise InputError("without leaves no object; name some to keep")
+            raise InputError("without removes every object; keep at least one")
 
     @property
     def chosen(self) -> tuple[str, ...]:
@@ -92,7 +92,7 @@ class Objects:
 
 @record
 class MeshFile:
-    """An object of one's own.
+    """A mesh file as an object.
 
     Attributes
     ----------
@@ -143,12 +143,12 @@ class SceneRecipe:
     def __post_init__(self) -> None:
         if len(self.objects) < 2:
             raise InputError(
-                f"objects has {len(self.objects)} entries; expected two at least, a single one is an object"
+                f"objects has {len(self.objects)} entries; expected at least two; for a single one use object"
             )
 
 
 @record
-class Poses:
+class PoseSettings:
     """How every object lies: the stated angles, then drawn ones, other ones for each object."""
 
     angles_deg: tuple[tuple[int, int, int], ...] | None = None  # about the fixed x, y, then z axis, whole
@@ -169,7 +169,7 @@ class Poses:
         ranges = {name: _range(getattr(self, name), name) for name in ("x_deg", "y_deg", "z_deg")}
         room = int(np.prod([high - low + 1 for low, high in ranges.values()])) - len(angles)
         if count > room:
-            raise InputError(f"count is {count}, but the ranges hold no more than {max(room, 0)} other whole angles")
+            raise InputError(f"count is {count}, but the ranges hold only {max(room, 0)} other whole angles")
         shift = checked_number(self.shift, name="shift", unit="m", minimum=0)
         put(self, angles_deg=angles, count=count, shift=shift, **ranges)
 
@@ -253,7 +253,7 @@ class Simulator:
 
 @record
 class Shares:
-    """What share of the objects, and of the poses of each, goes to training, validation and test."""
+    """Shares of objects, and of their poses, for training, validation and test."""
 
     train: float = 0.7
     val: float = 0.15
@@ -270,7 +270,7 @@ class Shares:
 
 @record
 class Recipe:
-    """What a dataset is to hold.
+    """Contents of a dataset to generate.
 
     Attributes
     ----------
@@ -291,7 +291,7 @@ class Recipe:
     objects: Objects = field(default_factory=Objects)
     files: tuple[MeshFile, ...] = ()
     scenes: tuple[SceneRecipe, ...] = ()
-    poses: Poses = field(default_factory=Poses)
+    poses: PoseSettings = field(default_factory=PoseSettings)
     rig: Rig | None = None
     simulator: Simulator | None = None
     splits: Shares = field(default_factory=Shares)
@@ -304,13 +304,11 @@ class Recipe:
         put(self, seed=checked_integer(self.seed, name="seed", minimum=0))
         if not self.objects.chosen and not self.files and not self.scenes:
             raise InputError(
-                "there is no object; name some in [objects], by names, categories or classes, or all = true; or give "
-                "[[files]] or [[scenes]]"
+                "the recipe has no object; list some in [objects], by names, categories or classes, or all = true; or "
+                "add [[files]] or [[scenes]]"
             )
         if self.rig is None and self.simulator is None:
-            raise InputError(
-                "nothing is to be made; add [rig] for captures like real ones, [simulator] for training images"
-            )
+            raise InputError("nothing to generate; add [rig] for realistic captures, [simulator] for training images")
         own = [file.name for file in self.files]
         for name in own:
             if own.count(name) > 1 or name in CATALOGUE:
@@ -325,7 +323,7 @@ class Recipe:
 
 
 def read_recipe(path: str | os.PathLike[str]) -> Recipe:
-    """The recipe that a TOML file holds; relative paths in it start at its own folder.
+    """Read a recipe from a TOML file; relative paths in it start at its folder.
 
     Raises
     ------

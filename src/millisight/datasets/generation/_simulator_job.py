@@ -84,12 +84,12 @@ class SimulatorJob:
             if wide > covered:
                 raise CoverageError(
                     f"{names}: {wide * 100:.1f} cm wide along {axis}, the aperture only {covered * 100:.1f} cm; "
-                    "enlarge simulator.size, or turn it with angles_deg"
+                    "enlarge simulator.size, or rotate it with angles_deg"
                 )
         if upper[2] > -0.01:
             raise InputError(
                 f"{names}: reaches {(upper[2] - lower[2]) * 50:.1f} cm above its middle, the aperture hangs "
-                f"{self.settings.height * 100:.1f} cm above that; raise simulator.height, or turn it with angles_deg"
+                f"{self.settings.height * 100:.1f} cm above that; raise simulator.height, or rotate it with angles_deg"
             )
         return simulator_cost(scene, trajectory, self._grid(scene), self.settings)
 

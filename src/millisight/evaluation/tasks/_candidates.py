@@ -87,7 +87,7 @@ def why_none(candidates: Sequence[Candidate], scenes: Mapping[str, SceneSource])
         )
         told.append(f"{one.training.name}, which knows {', '.join(one.class_names)}: {', '.join(left_out)}")
     if any(NO_CLASS in one.splits.left_out for one in candidates):
-        told[-1] += "; name an object in `classes` and in `tests` of the recipe of training to tell its class"
+        told[-1] += "; add the object to `classes` and `tests` of the training recipe to state its class"
     return f"Left out of {'; of '.join(told)}"
 
 

@@ -49,17 +49,17 @@ PAPER = {
 """The paper's Table 3: accuracy [%] as printed, and of its PAPER_IMAGES how many that must have been."""
 
 _SAW = {
-    CLOSED: "the classifier was trained on these objects, in other poses and by other physics",
-    DISJOINT: "the classifier met none of these objects, in training or validation",
+    CLOSED: "the classifier was trained on these objects, in other poses and with other physics",
+    DISJOINT: "none of these objects was used in training or validation of the classifier",
 }
 _INTERVALS = (
-    "In round brackets 95 % Wilson intervals, as if images were independent; in square brackets 95 % bootstrap "
-    "intervals over objects, which are drawn with all their images; where objects do not differ, these say nothing."
+    "Round brackets: 95 % Wilson intervals, which treat images as independent. Square brackets: 95 % bootstrap "
+    "intervals over objects, resampled with all their images; they have no width where all objects score the same."
 )
 
 _PAPER_NOTE = (
-    "The paper's rows are of its own real data, as printed; it gives no intervals, and those here follow from its "
-    "numbers of images. Of its 26 test objects 24 were in training, as meshes."
+    "The paper's rows are as printed, for its own real data; their intervals were computed here from its numbers of "
+    "images. The meshes of 24 of its 26 test objects were used in its training."
 )
 
 
@@ -111,7 +111,7 @@ def classifier_table(
         kinds = (variant.network, PARTS.get(variant.parts, variant.parts))
         rows.append((variant.name, *kinds, training.physics, str(training.seed), *seen, *counts))
         for name, others in siblings(training, {objects[scene] for scene in tests[DISJOINT]}).items():
-            near.append(f"{variant.name} saw siblings of {name}: {', '.join(others)}.")
+            near.append(f"{variant.name} was trained on siblings of {name}: {', '.join(others)}.")
     columns = "classifier|network|trained on|physics of training|seed|objects in training|in validation|" + "|".join(
         [*(f"{split} images" for split in SPLITS), *(f"left out: {why}" for why in LEFT_OUT)]
     )
@@ -148,7 +148,7 @@ def _paper_row(parts: str) -> tuple[Cell, ...]:
     for sight, images in PAPER_IMAGES.items():
         printed, right = PAPER[parts][sight]
         cells += [f"{printed:.1f} {_span(wilson_interval(right, images))}", images]
-    return ("paper: real data, theirs", "the paper's", PARTS[parts], *cells, None)
+    return ("paper: its real data", "the paper's", PARTS[parts], *cells, None)
 
 
 def _short(sight: str) -> str:
@@ -178,10 +178,10 @@ def shape_table(answers: Sequence[ClassifierAnswer], split: str, *, data: str) -
                     cells = [_percent(accuracy(chosen(some, sight=sight))) for sight in SIGHT_GROUPS]
                     rows.append((kind, value, variant.name, *cells, len(some), len(by_object(some))))
     return table_of(
-        f"By where the shape is from, and by class, {split}: {data}",
+        f"By source of the shape, and by class, {split}: {data}",
         f"by|which|classifier|{'|'.join(f'{_short(sight)} [%]' for sight in SIGHT_GROUPS)}|images|objects",
         rows,
-        f"In predicted masks. Shapes are built by the catalogue, or real scans. {_INTERVALS}",
+        f"In predicted masks. Shapes are built by the catalogue, or are real scans. {_INTERVALS}",
     )
 
 
@@ -198,7 +198,7 @@ def object_table(answers: Sequence[ClassifierAnswer], split: str, *, data: str) 
             taken = ", ".join(f"{label} {count}" for label, count in wrong.most_common())
             rows.append((name, some[0].truth, some[0].shape, variant.name, *counts, taken))
     columns = f"object|class|shape|classifier|{'|'.join(map(_short, SIGHT_GROUPS))}|taken for"
-    note = "Right of all, in predicted masks; and what the wrong ones were taken for."
+    note = "Number of right answers of all, in predicted masks, and the classes of the wrong answers."
     return table_of(f"By object, {split}: {data}", columns, rows, note)
 
 
@@ -217,7 +217,7 @@ def mistake_table(answers: Sequence[ClassifierAnswer], split: str, *, data: str)
             spoilt = sum(in_true.get((variant, one.scene)) is False for one in some if one.right)
             rows.append((variant.name, SIGHT_GROUPS[sight], len(some), *counts, spoilt, *overlaps))
     return table_of(
-        f"Where mistakes are from, {split}: {data}",
+        f"Origin of mistakes, {split}: {data}",
         f"classifier|sight|images|wrong|{NO_MASK}|right in the true mask|wrong there too|"
         "right, but wrong in the true mask|median IoU of masks, right answers|wrong answers",
         rows,
@@ -249,9 +249,9 @@ def calibration_table(answers: Sequence[ClassifierAnswer], split: str, *, data: 
         "classifier|sight|images|mean confidence [%]|accuracy [%]|expected calibration error|Brier score|threshold|"
         "not sure [%]|accuracy among the sure [%]",
         rows,
-        "Of images with a predicted mask. Under the threshold the answer is 'not sure'; temperature and threshold "
-        "were chosen in training, and on no test image. The calibration error is over 10 bins of equal widths; "
-        "the Brier score adds the classes up, from 0 to 2.",
+        "Of images with a predicted mask. Below the threshold the answer is 'not sure'; temperature and threshold "
+        "were chosen in training, without test images. The calibration error uses 10 bins of equal width; the Brier "
+        "score is summed over the classes, from 0 to 2.",
     )
 
 
@@ -271,8 +271,9 @@ def pair_table(answers: Sequence[ClassifierAnswer], split: str, *, data: str) ->
         "masks|sight|first|second|difference [points]|only first right|only second right|images|objects|p, McNemar|"
         "p, by object",
         rows,
-        "First minus second. McNemar's exact test takes images for independent, which those of one object are not; "
-        "the exact sign-flip test takes objects for independent. Both two-sided, not corrected for many pairs.",
+        "First minus second. McNemar's exact test treats images as independent, although images of one object are "
+        "not; the exact sign-flip test treats objects as independent. Both are two-sided and not corrected for "
+        "multiple comparisons.",
         place="summary",
     )
 
@@ -286,7 +287,7 @@ def time_table(times: Mapping[Variant, Sequence[tuple[float, float]]], *, data: 
             rows.append((variant.name, variant.network, f"{1e3 * alone:.1f}", f"{1e3 * whole:.1f}", len(some)))
     columns = "classifier|network|classification [ms]|with segmentation [ms]|images"
     note = "Medians on the CPU, after imaging, one image after another."
-    return table_of(f"Time an image: {data}", columns, rows, note, place="summary")
+    return table_of(f"Time per image: {data}", columns, rows, note, place="summary")
 
 
 def worst(answers: Sequence[ClassifierAnswer], split: str, variant: Variant, count: int) -> list[ClassifierAnswer]:

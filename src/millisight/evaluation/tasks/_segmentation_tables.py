@@ -80,7 +80,7 @@ def interval_of_median(values: dict[str, list[float]], rng: int = 0) -> tuple[fl
     """The 95 % bootstrap interval of the median over scenes and seeds; scenes are drawn, with all their seeds."""
     counts = {len(one) for one in values.values()}
     if len(counts) != 1:
-        raise InputError(f"scenes have {sorted(counts)} seeds; expected as many each, one scene at least")
+        raise InputError(f"scenes have {sorted(counts)} seeds; expected equal numbers, and at least one scene")
     return bootstrap_interval(np.array(list(values.values())), _median, rng=rng)
 
 
@@ -140,7 +140,7 @@ def median_table(trials: Sequence[MaskTrial], sight: str, *, data: str, notes: S
         ("segmenter", "input", *(METRICS[name].column for name in METRICS), "scenes", "no mask"),
         rows,
         f"Medians over scenes{prompts}; in brackets 95 % bootstrap "
-        "intervals, scenes drawn with all their seeds. Where no mask was found, an empty one is scored.",
+        "intervals, over scenes resampled with all their seeds. Where no mask was found, an empty mask is scored.",
         *notes,
         place="summary",
     )
@@ -164,7 +164,7 @@ def difference_table(trials: Sequence[MaskTrial], *, data: str) -> Table:
         f"Paired differences: {data}",
         "metric|sight|first|second|mean difference [points]|median [points]|better|worse|scenes",
         rows,
-        "First minus second, in percentage points, of each scene the mean over its seeds; in brackets the 95 % "
+        "First minus second, in percentage points, averaged over the seeds of each scene; in brackets the 95 % "
         "bootstrap interval of the mean, over scenes.",
         place="summary",
     )

@@ -74,7 +74,7 @@ def data_of(measured: str, simulated: str, pairs: Sequence[ImagePair]) -> str:
     ):
         told = sorted(f"simulated: {maker}" if maker else "not marked as simulated" for maker in makers)
         sides.append(f"{name} ({'; '.join(told)})")
-    return f"yardstick {sides[0]}, simulator's images {sides[1]}"
+    return f"yardstick (reference) {sides[0]}, simulated images {sides[1]}"
 
 
 def all_tables(pairs: Sequence[ImagePair], *, data: str, settings: CloudSettings, radar: str) -> dict[str, Table]:
@@ -85,8 +85,8 @@ def all_tables(pairs: Sequence[ImagePair], *, data: str, settings: CloudSettings
         origin,
         f"{radar}; points where |I| > {settings.threshold:g}{' of its maximum' if settings.relative else ''} (tau_P), "
         f"matched within {settings.within * 1000:g} mm (tau_F), {settings.mode} alignment"
-        f"{', means along z' if settings.flat else ''}, best of {len(settings.weights)} weights. The paper's main text "
-        "does not print its tau_P, tau_F and weights.",
+        f"{', means along z' if settings.flat else ''}, best of {len(settings.weights)} weights. The main text of the "
+        "paper does not state its tau_P, tau_F and weights.",
     )
     there = [sight for sight in SIGHTS if any(pair.sight == sight for pair in pairs)]
     tables = {f"quartiles-{sight}": quartile_table(_of(pairs, sight), sight, notes=how) for sight in there}
@@ -106,7 +106,7 @@ def quartile_table(pairs: Sequence[ImagePair], sight: str, *, notes: Sequence[st
         rows.append((part, made, *(_quantile(scores, share) for share in (0.25, 0.5, 0.75)), len(scores)))
         rows.append((part, "paper, real data, all objects", *(str(value) for value in PAPER[part]), None))
     columns = "simulation|yardstick|25th [%]|50th [%]|75th [%]|pairs"
-    interval = "In brackets: 95 % bootstrap intervals, objects drawn anew."
+    interval = "In brackets: 95 % bootstrap intervals over objects."
     won = "The combination's weights are chosen and scored on the same image, as in the paper: it wins by construction."
     return table_of(f"3D F-score, {SIGHTS[sight]}", columns, rows, *notes, interval, won, place="summary")
 
@@ -134,9 +134,9 @@ def held_out_table(pairs: Sequence[ImagePair]) -> Table:
         "Weights fitted on one image, scored on another",
         "fitted, scored|part|25th [%]|50th [%]|75th [%]|pairs",
         rows,
-        "On the image on which they were fitted, the weights win by construction; on another they may lose.",
-        "The gains are means of combined, held out, minus a part alone, or minus the better of the two of each "
-        "object, with their 95 % intervals.",
+        "The weights win by construction on the image they were fitted to; on another image they may lose.",
+        "Gain: mean score of the combination on held-out images minus that of one part alone, or of the better part "
+        "of each object; with 95 % intervals.",
         place="summary",
     )
 
@@ -228,9 +228,9 @@ def _origin(pairs: Sequence[ImagePair]) -> str:
     makers = {pair.measured_by for pair in pairs}
     if makers == {""}:
         return (
-            "The measured files do not call themselves simulated, as those of the published dataset do not; this table "
-            "is then of real measurements."
+            "The measured files are not marked as simulated, nor are those of the published dataset; if so, this "
+            "table compares with real measurements."
         )
     if "" in makers:
-        return "Some of the measured files are simulated, others are not marked so: do not read them as one."
-    return "The yardstick is itself simulated, by other physics: nothing here was measured, and real data may differ."
+        return "Some of the measured files are simulated, others are not: the table mixes both."
+    return "The reference is itself simulated, with other physics: nothing here was measured, and real data may differ."

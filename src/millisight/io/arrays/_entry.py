@@ -56,7 +56,7 @@ def array_of_bytes(data: Any, dtype: np.dtype, shape: tuple[int, ...], *, fortra
     if dtype.kind == "b":
         flat = flat.view(np.uint8) != 0  # any other byte than 0 and 1 would be a third truth value
     elif dtype.kind == "U" and flat.size and flat.view(dtype.byteorder + "u4").max() > 0x10FFFF:
-        raise ValueError("its text holds what is no character")
+        raise ValueError("its text holds invalid characters")
     array = flat.reshape(shape, order="F" if fortran else "C")
     array.flags.writeable = False
     return array

@@ -27,7 +27,8 @@ _KEYS = (str, bytes, bool, int, float, type(None))
 
 
 def read_pickle(path: str | os.PathLike[str]) -> Any:
-    """What a pickle holds: NumPy arrays, scalars and types; dict, list, tuple, set; text, bytes, numbers, None.
+    """Read a pickle without running code: NumPy arrays, scalars and types; dict, list, tuple, set; text, bytes,
+    numbers, None.
 
     Nothing is run, whatever the file says. Arrays are read-only; arrays of objects hold such values, never others.
 
@@ -50,7 +51,7 @@ def read_pickle(path: str | os.PathLike[str]) -> Any:
         except _Refused as error:
             raise FormatError(f"{printable(path)}, byte {machine.position}: {error}") from error
         except (ValueError, LookupError, TypeError, OverflowError, struct.error) as error:
-            place = f"{printable(path)} is no pickle, or damaged, at byte {machine.position}"
+            place = f"{printable(path)} is not a pickle, or is damaged, at byte {machine.position}"
             raise DamagedFileError(f"{place}: {error}; copy or make it again") from error
 
 

@@ -55,7 +55,7 @@ class TextTable(NamedTuple):
 def read_table(
     path: str | os.PathLike[str], *, skip_rows: int = 0, rows: int | None = None, decimal: str | None = None
 ) -> TextTable:
-    """A table of numbers: one row a line, separated by commas, semicolons, tabs or blanks.
+    """Read a table of numbers: one row per line, separated by commas, semicolons, tabs or blanks.
 
     # starts a comment, and so does ! at the start of a line. Numbers may be complex: 1.5-2i, 1.5 - 2j, (1.5-2j). The
     encoding is UTF-8, UTF-16 with its mark, or Latin-1.
@@ -109,7 +109,7 @@ def read_table(
         if len(row) != width:
             hint = ""
             if names and separator == "," and decimal is None and len(row) == 2 * width:
-                hint = ': twice as many; if its commas are decimal commas, say decimal = ","'
+                hint = ': twice as many; if its commas are decimal commas, set decimal = ","'
             elif found and not any(map(_LIKE_A_NUMBER.fullmatch, words)):
                 hint = f": {line[:20]!r}; rows = {len(found)} leaves out what follows the numbers"
             raise DamagedFileError(f"{source}, line {number} has {len(row)} columns; expected {width} as before{hint}")
@@ -127,7 +127,7 @@ def read_table(
     if doubtful and width % 2 == 0 and ", " not in kept[-1][1]:
         raise FormatError(
             f"{source}, line {kept[-1][0]}: {kept[-1][1][:40]!r} may be {width // 2} numbers with a decimal comma, or "
-            f'{width} whole ones; say decimal = "," or decimal = "."'
+            f'{width} whole ones; set decimal = "," or decimal = "."'
         )
     values = np.array(found, dtype=complex)
     return TextTable(values if np.any(np.imag(values)) else np.real(values).copy(), names, source)
@@ -156,7 +156,7 @@ def _text(data: bytes, source: str) -> str:
             return data.decode(encoding)
         except UnicodeDecodeError:
             pass
-    raise FormatError(f"{source} is not a text of numbers: it is no UTF-16")
+    raise FormatError(f"{source} is not a text of numbers: it is not UTF-16")
 
 
 def _words(line: str, separator: str) -> list[str]:
@@ -183,7 +183,7 @@ def _number(word: str, decimal: str | None) -> complex | None:
 
 def _hint(word: str, decimal: str | None) -> str:
     if decimal != "," and re.search(r"\d,\d", word):
-        return '; if its comma is a decimal comma, say decimal = ","'
+        return '; if its comma is a decimal comma, set decimal = ","'
     if decimal == "," and "." in word:
-        return ': with decimal = "," no point can stand in it'
+        return ': with decimal = "," a number cannot contain a point'
     return ""

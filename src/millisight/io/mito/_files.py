@@ -32,7 +32,7 @@ class Published(NamedTuple):
 
 
 def read_published(path: str | os.PathLike[str]) -> Published:
-    """A pickle of the layout, of the kind that its name tells.
+    """Read a pickle of the published layout; its name tells the kind.
 
     `processed_image*.pkl` gives a SarImage, `radar_masks*.pkl` a Mask on the pixels of the image beside it,
     `camera_masks*.pkl` a CameraMask, and `continuous*.pkl` in a folder `camera` a CameraFrame.
@@ -51,8 +51,8 @@ def read_published(path: str | os.PathLike[str]) -> Published:
     named = kind_of(section, path.name)
     if named is None or path.suffix != ".pkl":
         raise FormatError(
-            f"{printable(path)} is no file of the published layout; expected processed_image*.pkl, radar_masks*.pkl, "
-            "or in a folder camera: camera_masks*.pkl, continuous*.pkl"
+            f"{printable(path)} is not a file of the published layout; expected processed_image*.pkl, "
+            "radar_masks*.pkl, or in a folder camera: camera_masks*.pkl, continuous*.pkl"
         )
     door = _DOORS[named[0]]
     values = _values(path, door.required)
@@ -62,7 +62,7 @@ def read_published(path: str | os.PathLike[str]) -> Published:
 
 
 def write_published(path: str | os.PathLike[str], record: Any, extras: Mapping[str, Any] | None = None) -> None:
-    """The inverse of `read_published`: the pickle from which it reads this record and these extras.
+    """Write the pickle from which `read_published` reads this record and these extras.
 
     Where both hold an array, the extras' is written, since it is the one as stored: leave extras out of a record that
     was changed.
@@ -166,7 +166,7 @@ def _array(values: dict[str, Any], name: str, kinds: str) -> np.ndarray:
     try:
         array = np.asarray(values[name])
     except ValueError as error:  # lists of differing lengths
-        raise InputError(f"{name} is no array: {error}") from error
+        raise InputError(f"{name} is not an array: {error}") from error
     if array.dtype.kind not in kinds:
         raise InputError(f"{name} is an array of {array.dtype}; expected {' or '.join(_KINDS[k] for k in kinds)}")
     return array

@@ -154,7 +154,7 @@ def place_of(folder: str | os.PathLike[str]) -> Place:
         if named and angles and number is not None:
             return Place(*named, angles, number, parts[4])
     raise FileError(
-        f"{printable(folder)} is no experiment of the published layout; expected a folder "
+        f"{printable(folder)} is not an experiment of the published layout; expected a folder "
         "<id>_<name>/robot_collected/<ax>_<ay>_<az>/exp<N>/los or nlos"
     )
 

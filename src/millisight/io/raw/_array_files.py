@@ -20,7 +20,7 @@ def _read_arrays(path: Path, *, array: str | list[str] | None = None) -> RawArra
         raise InputError(f"array is {names}; expected arrays of one shape; {printable(path)} has {sorted(shapes)}")
     values = arrays[0] if len(arrays) == 1 else np.stack(arrays)
     if values.dtype.kind not in "biufc":
-        raise InputError(f"array is no array of numbers; that in {printable(path)} is {values.dtype}")
+        raise InputError(f"array is not an array of numbers; that in {printable(path)} is {values.dtype}")
     return RawArray(values=values)
 
 

@@ -33,7 +33,7 @@ def read_robot_log(
     rows: int | None = None,
     decimal: str | None = None,
 ) -> Trajectory:
-    """The poses of a robot's log, by its own clock.
+    """Read the poses of a robot log, on its own clock.
 
     Text (CSV, or columns set apart by blanks) has the columns time, x, y, z and, if it says how the radar was turned,
     qx, qy, qz, qw; a line of names may give them in any order and among others. Arrays (.npz, .npy, .mat, HDF5) are
@@ -65,7 +65,7 @@ def read_robot_log(
     name = printable(path)
     if path.suffix.lower() in _ARRAYS:
         if columns is not None or skip_rows or rows is not None or decimal is not None:
-            raise InputError(f"{name} is no text; expected no columns, skip_rows, rows or decimal")
+            raise InputError(f"{name} is not a text file; leave out columns, skip_rows, rows and decimal")
         values, place = _from_arrays(path, times, positions, orientations), "entry"
     else:
         values, place = (
@@ -100,7 +100,7 @@ def read_robot_log(
 
 
 def write_robot_log(path: str | os.PathLike[str], log: Trajectory) -> None:
-    """Write a log as text, every number exactly: what `read_robot_log` reads back bit for bit.
+    """Write a log as text with exact numbers, so that `read_robot_log` returns the same bits.
 
     Raises
     ------
@@ -154,7 +154,7 @@ def _from_arrays(path: Path, times: str | None, positions: str | None, orientati
         parts.append(_found(arrays, (orientations,) if orientations else _ORIENTATIONS, path, "orientations"))
     shapes = ", ".join(str(part.shape) for part in parts)
     if any(part.dtype.kind not in "iuf" for part in parts):
-        raise FormatError(f"{printable(path)}: times and poses are no real numbers")
+        raise FormatError(f"{printable(path)}: times and poses are not real numbers")
     if any(part.ndim != 2 for part in parts) or len({len(part) for part in parts}) != 1:
         raise FormatError(
             f"{printable(path)}: times and poses have shapes {shapes}; expected (n,) and (n, 3) or (n, 7)"

@@ -15,7 +15,7 @@ _MAX_CHIRPS = 512  # chirp indices of the devices
 
 @record
 class TiConfig:
-    """What a `.cfg` file sets, as far as captures need it.
+    """Settings of a `.cfg` file that captures need.
 
     Attributes
     ----------
@@ -110,7 +110,7 @@ class _Command:
 
 
 def read_ti_config(path: str | os.PathLike[str]) -> TiConfig:
-    """The waveform and the frame of a `.cfg` file.
+    """Read the waveform and the frame of a `.cfg` file.
 
     A ramp starts at profileCfg's startFrequency, and the ADC adcStartTime after the knee of the ramp (TI mmWave
     SDK user guide and mmWaveLink's rlProfileCfg_t; chirpCfg adds its own variations to each). So the first sample
@@ -135,7 +135,7 @@ def read_ti_config(path: str | os.PathLike[str]) -> TiConfig:
     with open(path, "rb") as file:
         data = file.read(_MAX_BYTES + 1)
     if len(data) > _MAX_BYTES or b"\0" in data:
-        raise FormatError(f"{name} is no text of up to {_MAX_BYTES >> 20} MiB; expected a .cfg file of TI commands")
+        raise FormatError(f"{name} is not a text of up to {_MAX_BYTES >> 20} MiB; expected a .cfg file of TI commands")
     commands = _commands(name, data.decode("utf-8", "replace"))
     missing = [needed for needed in _NEEDED if needed not in commands]
     if missing:
@@ -212,7 +212,7 @@ def _frame_chirps(
         if astuple(waveform) != astuple(waveforms[0]):
             raise FormatError(
                 f"{line.place}: the chirp's waveform differs from that of the frame's first chirp ({used[0].place}); "
-                f"expected one waveform a frame"
+                "expected one waveform a frame"
             )
     return chirps, waveforms[0]
 

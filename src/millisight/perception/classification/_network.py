@@ -61,7 +61,7 @@ def classifier_input(image: SarImage, mask: Mask, *, other_band: SarImage | None
             f"the mask is on {mask.grid_xy!r}, the image on {grid!r}; expected one grid: make the mask of this image"
         )
     if not mask.inside.any():
-        raise InputError("the mask is empty, and there is nothing to classify; segment the image anew")
+        raise InputError("the mask is empty, and there is nothing to classify; segment the image again")
     x, y = canvas_axes(grid)
     along_x, along_y = resampling_weights(grid.x, x), resampling_weights(grid.y, y)
     inside = along_x @ mask.inside.astype(np.float32) @ along_y.T
@@ -71,7 +71,8 @@ def classifier_input(image: SarImage, mask: Mask, *, other_band: SarImage | None
     other = None if other_band is None else canvas_power(other_band, x, y)
     if other is not None and not (other * inside[..., None]).any():
         raise InputError(
-            "the other band is 0 under the mask, or on another grid; image both bands over one place, or leave it out"
+            "the other band is 0 under the mask, or on another grid; image both bands over the same area, or leave it "
+            "out"
         )
     return masked_channels(power, image.grid.z, inside, other)
 
@@ -181,7 +182,7 @@ class NetworkClassifier:
         if outputs != [len(self.class_names)]:
             raise FormatError(
                 f"{printable(path)} has outputs of shape {outputs} for the {len(self.class_names)} classes that its "
-                "description names; copy both anew"
+                "description names; copy both again"
             )
 
     def classify(self, image: SarImage, mask: Mask, *, other_band: SarImage | None = None) -> Prediction:
@@ -213,7 +214,7 @@ def _description(path: Path) -> dict[str, Any]:
     """What the weights' JSON holds, checked as far as it is used."""
     held = read_description(path, "name", "class_names", "bands", "channels", "temperature", "threshold")
     if held["channels"] != list(CLASSIFIER_CHANNELS):
-        raise FormatError(f"{printable(path)} is of no classifier, or of another version of it; train anew")
+        raise FormatError(f"{printable(path)} does not describe a classifier of this version; train it again")
     names, bands = held["class_names"], held["bands"]
     if (
         not isinstance(names, list) or len(names) < 2 or not all(isinstance(name, str) for name in names)

@@ -146,8 +146,8 @@ def _source(name: str) -> str:
     source = MODELS.get(name, name)
     if source.count("/") != 1 or source.startswith((".", "/", "~")):
         raise FileError(
-            f"{printable(name)} is no folder with a model; expected one that `save_pretrained` wrote, an id on the hub "
-            f"such as {MODELS['vit-b']}, or one of {', '.join(MODELS)}"
+            f"{printable(name)} is not a folder with a model; expected one that `save_pretrained` wrote, an id on the "
+            f"hub such as {MODELS['vit-b']}, or one of {', '.join(MODELS)}"
         )
     return source
 
@@ -174,6 +174,6 @@ def _loaded(transformers: Any, name: str, source: str) -> tuple[Any, bool]:
     wanting = sorted(report["missing_keys"]) or sorted(map(str, report["mismatched_keys"]))
     if wanting:
         raise FormatError(
-            f"the model {printable(name)} lacks {len(wanting)} of its weights, such as {wanting[0]}; get it again"
+            f"the model {printable(name)} lacks {len(wanting)} of its weights, such as {wanting[0]}; download it again"
         )
     return model, cls == "Sam2Model"

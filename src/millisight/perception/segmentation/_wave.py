@@ -116,7 +116,7 @@ class WaveSegmenter:
         """
         image = picture.image
         if image is None or picture.grid_xy is None:
-            raise InputError("wave looks at radar images, and this picture is a photo; use another method")
+            raise InputError("wave needs a radar image, and this picture is a photo; use another method")
         grid = picture.grid_xy
         if not np.any(image.values):
             raise InputError("the image is 0 everywhere, and there is nothing to segment; check how it was formed")
@@ -125,8 +125,8 @@ class WaveSegmenter:
         other = None if picture.other_band is None else canvas_power(picture.other_band, x, y)
         if other is not None and not other.any():
             raise InputError(
-                "the other band is 0 wherever the image is, or on another grid; image both bands over one place, or "
-                "leave it out"
+                "the other band is 0 wherever the image is, or on another grid; image both bands over the same area, "
+                "or leave it out"
             )
         channels = wave_input(power, other, _canvas_points(prompts, picture, x, y))
         (logits,) = self._session.run(None, {self._session.get_inputs()[0].name: channels[None]})
@@ -189,7 +189,7 @@ def _read_description(path: Path) -> dict[str, Any]:
     held = read_description(path, "cut", "channels")
     cut = held["cut"]
     if held["channels"] != list(WAVE_CHANNELS) or held.get("spacing") != SPACING:
-        raise FormatError(f"{printable(path)}: the weights are of another version of the network; train anew")
+        raise FormatError(f"{printable(path)}: the weights belong to another version of the network; train again")
     if not isinstance(cut, float) or not 0 < cut < 1:
         raise DamagedFileError(f"{printable(path)}: cut is {cut!r}; expected a number between 0 and 1")
     return held

@@ -163,14 +163,14 @@ class ClassifierRecipe:
     def summary(self, description: Mapping[str, Any]) -> str:
         """Accuracy on the validation scenes."""
         return (
-            f"{100 * description['validation']['accuracy']:.1f} % of the validation scenes right, by chance "
+            f"{100 * description['validation']['accuracy']:.1f} % of the validation scenes right, chance is "
             f"{100 / len(description['class_names']):.1f} %"
         )
 
 
 def _check_classes(objects: Mapping[str, Sequence[str]]) -> None:
     if len(objects) < 2:
-        raise InputError(f"classes are {list(objects)}; expected two at least, for there to be something to tell apart")
+        raise InputError(f"classes are {list(objects)}; expected at least two")
     for shape, names in objects.items():
         if not names:
             raise InputError(

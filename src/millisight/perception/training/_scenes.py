@@ -284,7 +284,7 @@ def _read(path: Path) -> SceneParts:
             scales = {band: held[f"{band}_scales"] for band in BANDS}
             scene = SceneParts(held["x"], held["y"], held["inside"], held["angles_deg"], images, scales)
     except (OSError, ValueError, KeyError, EOFError, ImportError) as error:
-        raise DamagedFileError(f"{printable(path)} is no scene of this training: {error}; delete it") from error
+        raise DamagedFileError(f"{printable(path)} is not a scene of this training: {error}; delete it") from error
     shape = scene.inside.shape
     if any(values.shape[:3] != (len(SCENE_PARTS), *shape) for values in images.values()):
         raise DamagedFileError(f"{printable(path)}: its images and its mask differ in size; delete it")

@@ -67,7 +67,7 @@ class SegmenterRecipe:
             raise InputError(f"widths are {list(widths)}; expected four multiples of 8")
         for side, names in self.scenes.objects.items():
             if not names:
-                raise InputError(f"no object is left for {side}; name some in scenes.validation, and not all others")
+                raise InputError(f"no object is left for {side}; list some, but not all, in scenes.validation")
         put(
             self,
             widths=widths,

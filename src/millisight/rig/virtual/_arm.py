@@ -108,7 +108,7 @@ class VirtualArm:
     def _path(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(n, 3) planned positions [m] and (n,) distances travelled [m]."""
         if not self._moves:
-            raise InputError("the arm was never sent anywhere; call sweep first")
+            raise InputError("the arm has not moved yet; call sweep first")
         times = np.asarray(times, dtype=float)
         planned, distances = np.empty((len(times), 3)), np.empty(len(times))
         # Before its move begins the arm stands where the move starts, which is where the one before ended.

@@ -282,7 +282,7 @@ def _check_places(world: World, objects: tuple[PlacedObject, ...]) -> None:
             if wide > size:
                 raise CoverageError(
                     f"{name} is {wide * 100:.1f} cm wide along {axis}, the aperture only {size * 100:.1f} cm; enlarge "
-                    "scan.size, or turn it with rotate_deg"
+                    "scan.size, or rotate it with rotate_deg"
                 )
         first, last = np.array(scan.corner), np.add(scan.corner, scan.size)
         if (lower[:2] < first - _TOUCH).any() or (upper[:2] > last + _TOUCH).any():
@@ -310,7 +310,7 @@ def _check_crossings(objects: tuple[PlacedObject, ...], world: World) -> None:
     for i, item in enumerate(objects):
         for other, parts in others[i + 1 :]:
             if _overlap(item.parts, parts):
-                raise InputError(f"{place_name(world, item.number)} and {other} run through each other; move one")
+                raise InputError(f"{place_name(world, item.number)} and {other} intersect; move one")
 
 
 def _overlap(one: tuple[ObjectPart, ...], other: tuple[ObjectPart, ...]) -> bool:
@@ -352,7 +352,7 @@ def _check_panels(objects: tuple[PlacedObject, ...], panels: tuple[LayerPanel, .
             if any(_pierces(x, y, closed=False) for x, y in ((item.parts, sheet), (sheet, item.parts))):
                 raise InputError(
                     f"the carton cuts through objects[{item.number}] ({item.name}); enlarge carton.size, or leave it "
-                    "out for one that fits"
+                    "out to get one that fits"
                 )
 
 

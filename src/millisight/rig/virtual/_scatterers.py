@@ -203,7 +203,7 @@ def _phasors(surfaces: Sequence[Boundary], patches: Patches, rng: int | np.rando
     phasors = np.zeros(len(rough), dtype=complex)
     if rough.any():
         if rng is None:
-            raise InputError("a part is rough, which needs random phases: pass rng=0, say")
+            raise InputError("a part is rough, which needs random phases: pass rng=0, for example")
         draws = np.random.default_rng(rng).standard_normal((int(rough.sum()), 2))
         phasors[rough] = draws @ np.array([1, 1j]) / np.sqrt(2)
     return phasors

@@ -40,7 +40,9 @@ class Antenna:
         for name in ("beamwidth_x_deg", "beamwidth_y_deg"):
             width = checked_number(getattr(self, name), name=name, unit="degrees", above=0)
             if width >= 180:
-                raise InputError(f"{name} is {width:g} degrees; expected under 180, or no antenna for one without aim")
+                raise InputError(
+                    f"{name} is {width:g} degrees; expected under 180; leave the antenna out for an isotropic one"
+                )
             put(self, **{name: width})
 
     @property
@@ -115,7 +117,7 @@ _DOWN = np.diag([1.0, -1.0, -1.0])
 
 @record
 class ArmSettings:
-    """How well the arm moves, and how it logs.
+    """Motion and logging errors of the arm.
 
     Attributes
     ----------
@@ -184,7 +186,7 @@ _PUBLISHED = {
 
 @record
 class RadarSettings:
-    """A radar, and how well it works.
+    """A radar and its errors.
 
     Attributes
     ----------
@@ -282,7 +284,7 @@ class RadarSettings:
 
 @record
 class CameraSettings:
-    """Where the camera is.
+    """Position of the camera.
 
     Attributes
     ----------

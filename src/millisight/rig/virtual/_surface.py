@@ -87,7 +87,7 @@ def permittivity_at(material: Any, frequency: float) -> complex:
     """Relative permittivity ε' - i ε'' of a `Material` at `frequency` [Hz], or the number given in its place."""
     if isinstance(material, Material):
         return material.permittivity(frequency)
-    return checked_permittivity(material, "a material that is no Material, so its permittivity")
+    return checked_permittivity(material, "the permittivity given instead of a Material")
 
 
 def layers_at(layers: Sequence[tuple[Any, float]], frequency: float) -> Layers:

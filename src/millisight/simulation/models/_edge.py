@@ -12,7 +12,7 @@ from millisight.simulation._models import SCATTERING_MODELS, check_angle, parame
 @SCATTERING_MODELS.add("edge")
 @record
 class EdgeModel:
-    """Vertices on sharp edges answer (paper Eq. 7, primer 12).
+    """Vertices on sharp edges reflect (paper Eq. 7, primer 12).
 
     Attributes
     ----------
@@ -20,7 +20,9 @@ class EdgeModel:
     """
 
     name: ClassVar[str] = "edge"
-    edge_deg: float = parameter(20.0, "Edge: faces whose normals are further apart make an edge [degrees].")
+    edge_deg: float = parameter(
+        20.0, "Edge: two faces form an edge if the angle between their normals is larger [degrees]."
+    )
 
     def __post_init__(self) -> None:
         check_angle(self.edge_deg, "edge_deg")

@@ -15,7 +15,7 @@ _LEAST = 1e-4
 @SCATTERING_MODELS.add("rough")
 @record
 class RoughModel:
-    """Vertices scatter into a lobe about the direction of the mirrored wave (primer 17).
+    """Vertices scatter into a lobe around the specular direction (primer 17).
 
     The power goes as ((1 + cos ψ) / 2)^α, with ψ the angle between the directions to the receiver and of the mirrored
     wave: the directive model of V. Degli-Esposti, F. Fuschini, E. M. Vitucci and G. Falciasecca, "Measurement and
@@ -32,7 +32,9 @@ class RoughModel:
     """
 
     name: ClassVar[str] = "rough"
-    lobe_deg: float = parameter(40.0, "Rough: angle off the mirrored wave at which half the power is left [degrees].")
+    lobe_deg: float = parameter(
+        40.0, "Rough: angle from the specular direction at which the power has halved [degrees]."
+    )
 
     def __post_init__(self) -> None:
         check_angle(self.lobe_deg, "lobe_deg")

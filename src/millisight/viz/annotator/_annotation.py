@@ -52,7 +52,7 @@ def segmenters_for(
         else:
             found[name] = by if subject.is_radar else Coarse(by, _PHOTO_PIXELS)
     if not subject.is_radar:
-        found["wave"] = "it looks at radar images only"
+        found["wave"] = "it works on radar images only"
     missing = "start millisight annotate with --model MODEL"
     try:
         found["sam"] = missing if sam is None else segmenter("sam", model=sam, device=device)
@@ -117,7 +117,7 @@ class Annotation:
         self._segmenters = dict(segmenters)
         able = [name for name, by in segmenters.items() if not isinstance(by, str)]
         if not able:
-            raise InputError(f"no segmenter can work here: {'; '.join(map(str, segmenters.values()))}")
+            raise InputError(f"no segmenter can be used: {'; '.join(map(str, segmenters.values()))}")
         if method is not None:
             self._segmenter(method)
         self._last: tuple[Question, FoundMask] | None = None
@@ -236,13 +236,13 @@ class Annotation:
         if inside is None:
             inside = candidates.masks[0]
             share = f"{100 * inside.mean():.0f} % of the picture"
-            note = f"This covers {share}, much for an object: right-click what does not belong."
+            note = f"The mask covers {share}, which is large for an object: right-click what does not belong to it."
         rank = next(k for k, mask in enumerate(candidates.masks) if np.array_equal(mask, inside))
         return FoundMask(inside, float(candidates.scores[rank]), seconds, note)
 
     def _checked(self, asked: Any) -> Question:
         if not isinstance(asked, dict) or set(asked) != {"method", "points", "positive"}:
-            raise InputError("the page asked something else than a method, points and positive; reload it")
+            raise InputError("expected a method, points and positive in the request; reload the page")
         self._segmenter(asked["method"])
         return Question(asked["method"], self._prompts(asked))
 
@@ -251,7 +251,7 @@ class Annotation:
             raise UnknownNameError("segmenter", name, self._segmenters)
         by = self._segmenters[name]
         if isinstance(by, str):
-            raise InputError(f"{name} cannot work here: {by}")
+            raise InputError(f"{name} cannot be used: {by}")
         return by
 
     def _prompts(self, asked: dict[str, Any]) -> Prompts | None:
@@ -303,7 +303,7 @@ class Annotation:
         except (OSError, ValueError, LookupError, TypeError, RecursionError) as error:
             reason = error if isinstance(error, MillisightError) else "it holds something else"
             raise FileError(
-                f"{printable(path)} would be overwritten, and is no earlier annotation of this picture: {reason}; "
+                f"{printable(path)} would be overwritten, and is not an earlier annotation of this picture: {reason}; "
                 "choose another --output, or move it away"
             ) from error
         try:

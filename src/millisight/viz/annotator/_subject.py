@@ -130,7 +130,7 @@ def _of_bearable_size(path: Path) -> Path:
     size = os.path.getsize(path)
     if size > _LARGEST_FILE:
         raise FileError(
-            f"{printable(path)} has {size / 1e9:.1f} GB; what is annotated is read whole, up to "
+            f"{printable(path)} has {size / 1e9:.1f} GB; files are read whole, up to "
             f"{_LARGEST_FILE / 1e9:.1f} GB: make an image of fewer voxels (`millisight image --grid`)"
         )
     return path
@@ -155,7 +155,7 @@ def _recorded(path: Path) -> SarImage | np.ndarray:
         return content.rgb
     if not isinstance(content, SarImage):
         raise FormatError(
-            f"{printable(path)} holds a {type(content).__name__}, which is no picture; expected an image that "
+            f"{printable(path)} holds a {type(content).__name__}, which is not a picture; expected an image that "
             "`millisight image` wrote, a camera frame, or a PNG or JPEG file"
         )
     return content
@@ -178,7 +178,7 @@ def _photo(path: Path) -> np.ndarray:
                 upright = Image.alpha_composite(Image.new("RGBA", upright.size, "white"), upright.convert("RGBA"))
             return np.asarray(upright.convert("RGB"))
     except UnidentifiedImageError as error:
-        raise FormatError(f"{name} is no PNG or JPEG picture, whatever its name says; convert it") from error
+        raise FormatError(f"{name} is not a PNG or JPEG picture, although its name says so; convert it") from error
     except Image.DecompressionBombError as error:
         raise InputError(f"{name} has more than {_MOST_PIXELS:.0e} pixels; make a smaller one") from error
     except (OSError, SyntaxError, ValueError) as error:

@@ -79,7 +79,7 @@ def gather(
     alpha: tuple[float, float] = (0.5, 0.5),
     unit: str | None = None,
 ) -> Contents:
-    """Everything that files hold for the viewer, put together by what belongs to what.
+    """Read files for the viewer, and group those that belong together.
 
     Images in HDF5 that have more than 32 million voxels are read in slabs and looked at in blocks. A mask goes over
     the image in its folder, or else over every image with its pixels. A capture goes around the images made of it, or
@@ -108,7 +108,7 @@ def gather(
     for path in paths:
         _read(check_readable(path), found)
     if not paths:
-        raise InputError("no file to look at; expected at least one")
+        raise InputError("no file to show; expected at least one")
     notes: list[str] = []
     groups = _pairs(found.images) if combine else [(image,) for image in found.images]
     masks = _masks_of(found, notes)
@@ -132,7 +132,7 @@ def gather(
         )
     for exhibit in exhibits:
         if exhibit.levels is not None and exhibit.levels.peak == 0:
-            notes.append(f"{exhibit.title} is 0 everywhere: there is nothing to show of it")
+            notes.append(f"{exhibit.title} is 0 everywhere: there is nothing to show")
     if not exhibits:
         if not found.meshes and not found.mesh_files and not found.paths:
             raise InputError("only masks were given; pass the images that they belong to as well")
@@ -302,7 +302,7 @@ def _masks_of(found: _Found, notes: list[str]) -> dict[Path, list[Mask]]:
         for image in near or fitting:
             over.setdefault(image.path, []).append(mask)
         if not fitting:
-            notes.append(f"{printable(path.name)} is left out: no image given has its pixels")
+            notes.append(f"{printable(path.name)} is left out: no given image has the same grid of pixels")
     return over
 
 

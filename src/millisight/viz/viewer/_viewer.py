@@ -122,7 +122,7 @@ class Viewer:
                     break
                 before = shown
         except (RuntimeError, TimeoutError) as error:
-            raise DeviceError(f"the browser gives no picture: {error}; is its window open and in front?") from error
+            raise DeviceError(f"the browser sent no picture: {error}; is its window open and in front?") from error
         return _with_colour_bar(shown, self.settings, any(pane.levels for pane in self.panes.panes))
 
     def _page(self, client: Any) -> bytes:
