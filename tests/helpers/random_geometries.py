@@ -28,6 +28,8 @@ def draw(seed: int) -> Problem:
     frequency = _log(rng, 1e9, 250e9)
     wavelength = C / frequency
     waveform = _waveform(rng, frequency)
+    if seed % 3 == 0 and waveform.slope:
+        waveform = ms.Waveform.stepped(waveform.frequencies[-1], -waveform.frequency_step, waveform.samples_per_chirp)
     positions = _positions(rng, scan, distance)
     array = _array(rng, wavelength, distance)
     radar = ms.Radar(name=scan, waveform=waveform, array=array, path_offset=rng.choice([0.0, 0.15, -2 * distance]))

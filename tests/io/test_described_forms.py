@@ -733,6 +733,27 @@ def test_packets_of_a_dca1000(tmp_path):
     assert len(capture.trajectory) == 81 - lost
 
 
+# Falling sweeps
+
+
+@pytest.mark.parametrize(
+    "radar",
+    [
+        f"start_frequency = {FREQUENCIES[-1]}\nstep = {-STEP}",
+        f"start_frequency = {FREQUENCIES[-1]}\nslope = {-STEP * 1e6}\nsample_rate = 1e6",
+        f"start_frequency = {FREQUENCIES[-1]}\nstop_frequency = {START}",
+        f"frequencies = {FREQUENCIES[::-1].tolist()}",
+    ],
+)
+def test_a_falling_sweep_is_described_as_it_was_sent(tmp_path, radar):
+    tx, frames = save_plane(tmp_path, count=5, step=0.03)
+    np.save(tmp_path / "f.npy", frames[:, 0, 0, ::-1])
+    text = f'[radar]\n{radar}\n[frames]\nfile = "f.npy"\naxes = ["pose", "sample"]\nphase_sign = -1\n' + PLANE_TEXT
+    capture = read_capture(written(tmp_path, text))
+    assert np.allclose(capture.radar.waveform.frequencies, FREQUENCIES[::-1], rtol=1e-12)
+    same_image(capture, image_of(frames, tx))
+
+
 # Another radar's raw frames are one new file
 
 

@@ -89,7 +89,7 @@ def estimate_path_offset(
     waveform = capture.radar.waveform
     if waveform.samples_per_chirp < 2:
         raise InputError("the path offset cannot be found from a single frequency; expected a frequency sweep")
-    span = SPEED_OF_LIGHT / waveform.frequency_step
+    span = SPEED_OF_LIGHT / abs(waveform.frequency_step)
     if not 0 < high - low < span:
         raise InputError(
             f"search is {low:g} to {high:g} m; expected from low to high, and less than {span:.3g} m apart"
@@ -193,11 +193,11 @@ def add_phase(capture: Capture, frequencies: np.ndarray, phases: np.ndarray, *, 
     if not (np.diff(known) > 0).all():
         raise InputError("frequencies must increase strictly; sort them together with their phases")
     waveform = capture.radar.waveform
-    wanted = waveform.frequencies
-    if wanted[0] < known[0] - waveform.frequency_step or wanted[-1] > known[-1] + waveform.frequency_step:
+    wanted, margin = waveform.frequencies, abs(waveform.frequency_step)
+    if wanted.min() < known[0] - margin or wanted.max() > known[-1] + margin:
         raise InputError(
             f"phases are given from {known[0] / 1e9:.4f} to {known[-1] / 1e9:.4f} GHz; expected them for the "
-            f"capture's band, {wanted[0] / 1e9:.4f} to {wanted[-1] / 1e9:.4f} GHz"
+            f"capture's band, {wanted.min() / 1e9:.4f} to {wanted.max() / 1e9:.4f} GHz"
         )
     if between == "nearest":
         found = phases[np.abs(known[None] - wanted[:, None]).argmin(axis=1)]

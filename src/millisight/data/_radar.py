@@ -26,7 +26,7 @@ class Waveform:
     Attributes
     ----------
     start_frequency : f_0 [Hz], of the first sample
-    slope : [Hz/s]
+    slope : [Hz/s]; negative for a falling chirp
     sample_rate : [Hz]
     samples_per_chirp : N
     """
@@ -41,21 +41,28 @@ class Waveform:
         put(
             self,
             start_frequency=checked_number(self.start_frequency, name="start_frequency", unit="Hz", above=0),
-            slope=checked_number(self.slope, name="slope", unit="Hz/s", minimum=0),
+            slope=checked_number(self.slope, name="slope", unit="Hz/s"),
             sample_rate=checked_number(self.sample_rate, name="sample_rate", unit="Hz", above=0),
             samples_per_chirp=samples,
         )
-        if samples > 1 and not self.slope > 0:
-            raise InputError(f"slope is 0 Hz/s with {samples} samples; expected a rising chirp, or a single sample")
+        if samples > 1 and self.slope == 0:
+            raise InputError(f"slope is 0 Hz/s with {samples} samples; expected a sweep, or a single sample")
+        if not self.frequencies[-1] > 0:
+            raise InputError(
+                f"the chirp falls to {self.frequencies[-1]:g} Hz; expected more than 0 Hz at its last sample"
+            )
 
     @classmethod
     def stepped(cls, start_frequency: float, step: float, count: int) -> "Waveform":
-        """A stepped-frequency sweep: `count` frequencies, `step` [Hz] apart. Its sample rate is nominal, 1 Hz."""
+        """A stepped-frequency sweep: `count` frequencies, `step` [Hz] apart; a negative step falls.
+
+        Its sample rate is nominal, 1 Hz.
+        """
         return cls(start_frequency=start_frequency, slope=step, sample_rate=1.0, samples_per_chirp=count)
 
     @property
     def frequency_step(self) -> float:
-        """slope / sample_rate [Hz]."""
+        """slope / sample_rate [Hz]; negative for a falling chirp."""
         return self.slope / self.sample_rate
 
     @property
@@ -65,8 +72,8 @@ class Waveform:
 
     @property
     def bandwidth(self) -> float:
-        """B = N slope / sample_rate [Hz]."""
-        return self.samples_per_chirp * self.frequency_step
+        """B = N |slope| / sample_rate [Hz]."""
+        return self.samples_per_chirp * abs(self.frequency_step)
 
     @property
     def center_frequency(self) -> float:

@@ -84,7 +84,7 @@ def excess_over(
     depths = np.stack([a @ normal for a in away])
     across = np.sqrt(max(float((np.square(a).sum(axis=1) - d**2).max()) for a, d in zip(away, depths, strict=True)))
     first, last = max(layers.nearest, float(depths.min())), max(layers.nearest, float(depths.max()))
-    wave = SPEED_OF_LIGHT / capture.radar.waveform.frequencies[-1]
+    wave = SPEED_OF_LIGHT / capture.radar.waveform.frequencies.max()
 
     def filled(rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
         out = np.empty((len(rows), len(columns)))

@@ -139,7 +139,7 @@ def _add_signals(kernels, weights, tx, rx, points, reflections, radar, spreading
     frequencies = (waveform.frequencies - waveform.center_frequency) / SPEED_OF_LIGHT
     half_band = frequencies[-1]
     # A path differs from the centre's by at most 2 radii, and a frequency by half the band.
-    nodes, interpolation = _band_nodes(frequencies, 2 * np.pi * half_band * float(np.linalg.norm(upper - lower)))
+    nodes, interpolation = _band_nodes(frequencies, 2 * np.pi * abs(half_band) * float(np.linalg.norm(upper - lower)))
 
     shape = (*weights.shape[:3], 3)
     tx = np.broadcast_to(tx[:, :, None], shape).reshape(-1, 3)

@@ -57,13 +57,14 @@ def range_profiles(capture: Capture, *, poses: slice | None = None) -> RangeProf
     window = np.hanning(samples + 2)[1:-1].astype(np.float32)
     # exp(+i 2 pi j step d / c) undoes the delay of the path d: an inverse transform, whose entry m lies at
     # d = m c / (length step). Its first entry is moved to an eighth of the way, to see what lies about zero.
-    path_step = SPEED_OF_LIGHT / (length * waveform.frequency_step)
+    path_step = SPEED_OF_LIGHT / (length * abs(waveform.frequency_step))
     first = -(length // 8)
     blocks = []
     size = max(1, _BLOCK_BYTES // (8 * length * (capture.channels // total))) * step
     for begin in range(start, stop, size):
         frames = capture.frames_of(slice(begin, min(begin + size, stop), step))
-        profiles = np.abs(np.fft.ifft(frames * window, n=length, axis=-1)) * (length / window.sum())
+        rising = frames if waveform.frequency_step > 0 else frames[..., ::-1]
+        profiles = np.abs(np.fft.ifft(rising * window, n=length, axis=-1)) * (length / window.sum())
         blocks.append(np.roll(np.sqrt((profiles**2).mean(axis=(1, 2))), -first, axis=-1).astype(np.float32))
     ranges = ((first + np.arange(length)) * path_step - capture.radar.path_offset) / 2
     return RangeProfiles(np.arange(start, stop, step), ranges, np.concatenate(blocks))

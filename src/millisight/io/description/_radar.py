@@ -139,10 +139,9 @@ def _waveform(
 def _check_band(table: TomlTable, waveform: Waveform) -> None:
     """Refuse what no radar sends, and what forgotten units make."""
     key = "frequencies" if "frequencies" in table else "start_frequency"
-    if waveform.frequencies[-1] < _LOWEST:
-        raise table.error(
-            key, f'frequencies in Hz, or a unit such as "GHz": they go to {waveform.frequencies[-1]:.4g} Hz'
-        )
+    highest = waveform.frequencies.max()
+    if highest < _LOWEST:
+        raise table.error(key, f'frequencies in Hz, or a unit such as "GHz": they go to {highest:.4g} Hz')
     if waveform.samples_per_chirp > 1 and waveform.bandwidth < _NARROWEST:
         key = next((key for key in ("slope", "step") if key in table), key)
         raise table.error(key, f"a sweep in Hz, with slopes in Hz/s: it is {waveform.bandwidth:.4g} Hz wide")
@@ -154,10 +153,6 @@ def _listed(table: TomlTable, frequencies: np.ndarray) -> Waveform:
     count = len(frequencies)
     step = (frequencies[-1] - frequencies[0]) / max(1, count - 1)
     even = frequencies[0] + step * np.arange(count)
-    if count > 1 and not abs(frequencies - even).max() <= _UNEVEN * step:
-        raise table.error(
-            "frequencies",
-            "evenly spaced ones, from the lowest to the highest; where they fall, say start_frequency and step, and "
-            '"-sample" among the axes',
-        )
+    if count > 1 and not abs(frequencies - even).max() <= _UNEVEN * abs(step):
+        raise table.error("frequencies", "evenly spaced ones, in the order of the samples: rising or falling")
     return Waveform.stepped(float(frequencies[0]), float(step), count)
