@@ -28,7 +28,7 @@ _LEAST_CORRECTION = 3  # times the uncertainty: what is less stays as it was giv
 _LEAST_GAIN = 1.005  # of the sharpness of places that were not fitted
 # Rows whose images' powers are added to find what is bright, and steps uphill.
 _FIRST, _ALIGNED = 3, 12
-_CLIMBS = ((40, 12), (80, 12), (10**6, 15), (10**6, 20))
+_CLIMBS = ((40, 12), (80, 12), (10**6, 15), (10**6, 40))
 
 UNOBSERVABLE = (
     "A shift of the whole path moves the image and changes nothing else: the path as a whole stays where it was given.",
@@ -192,11 +192,11 @@ class _Search:
     def focused(self, what: tuple[str, ...]) -> Focused | str:
         """The correction; where it is not to be believed, the reason."""
         subject = self._subject
-        begun = self._begun(what, self._points(self._nothing, _FIRST, None, self._rng))
+        points = self._points(self._nothing, _FIRST, None, self._rng)
+        if not len(points):
+            return "no echo comes from the grid"
+        begun = self._begun(what, points)
         begun = self._begun(what, self._points(begun, _ALIGNED, None))
-        points = self._points(begun, _ALIGNED, None)
-        if not len(points) or not np.isfinite(subject.view(begun, points).sharpness(self._still)[0]):
-            return "nothing in the grid returns an echo"
         halves = [self._fit(what, begun, fold) for fold in range(2)]
         seen = [self._points(m, 10**6, 1 - fold) for fold, m in enumerate(halves)]
         if not all(len(p) for p in seen):
@@ -217,7 +217,11 @@ class _Search:
                 f"nothing to correct: what was found is {1e3 * size:.3f} mm along the line of sight, uncertain by "
                 f"{1e3 * uncertainty:.3f}, and places that were not fitted got sharper by {100 * gain - 100:.1f} %"
             )
-        moves = self._fit(what, halves[0], None)
+        seen_by_all = subject.view(self._nothing, places)
+        started = [seen_by_all.sharpness(subject.pieces.means(m))[0] for m in (begun, *halves)]
+        moves = self._fit(what, (begun, *halves)[int(np.argmax(started))], None)
+        # The halves were fitted apart; an answer of all that is far from theirs is less certain than they are.
+        uncertainty = max(uncertainty, _rms(subject.sighted(moves - np.mean(halves, axis=0), places)))
         offsets = np.array([(moves[row.poses] @ row.step).mean() / (row.step @ row.step) for row in subject.rows])
         apart = without_common(subject.capture.trajectory, between)
         frames = [_rms(apart[row.poses] @ row.step / (row.step @ row.step)) for row in subject.rows]
@@ -243,10 +247,6 @@ class _Search:
             reason="",
         )
 
-    @property
-    def _still(self) -> np.ndarray:
-        return np.zeros((len(self._subject.pieces.rows), 3))
-
     def _points(self, moves: np.ndarray, together: int, fold: int | None, rng=None) -> np.ndarray:
         return bright_points(self._subject, moves, together, fold, rng)
 
@@ -260,25 +260,26 @@ class _Search:
         return moves
 
     def _fit(self, what: tuple[str, ...], moves: np.ndarray, fold: int | None) -> np.ndarray:
-        """(P, 3) the answer of one half of the scene, or of all from a given answer on [m]."""
+        """(P, 3) the answer of one half of the scene, or of all, from `moves` on [m]."""
         subject = self._subject
-        if fold is not None:
-            moves = self._begun(what, self._points(moves, _ALIGNED, fold))
+        points = self._points(moves, _ALIGNED, fold)
+        if fold is not None and len(points):
+            moves = self._begun(what, points)
         modes = [path_modes(subject, self._smoothness)] if "path" in what else []
         modes += [row_modes(subject)] if "rows" in what else []
         for together, steps in _CLIMBS:
-            if fold is not None or together > 1000:
-                points = self._points(moves, together, fold)
-                if len(points):
-                    moves = moves + climb(subject, subject.view(moves, points), modes, steps)
-                # A shift of everything only moves the image.
-                moves = moves - moves.mean(axis=0)
+            points = self._points(moves, together, fold)
+            if len(points):
+                moves = moves + climb(subject, subject.view(moves, points), modes, steps)
+            # A shift of everything only moves the image.
+            moves = moves - moves.mean(axis=0)
             self._steps()
         return moves
 
     def _grown(self, moves: np.ndarray, points: np.ndarray) -> float:
         """By how much the log of the sharpness of some points grew."""
-        after, before = (self._subject.view(m, points).sharpness(self._still)[0] for m in (moves, self._nothing))
+        still = np.zeros((len(self._subject.pieces.rows), 3))
+        after, before = (self._subject.view(m, points).sharpness(still)[0] for m in (moves, self._nothing))
         return after - before
 
 

@@ -79,7 +79,8 @@ def bright_points(
     if rng is not None:
         return cells[rng.permutation(order[power[order] > _FAINTEST * power.max()])[:_MOST_POINTS]]
     counts = np.ceil(coarse / fine)
-    within = VoxelGrid.regular(*(side * (counts - 1) / 2 * coarse / counts for side in (-1, 1)), coarse / counts).points
+    reach = (counts - 1) / 2 * coarse / counts
+    within = VoxelGrid.regular(-reach, reach, coarse / counts).points
     return (cells[order[: max(_MOST_POINTS // len(within), 1)], None] + within).reshape(-1, 3)
 
 
@@ -94,7 +95,7 @@ def follow_rows(subject: Subject, points: np.ndarray, most: float) -> tuple[np.n
     order = np.argsort(number, kind="stable")
     starts = np.flatnonzero(np.diff(number[order], prepend=-1))
     view = subject.view(np.zeros_like(subject.capture.trajectory.positions), points[order])
-    centres = (np.add.reduceat(view.points, starts, axis=1) / np.diff([*starts, len(order)])).T
+    centres = (np.add.reduceat(view.points, starts, axis=1) / np.diff(np.append(starts, len(order)))).T
     middle, turns = view.points.mean(axis=1), 2 * np.pi * view.per_metre
     offsets, depths, shifts = np.zeros(len(subject.rows)), np.zeros(len(subject.rows)), []
     wide = 0.5 * np.arange(-np.ceil(2 * most), np.ceil(2 * most) + 1)
@@ -110,13 +111,13 @@ def follow_rows(subject: Subject, points: np.ndarray, most: float) -> tuple[np.n
 
         if r:
             depth = depths[r - 1] + _PREDICTED * (depths[r - 1] - depths[max(r - 2, 0)])
-            for at in (wide, *_STEPS):
-                at = at if at is wide else np.clip(offsets[r] + at * np.arange(-1, 2), -most, most)
+            for step in (None, *_STEPS):
+                at = wide if step is None else np.clip(offsets[r] + step * np.arange(-1, 2), -most, most)
                 likeness = np.add.reduceat(tried(at, depth) * before.conj(), starts, axis=1)
                 best = int(np.argmax(np.abs(likeness).sum(axis=1)))
                 offsets[r] = at[best]
             like = likeness[best]
-            weight = np.abs(like) ** 2 + 1e-30
+            weight = (np.abs(like) / (np.abs(like).max() or 1)).astype(float) ** 2 + 1e-30
             common = np.angle((like * np.abs(like)).sum())
             phases = -(common + np.angle(like * np.exp(-1j * common)))
             towards = place - centres
