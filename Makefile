@@ -62,8 +62,10 @@ format-check: setup
 style: setup
 	$(BIN)/ruff check .
 
-types: setup
+# torch's classes are among the types.
+types: setup-train
 	$(BIN)/pyright --pythonpath $(BIN)/python
+	PATH="$(abspath $(BIN)):$$PATH" pyright --verifytypes millisight --ignoreexternal
 
 layers: setup
 	$(BIN)/lint-imports

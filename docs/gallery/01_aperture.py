@@ -1,7 +1,7 @@
 """How positions become an image.
 
-One position of a radar measures distances, no directions: its image is rings. Many positions together focus. Computed
-by equation (4) of the primer for three point reflectors.
+One position of a radar measures distances, but not directions: its image consists of rings. Many positions together
+give a focused image. Computed with equation (4) of the primer for three point reflectors.
 """
 
 from millisight.viz import plot_aperture_principle

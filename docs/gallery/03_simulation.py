@@ -1,6 +1,7 @@
 """A mesh, its two simulations, and their sums.
 
-The floor of the mug faces the radar and shines; its rim and its handle are edges. A material weighs the two.
+The floor of the mug faces the radar and is bright; its rim and its handle are edges. The material gives the weights of
+the two.
 """
 
 import millisight as ms

@@ -1,7 +1,7 @@
 """The paper's rainbow, and a colour map for everybody.
 
-The same image twice, from three sides: above in the rainbow of the paper, below in colours whose brightness tells the
-value also to those who do not see all hues, and on paper.
+The same image twice, from three sides: above in the rainbow of the paper, below in colours whose brightness shows the
+value, also for colour-blind readers and in print.
 """
 
 import millisight as ms

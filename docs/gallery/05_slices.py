@@ -1,6 +1,6 @@
 """Slices in decibels.
 
-Three point reflectors at two heights: the three planes through the brightest place. Along z the image is wider than
+Three point reflectors at two heights, in three planes through the brightest voxel. Along z the image is wider than
 across: see (5) and (6) in the primer.
 """
 

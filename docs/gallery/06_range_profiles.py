@@ -1,6 +1,6 @@
-"""What the radar measured, before any image.
+"""Range profiles: the raw data of an image.
 
-Range profiles along a scan of 60 cm: the object comes nearer and goes away again. Imaging undoes this curve.
+Range profiles along a scan of 60 cm: the object comes closer and moves away again. Imaging corrects this curve.
 """
 
 import millisight as ms

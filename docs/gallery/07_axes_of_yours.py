@@ -1,6 +1,7 @@
-"""Into a figure of your own.
+"""Draw into your own figure.
 
-Each of the paper's figures takes Matplotlib axes, and returns them: here a simulation beside the radar's positions.
+Each of the paper's figures accepts and returns Matplotlib axes. Here a simulation is plotted beside the positions of
+the radar.
 """
 
 from matplotlib.figure import Figure

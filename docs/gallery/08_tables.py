@@ -1,7 +1,7 @@
 """A table as a figure.
 
-The segmentation table of the paper, of real measurements: the only figures on this page that are. What `millisight
-evaluate` prints is a `Table` too, and can be drawn likewise, or written as Markdown, CSV or HTML.
+The segmentation table of the paper, the only results on this page from real measurements. `millisight evaluate` also
+makes a `Table`, which can be drawn in the same way, or written as Markdown, CSV or HTML.
 """
 
 from millisight.evaluation import Table
@@ -17,7 +17,7 @@ table = Table(
         ("multi-spectral", 97.1, 62.6, 74.4, 95.1, 63.1, 70.8),
     ),
     notes=(
-        "Dodds, Boroushaki, Ham, Adib, ICCV 2025, Table 2. The camera's recall through cardboard is the cardboard's.",
+        "Dodds, Boroushaki, Ham, Adib, ICCV 2025, Table 2. Behind cardboard the camera's mask covers the cardboard.",
     ),
 )
 figure = plot_table(table).figure

@@ -106,7 +106,7 @@ def test_phases_over_frequency():
     closest = phases[np.abs(known[:, None] - WAVEFORM.frequencies).argmin(axis=0)]
     assert np.abs(np.angle(np.exp(1j * (angles - closest)))).max() < 1e-5
     assert len(np.unique(closest)) > 3
-    with pytest.raises(InputError, match="expected them over the"):
+    with pytest.raises(InputError, match="expected them for the"):
         calibrate.add_phase(capture, known[:3], phases[:3])
     with pytest.raises(UnknownNameError):
         calibrate.add_phase(capture, known, phases, between="cubic")

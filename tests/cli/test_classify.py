@@ -77,7 +77,7 @@ def test_one_image_is_named_and_every_class_has_its_line(mug, run, tmp_path):
         "  box     0.95  " + 38 * "#",
         "  can     0.04  ##",
         "  sphere  0.01",
-        "  sure from 0.60",
+        "  threshold: 0.60",
     ]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["mug.image.h5", "mug24.h5"]
 
@@ -86,7 +86,7 @@ def test_an_unsure_answer_says_what_it_may_be_and_one_band_that_there_are_two(mu
     code, out, err, _ = run("mug.image.h5", "--method", "classical")
     assert code == 0
     assert out.splitlines()[0] == "mug: not sure: box 0.50, can 0.30 (mask: classical)"
-    assert "looks at 77_ghz and 24_ghz, and gets one band; --other-band" in err
+    assert "uses 77_ghz and 24_ghz, but got one band; pass the other with --other-band" in err
 
 
 def test_what_is_known_is_written_beside_a_picture(mug, run, tmp_path):
@@ -124,7 +124,7 @@ def test_json_is_all_that_is_said(mug, run, tmp_path):
     assert json.loads(line) == json.loads((tmp_path / "mug.json").read_text())
     code, out, err, _ = run("mug.image.h5", "mug24.h5", "--method", "classical", "--json")
     assert [json.loads(line)["name"] for line in out.splitlines()] == ["mug", "mug24"]
-    assert err.count("gets one band") == 1
+    assert err.count("got one band") == 1
     assert "classified 2 of 2 images" in err
 
 
@@ -247,13 +247,13 @@ def test_without_onnx_runtime_it_says_what_to_install(mug, run, monkeypatch):
 
     network(monkeypatch, missing)
     error = run("mug.image.h5", "--method", "classical")[3]
-    assert error.startswith("classify cannot be used here: the classifier runs by ONNX Runtime: pip install")
+    assert error.startswith("cannot classify: the classifier runs by ONNX Runtime: pip install")
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["a.h5", "--mask", "a.mask.h5", "--method", "wave"], "leave one of them out"),
+        (["a.h5", "--mask", "a.mask.h5", "--method", "wave"], "--mask and --method cannot be combined"),
         (["a.h5", "--method", "sem"], "unknown segmenter 'sem'"),
         (["a.h5", "--mask", "a.h5"], "a.h5 holds a SarImage; expected a Mask"),
         (["a.mask.h5", "--mask", "a.mask.h5"], "a.mask.h5 holds a Mask; expected a SarImage"),
@@ -274,7 +274,7 @@ def test_what_cannot_be_is_refused_and_writes_nothing(tmp_path, run, arguments, 
     ms.save(tmp_path / "other.mask.h5", ms.Mask(grid_xy=smaller, inside=mask().inside[1:]))
     _, _, err, error = run(*arguments)
     assert message in error
-    assert "gets one band" not in err
+    assert "got one band" not in err
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.h5", "a.mask.h5", "empty", "other.mask.h5"]
 
 

@@ -153,7 +153,7 @@ def test_bad_meshes_get_one_clear_line(name, tmp_path):
         (("simulate", "mug", "--step", "5"), "--step is 5 without a unit; write 5mm"),
         (("simulate", "mug", "--aperture", "0.3x22"), "--aperture is 22 without a unit"),
         (("simulate", "mug", "--height", "3cm"), "the aperture hangs at 3.0 cm"),
-        (("simulate", "mug", "--model", "edge", "--alpha", "1", "1"), "no meaning for --model edge"),
+        (("simulate", "mug", "--model", "edge", "--alpha", "1", "1"), "leave --alpha or --model edge out"),
         (("simulate", "mug", "--alpha", "0", "0"), "alpha is (0, 0)"),
         (("simulate", "mug", "--vertices", "12"), "vertices"),
         (("simulate", "mug", "--material", "mithril"), "unknown material 'mithril'"),

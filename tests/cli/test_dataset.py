@@ -130,7 +130,7 @@ def test_a_dataset_is_converted_once(miniature, tmp_path):
     for made, kept in ((19, 0), (0, 19)):
         code, lines, err = run("convert", miniature.healthy, "-o", tmp_path, "--object", "004", "--workers", "1")
         assert code == 0
-        assert lines == [f"converted {made} items into {tmp_path}; {kept} were there already"]
+        assert lines == [f"converted {made} items into {tmp_path}; {kept} existed already"]
         assert "convert: " in err
     code, lines, _ = run("list", tmp_path)
     assert (code, lines[-1]) == (0, "1 objects, 3 experiments")
@@ -147,7 +147,7 @@ def test_what_cannot_be_converted_is_listed_at_the_end(miniature, tmp_path):
         "hostile_pickle", "--workers", "1", "--min-distance", "0mm",
     )  # fmt: skip
     assert code == 1
-    assert lines[-1] == f"converted 4 items into {tmp_path}; 0 were there already"
+    assert lines[-1] == f"converted 4 items into {tmp_path}; 0 existed already"
     assert any("1 of 14 frames lost" in line for line in lines)
     ending = err.splitlines()
     start = ending.index("failed: 4")
@@ -187,7 +187,7 @@ def test_a_dataset_is_downloaded(monkeypatch, tmp_path):
         monkeypatch.setenv("HF_ENDPOINT", hub.endpoint)
         code, lines, _ = run("download", tmp_path, "--dry-run")
         assert code == 0
-        assert lines[0].endswith(": 3 files, 2.0 MB; 0 files were there already")
+        assert lines[0].endswith(": 3 files, 2.0 MB; 0 files existed already")
         assert lines[1:] == [".: 0.0 MB", f"{BOX}: 0.0 MB", f"{MUG}: 2.0 MB"]
         assert not list(tmp_path.iterdir())
         code, lines, _ = run("download", tmp_path, "--object", "mug", "--workers", "1")

@@ -111,7 +111,7 @@ def test_an_oracle_a_constant_and_a_coin(work):
     assert true[1]["overall [%]"] == "50.0 (15.0 to 85.0) [0.0 to 100.0]"
     assert [row["overall images"] for row in true] == ["4", "4", "4"]
     main = rows(work, "object-disjoint")
-    assert [row["classifier"] for row in main[3:]] == ["paper: real data, theirs"] * 3
+    assert [row["classifier"] for row in main[3:]] == ["paper: its real data"] * 3
     assert {row["object-disjoint images"] for row in rows(work, "classifiers")} == {"4"}
 
     pairs = {(row["masks"], row["sight"], row["second"]): row for row in rows(work, "object-disjoint-pairs")}
@@ -133,7 +133,7 @@ def test_an_oracle_a_constant_and_a_coin(work):
     assert "Nothing was measured" in text
     assert page.count("simulated, not real data") >= 9
     assert page.count("<img") == len(pictures) + (work / "out/mistakes-object-disjoint-1.png").exists()
-    assert "paper: real data, theirs" in done.output
+    assert "paper: its real data" in done.output
     assert "classical" in done.output
 
 
@@ -166,9 +166,9 @@ def test_images_in_poses_of_training_are_left_out_and_counted(work):
 @pytest.mark.parametrize(
     ("weights", "said"),
     [
-        ("seeded", "was trained with the seed 76, with which the test images were made"),
-        ("rig", "images of the physics of the test images, 'by hand'"),
-        ("silent", "does not tell its training's objects, poses, seed and physics"),
+        ("seeded", "was trained with the seed 76, which the test images were made with"),
+        ("rig", "images of the same physics as the test images, 'by hand'"),
+        ("silent", "does not state the objects, poses, seed and physics of its training"),
     ],
 )
 def test_leaks_are_refused_before_the_work(work, weights, said):
@@ -182,10 +182,10 @@ def test_leaks_are_refused_before_the_work(work, weights, said):
 def test_what_tests_nothing_is_refused(work):
     done = run(work, "--object", "073-a_lego_duplo", weights=("posed",))
     assert isinstance(done.exception, InputError)
-    said = "no image that is a test. Left out of mine, which knows can, handle, box, sphere: 2 {}"
+    said = "no image to test on. Left out of mine, which knows can, handle, box, sphere: 2 {}"
     assert str(done.exception).endswith(said.format("in a pose of training (a_lego_duplo)"))
     done = run(work, "--object", "074-x_wide", weights=("blind",))
-    assert said.format("of no class that it knows (wide); name an object in `classes` and in") in str(done.exception)
+    assert said.format("of no class that it knows (wide); add the object to `classes` and") in str(done.exception)
 
 
 def test_it_goes_on_where_it_stopped_and_a_damaged_scene_stops_no_other(work):
@@ -202,7 +202,7 @@ def test_it_goes_on_where_it_stopped_and_a_damaged_scene_stops_no_other(work):
     done = run(work, "--mistakes", "0")
     assert done.exit_code == 1
     assert "failed: 2" in done.stderr  # who made them is not known
-    assert "1 results were there already" in done.output
+    assert "1 results came from an earlier run" in done.output
     assert {row["object"] for row in rows(work, "answers")} == {"a_lego_duplo"}
 
 
@@ -224,7 +224,7 @@ def test_simulated_and_other_scenes_are_not_thrown_together(work):
     path.write_text(json.dumps({key: value for key, value in INFO.items() if key != "simulated"}))
     done = run(work)
     assert isinstance(done.exception, InputError)
-    assert "evaluate them apart" in str(done.exception)
+    assert "evaluate them separately" in str(done.exception)
 
 
 @pytest.mark.parametrize(

@@ -79,7 +79,7 @@ def test_tables_pictures_and_every_mask_are_written(work):
 def test_it_goes_on_where_it_stopped(work):
     assert run(work, "--method", "classical", "--seeds", "1", "--failures", "0").exit_code == 0
     again = run(work, "--method", "classical", "--seeds", "1", "--failures", "0")
-    assert "4 results were there already" in again.output
+    assert "4 results came from an earlier run" in again.output
 
 
 def test_a_damaged_scene_does_not_stop_the_rest(work):
@@ -127,4 +127,4 @@ def test_simulated_and_other_scenes_are_not_thrown_together(work):
     path.write_text(json.dumps({key: value for key, value in INFO.items() if key != "simulated"}))
     done = run(work, "--method", "classical")
     assert isinstance(done.exception, InputError)
-    assert "evaluate them apart" in str(done.exception)
+    assert "evaluate them separately" in str(done.exception)

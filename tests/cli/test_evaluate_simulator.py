@@ -98,7 +98,7 @@ def test_the_table_finds_what_was_combined(tmp_path):
 
 @pytest.mark.parametrize(
     ("extras", "said"),
-    [(SIMULATED, "The yardstick is itself simulated"), ({}, "do not call themselves simulated")],
+    [(SIMULATED, "The reference is itself simulated"), ({}, "are not marked as simulated, nor")],
 )
 def test_the_table_says_whether_the_yardstick_is_simulated(tmp_path, extras, said):
     done = run(
@@ -107,7 +107,7 @@ def test_the_table_says_whether_the_yardstick_is_simulated(tmp_path, extras, sai
     assert done.exit_code == 0, done.output
     text = (tmp_path / "out" / "simulator.md").read_text()
     assert said in text
-    assert ("by hand" in text.split("simulator's images")[0]) == bool(extras)
+    assert ("by hand" in text.split("simulated images")[0]) == bool(extras)
     assert "out of sight" not in text
 
 
@@ -134,7 +134,7 @@ def test_what_has_no_counterpart_or_is_damaged_is_said_and_stops_nothing(tmp_pat
     done = run(root, tmp_path / "out", "--pictures", "0")
     assert done.exit_code == 1
     assert len(rows(tmp_path / "out" / "pairs.csv")) == 3
-    assert "036_wood_block/0_0_0/exp1/los: no simulated images of this object turned alike" in done.output
+    assert "036_wood_block/0_0_0/exp1/los: no simulated images of this object at the same angles" in done.output
     assert "025_mug/0_0_0/exp1/los" in done.output.split("failed: 1")[1]
 
 

@@ -200,7 +200,7 @@ spacing = 0.01
 def test_what_holds_no_capture_is_refused(tmp_path, described):
     (tmp_path / "empty").mkdir()
     assert "empty holds no capture" in refused("image", "empty", cwd=tmp_path)
-    assert "needs a robot's log" in refused("image", "scan", "--clock", "apply", "-o", "i.h5", cwd=tmp_path)
+    assert "needs a robot log" in refused("image", "scan", "--clock", "apply", "-o", "i.h5", cwd=tmp_path)
     assert "unknown --clock" in refused("image", "scan", "--clock", "yes", cwd=tmp_path)
     (tmp_path / "notes.md").write_text("nothing")
     line = refused("image", "notes.md", cwd=tmp_path)

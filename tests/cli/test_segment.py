@@ -123,7 +123,7 @@ def test_prompts_of_a_file(tmp_path, here):
         (["a.h5", "--method", "sem"], "unknown segmenter 'sem'"),
         (["a.h5", "--condition", "carton"], "unknown --condition 'carton'"),
         (["mask.h5", "--method", "classical"], "mask.h5 holds a Mask; expected a SarImage"),
-        (["a.h5", "--method", "sam", "--model", "nowhere"], "nowhere is no folder with a model"),
+        (["a.h5", "--method", "sam", "--model", "nowhere"], "nowhere is not a folder with a model"),
         (["a.h5", "--multispectral", "--method", "classical"], "--other-band"),
         (["a.h5", "--method", "classical", "-o", "a.h5"], "would be overwritten"),
         (["empty", "--method", "classical"], "empty holds no image"),
@@ -142,7 +142,7 @@ def test_the_help_teaches():
     shown = re.sub(r"\s+", " ", run_here("segment", "--help")[1])
     for text in (
         "Example: millisight segment mug.image.h5",
-        "drawn once more, 5 of each kind",
-        "nlos: behind something",
+        "drawn once more: 5 positive ones",
+        "nlos: object hidden",
     ):
         assert text in shown

@@ -66,7 +66,7 @@ def test_a_taken_port_is_one_line_and_no_hang(shown):
 def test_what_cannot_be_shown_or_written_is_one_line(shown):
     (shown / "notes.txt").write_text("nothing")
     assert "cannot be shown" in refused("view", "notes.txt", cwd=shown)
-    assert "--alpha weighs" in refused("view", "a.image.h5", "--alpha", "1", "0", "--html", "a.html", cwd=shown)
+    assert "--alpha weights" in refused("view", "a.image.h5", "--alpha", "1", "0", "--html", "a.html", cwd=shown)
     assert "ends in .png" in refused("view", "a.image.h5", "--screenshot", "a.gif", cwd=shown)
 
 

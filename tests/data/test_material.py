@@ -118,8 +118,8 @@ def test_a_material_known_by_its_reflection_alone_has_no_permittivity():
 @pytest.mark.parametrize(
     ("fields", "message"),
     [
-        ({"frequencies": [1e9]}, "come together"),
-        ({"permittivities": [2.0]}, "come together"),
+        ({"frequencies": [1e9]}, "belong together"),
+        ({"permittivities": [2.0]}, "belong together"),
         ({"frequencies": [1e9], "permittivities": [2.0], "conductivity": 1e6}, "not both"),
         ({"frequencies": [2e9, 1e9], "permittivities": [2.0, 2.0]}, "increase"),
         ({"frequencies": [0.0], "permittivities": [2.0]}, "above zero and increase"),

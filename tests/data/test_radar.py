@@ -155,7 +155,7 @@ def test_poses_are_interpolated_but_never_extrapolated():
     between = trajectory.at(np.array([0.123, 0.987]))
     assert between.positions[:, 0] == pytest.approx(np.sin([0.123, 0.987]), abs=1e-5)
     assert between.orientations[:, 2] == pytest.approx(np.sin(np.array([0.123, 0.987]) / 2), abs=1e-9)
-    with pytest.raises(InputError, match="nothing is extrapolated"):
+    with pytest.raises(InputError, match="poses are not extrapolated"):
         trajectory.at(np.array([0.5, 1.01]))
 
 
@@ -213,7 +213,7 @@ def test_a_plug_in_gives_a_file_a_radar_or_a_function(plugin, tmp_path):
         receivers = ms.Radar.preset("function", rx_axis=axis).array.rx_positions
         assert receivers[:, row].all()
         assert not receivers[:, 1 - row].any()
-    with pytest.raises(InputError, match="receivers of the radar 'radar' lie as they do"):
+    with pytest.raises(InputError, match="receivers of the radar 'radar' are fixed"):
         ms.Radar.preset("radar", rx_axis="y")
     plugin("none", lambda: 3)
     with pytest.raises(InputError, match="radar 'none' is of type int; expected Radar"):
@@ -228,7 +228,7 @@ def test_a_plug_in_gives_a_file_a_radar_or_a_function(plugin, tmp_path):
         (TOML.replace('"x"', '"z"'), "mine.toml: rx_axis is 'z'"),
         (TOML.replace("[0.01, 0.02]", "0.01"), "mine.toml: rx_offsets: expected a list"),
         (TOML.replace("rx_offsets = [0.01, 0.02]\n", ""), "mine.toml: rx_offsets is missing"),
-        ("rx_axis = ", "is no TOML"),
+        ("rx_axis = ", "is not valid TOML"),
     ],
 )
 def test_a_radar_s_file_is_checked_and_its_place_named(plugin, tmp_path, text, words):

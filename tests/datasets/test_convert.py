@@ -189,7 +189,7 @@ def test_one_bad_item_does_not_stop_the_rest(miniature, tmp_path):
 def test_folders_that_cannot_be_are_refused(miniature, converted, tmp_path):
     with pytest.raises(InputError, match="is the dataset itself"):
         convert(miniature.healthy, miniature.healthy)
-    with pytest.raises(InputError, match="nothing that is not converted already"):
+    with pytest.raises(InputError, match="no file left to convert"):
         convert(converted[0], tmp_path)
     with pytest.raises(FileError, match="no object"):
         convert(tmp_path, tmp_path / "x")
@@ -202,7 +202,7 @@ def test_folders_that_cannot_be_are_refused(miniature, converted, tmp_path):
     ("content", "message"),
     [
         ("", "line 1: not JSON"),
-        ("{}\n", "is no manifest of millisight"),
+        ("{}\n", "is not a manifest of millisight"),
         ('{"format": "millisight dataset manifest", "version": 9}\n', "is of version 9"),
         ('{"format": "millisight dataset manifest", "version": 1}\n', "settings is None"),
         ('HEAD\n{"path": "a"\n', "line 2: not JSON"),

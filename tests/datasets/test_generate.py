@@ -241,7 +241,7 @@ def test_engines_are_checked():
 
 
 def test_where_no_scheduler_answers_it_says_so(monkeypatch):
-    monkeypatch.setattr("millisight.datasets.generation._engine_dask._CONNECT", 0.5)
+    monkeypatch.setattr("millisight.datasets.generation._engine._CONNECT", 0.5)
     with pytest.raises(DeviceError, match="no Dask scheduler answers at tcp://127.0.0.1:1"):
         engine_of("tcp://127.0.0.1:1")
 
@@ -298,7 +298,7 @@ def test_what_is_changed_is_made_anew_and_the_rest_is_kept(tmp_path):
 
 def test_a_folder_of_something_else_is_refused(tmp_path):
     (tmp_path / "thesis.tex").touch()
-    with pytest.raises(InputError, match="is not empty, and no dataset of this recipe"):
+    with pytest.raises(InputError, match="is not empty, and not a dataset of this recipe"):
         plan_dataset(small_recipe.recipe(), tmp_path)
     make(tmp_path / "out", **simulated(["golf_ball"]))
     with pytest.raises(InputError, match="holds another dataset"):
@@ -306,7 +306,7 @@ def test_a_folder_of_something_else_is_refused(tmp_path):
 
 
 def test_two_runs_in_one_folder_are_refused(tmp_path):
-    with Ledger(tmp_path, {}).writing(), pytest.raises(FileError, match="another run is at work"):
+    with Ledger(tmp_path, {}).writing(), pytest.raises(FileError, match="another run is using"):
         make_room(tmp_path)
 
 

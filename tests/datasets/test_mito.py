@@ -85,7 +85,7 @@ def test_folders_that_are_no_dataset_are_refused(tmp_path, miniature):
         datasets.open(tmp_path / "nowhere")
     with pytest.raises(FileError, match=r"cannot list .*file.*: Not a directory"):
         datasets.open(tmp_path / "file")
-    with pytest.raises(FileError, match="belongs to no|no object or experiment"):
+    with pytest.raises(FileError, match="belongs to no|not an object or experiment"):
         find_object(tmp_path)
     assert find_object(fault_folder(miniature.faults, "two_lane") / "unprocessed").name == "two_lane"
 

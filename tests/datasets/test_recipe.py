@@ -13,7 +13,7 @@ from helpers import oracles, small_recipe
 from millisight.core import rotation_from_euler_deg
 from millisight.core.errors import FileError, FormatError, InputError
 from millisight.datasets import prepare_objects
-from millisight.datasets._dataset_objects import lying_like
+from millisight.datasets._generated_objects import lying_like
 from millisight.datasets.generation import RigJob, plan_dataset, read_recipe, recipe_from_table
 from millisight.datasets.generation._jobs import jobs_of, poses_of
 from millisight.datasets.generation._recipe import Objects, Poses
@@ -52,8 +52,8 @@ def test_objects_are_chosen_by_name_category_and_class():
     [
         ({"objects": {"names": ["mugg"]}}, "recipe: objects", "unknown catalogue object 'mugg'. Did you mean 'mug'"),
         ({"objects": {"categories": ["toys"]}}, "recipe: objects", "unknown category 'toys'"),
-        ({"objects": {"names": []}}, "recipe: ", "there is no object"),
-        ({"objects": {"names": ["mug"], "without": ["mug"]}}, "recipe: objects", "without leaves no object"),
+        ({"objects": {"names": []}}, "recipe: ", "the recipe has no object"),
+        ({"objects": {"names": ["mug"], "without": ["mug"]}}, "recipe: objects", "without removes every object"),
         ({"objects": {"names": "mug"}}, "recipe: objects.names", "expected a list"),
         ({"objects": {"name": ["mug"]}}, "recipe: objects.name", "unknown key 'name'. Did you mean 'names'"),
         ({"colour": 1}, "recipe: colour", "unknown key"),
@@ -61,7 +61,7 @@ def test_objects_are_chosen_by_name_category_and_class():
         ({"seed": 1.5}, "recipe: ", "seed is 1.5; expected a whole number"),
         ({"name": " "}, "recipe: ", "expected a name"),
         ({"name": None}, "recipe: ", "name is missing"),
-        ({"rig": None, "simulator": None}, "recipe: ", "nothing is to be made"),
+        ({"rig": None, "simulator": None}, "recipe: ", "nothing to generate"),
         ({"rig": {**RIG, "conditions": []}}, "recipe: rig", "expected the line of sight"),
         ({"rig": {**RIG, "conditions": ["carton"]}}, "recipe: rig", "expected the line of sight"),
         ({"rig": {**RIG, "conditions": ["los", "fog"]}}, "recipe: rig", "unknown condition 'fog'"),
@@ -76,13 +76,13 @@ def test_objects_are_chosen_by_name_category_and_class():
         ({"poses": {"angles_deg": [[0, 0]]}}, "recipe: poses.angles_deg[0]", "expected 3 entries"),
         ({"poses": {"angles_deg": [[0, 0, 0.5]]}}, "recipe: poses: angles_deg[0]", "expected a whole number"),
         ({"poses": {"angles_deg": [[0, 0, 0], [0, 0, 0]]}}, "recipe: poses", "states a pose twice"),
-        ({"poses": {"count": 3, "z_deg": [0, 1]}}, "recipe: poses", "no more than 2 other whole angles"),
+        ({"poses": {"count": 3, "z_deg": [0, 1]}}, "recipe: poses", "only 2 other whole angles"),
         ({"poses": {"count": 1, "z_deg": [9, 1]}}, "recipe: poses", "the smaller first"),
         ({"poses": {"count": True}}, "recipe: poses.count", "expected a whole number"),
         ({"simulator": {"models": ["matte"]}}, "recipe: simulator", "unknown model 'matte'"),
         ({"simulator": {"step": 0}}, "recipe: simulator", "step is 0 wavelengths"),
         ({"splits": {"train": 0.9, "val": 0.2, "test": 0.1}}, "recipe: splits", "expected a sum of 1"),
-        ({"scenes": [{"objects": [{"object": "mug"}]}]}, "recipe: scenes[0]", "expected two at least"),
+        ({"scenes": [{"objects": [{"object": "mug"}]}]}, "recipe: scenes[0]", "expected at least two"),
         ({"scenes": [{"objects": [{"object": "mug"}, {"object": "cat"}]}]}, "recipe: scenes[0].objects[1]", "unknown"),
         ({"scenes": [{"objects": [{"offset": [0, 0]}, {}]}]}, "recipe: scenes[0].objects[0]", "object is missing"),
         ({"files": [{"path": "mug.stl"}]}, "recipe: ", "files: two objects would be called 'mug'"),
@@ -135,19 +135,19 @@ def test_tables_of_a_world_are_checked_in_their_place(rig, place, said):
         (
             {"rig": {**RIG, "world": {**RIG["world"],
                                       "walls": [{"lower": [0, 0, -0.4], "upper": [0.3, 0.5, -0.28]}]}}},
-            ["058_golf_ball", "and walls[0] run through each other"],
+            ["058_golf_ball", "and walls[0] intersect"],
         ),
         (
             {"scenes": [{"objects": [{"object": "golf_ball"}, {"object": "mug", "offset": [0.01, 0]}]}],
              "rig": {**RIG, "world": {**RIG["world"], "scan": {"size": [0.4, 0.4]}}}, "simulator": None},
-            ["058_golf_ball+025_mug", "run through each other"],
+            ["058_golf_ball+025_mug", "intersect"],
         ),
     ],
 )  # fmt: skip
 def test_what_is_impossible_is_refused_before_the_work_and_writes_nothing(changes, said, tmp_path):
     with pytest.raises(InputError) as refused:
         plan_dataset(small_recipe.recipe(**changes), tmp_path / "out")
-    assert str(refused.value).startswith("recipe: impossible: ")
+    assert str(refused.value).startswith("recipe: cannot be generated: ")
     for text in said[-2:]:
         assert text in str(refused.value)
     assert not (tmp_path / "out").exists()

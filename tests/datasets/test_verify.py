@@ -10,12 +10,12 @@ from millisight.datasets import convert, verify
 
 PROBLEMS = {
     "truncated_pickle": "processed_image.pkl", "hostile_pickle": "mkdir", "nan_in_image": "NaN",
-    "wrong_shape": "shape (3, 4)", "mask_without_image": "no such file", "row_missing": "its file is not there",
+    "wrong_shape": "shape (3, 4)", "mask_without_image": "no such file", "row_missing": "its file is missing",
     "zero_gap": "1 of 14 frames lost", "cut_file": "ends within frame 13", "big_endian": "big-endian",
     "short_block": "line 71 has 247 cells", "log_backwards": "times_77[41]", "log_truncated": "antenna.npz",
     "list_unequal": "4 entries", "no_info": "no such file", "odd_info": "'round'", "empty_files": "empty",
 }  # fmt: skip
-NOTES = {"row_unlisted": "not listed", "two_lane": "two-lane interleaved", "unequal_log": "the first 310 are taken"}
+NOTES = {"row_unlisted": "not listed", "two_lane": "two-lane interleaved", "unequal_log": "the first 310 are used"}
 
 
 def test_the_healthy_part_is_healthy(miniature):

@@ -17,6 +17,7 @@ from millisight.imaging import _fast as fast
 from millisight.imaging import _kernels as _kernels
 from millisight.imaging import _plan
 from millisight.imaging._lengths import antenna_rows, rows_of_pairs
+from millisight.imaging._refraction import Excess
 from millisight.simulation import _cuda as capture_cuda
 from millisight.simulation import _kernels as capture_cpu
 
@@ -62,6 +63,12 @@ def imaging(rng):
     _cuda.backproject(*radar, *points, *got)
     yield "backproject", got, expected
 
+    excess = Excess(rng.uniform(0, 0.01, (5, 7)).astype(np.float32), np.float32([0, 0.6, -0.8, 0.02, 40, 30]), 0.01)
+    expected, got = np.zeros((2, 2, 40), np.float32)
+    _kernels.backproject(*radar, *points, *expected, excess)
+    _cuda.backproject(*radar, *points, *got, excess)
+    yield "backproject through layers", got, expected
+
     # The same in two blocks, everything kept on the device.
     sums = _cuda.zeros((2, 40))
     vx, vy, vz = (_cuda.to_device(a) for a in points)
@@ -81,6 +88,10 @@ def imaging(rng):
     _kernels.leaf_fields(*rows, members, starts, centers, *points, *fields[1])
     _cuda.leaf_fields(*rows, members, starts, centers, *points, *fields[0])
     yield "leaf_fields", *fields
+    bent = np.empty_like(fields)
+    _kernels.leaf_fields(*rows, members, starts, centers, *points, *bent[1], excess)
+    _cuda.leaf_fields(*rows, members, starts, centers, *points, *bent[0], excess)
+    yield "leaf_fields through layers", *bent
     fields = fields.reshape(2, 2, 2, 9, 11, 2)
 
     base, weights = rng.integers(0, 4, 13), rng.normal(size=(13, 8)).astype(np.float32)

@@ -24,7 +24,7 @@ def gpu_is_there():
 
 
 GPU = gpu_is_there()
-CHECKS = 21
+CHECKS = 23
 
 
 @pytest.fixture(scope="module", params=["simulator", *["gpu"] * GPU])

@@ -8,10 +8,9 @@ from helpers.sampled_clouds import rms_off_the_surface, sampled
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.evaluation import align
 from millisight.meshes import CATALOGUE, build_object
-from millisight.meshes._catalogue import object_names
 
 POINTS = 8000
-NAMES = object_names()[::2][:30]
+NAMES = tuple(CATALOGUE)[::2][:30]
 
 
 def far_away(rng):

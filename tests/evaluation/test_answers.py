@@ -92,7 +92,7 @@ class TestPairs:
 
     def test_nothing_in_common_is_no_comparison_and_twice_the_same_is_none_either(self):
         assert compare_classifiers([answer()], [answer(pose=1)]) is None
-        with pytest.raises(InputError, match="is there twice"):
+        with pytest.raises(InputError, match="occurs twice"):
             compare_classifiers([answer(), answer(masks=TRUE)], [answer()])
 
 

@@ -75,5 +75,5 @@ def test_medians():
     scores = [MaskScores(dict.fromkeys(NAMES, value)) for value in (0.1, 0.9, 0.3)]
     assert medians(scores) == dict.fromkeys(NAMES, 0.3)
     assert medians(scores).f1 == 0.3
-    with pytest.raises(InputError, match="one at least"):
+    with pytest.raises(InputError, match="at least one"):
         medians([])

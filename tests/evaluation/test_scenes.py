@@ -130,7 +130,7 @@ def test_scenes_are_checked():
     good = scene()
     with pytest.raises(UnknownNameError, match="kind of sight"):
         LabelledScene(name="s", object="o", sight="up", images=good.images, truth=good.truth)
-    with pytest.raises(InputError, match="a truth for each image"):
+    with pytest.raises(InputError, match="a true mask for each image"):
         LabelledScene(name="s", object="o", sight="los", images=good.images, truth={HIGH: good.truth[HIGH]})
     with pytest.raises(UnknownNameError, match="radar image"):
         LabelledScene(name="s", object="o", sight="los", images={"60 GHz": good.images[HIGH]}, truth=good.truth)

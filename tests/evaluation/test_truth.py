@@ -115,7 +115,7 @@ def test_masks_without_a_place_are_refused():
         pixels_on_grid(pixels, 0 * depth, grid, np.eye(4))
     away = STRAIGHT_DOWN.copy()
     away[0, 3] = 1.0
-    with pytest.raises(InputError, match=r"off the grid: it reaches over x 0\.92.* the grid over x 0 to 0\.09"):
+    with pytest.raises(InputError, match=r"outside the grid: it covers x 0\.92.* the grid over x 0 to 0\.09"):
         pixels_on_grid(pixels, depth, grid, away)
     with pytest.raises(InputError, match="depth has shape"):
         pixels_on_grid(pixels, depth[1:], grid, np.eye(4))
@@ -144,7 +144,7 @@ def test_the_published_transform_of_experiment_1_step_by_step():
     transform = published_radar_from_camera(1, tool, BASE_ORIGIN, radar.as_matrix())
     assert points @ transform[:3, :3].T + transform[:3, 3] == pytest.approx(expected)
     assert np.linalg.det(transform[:3, :3]) == pytest.approx(1)
-    with pytest.raises(InputError, match="rotation at the radar's first place"):
+    with pytest.raises(InputError, match="rotation of the tool at the first pose"):
         published_radar_from_camera(1, tool, BASE_ORIGIN)
     with pytest.raises(InputError, match="experiments 1 and 2"):
         published_radar_from_camera(3, tool, BASE_ORIGIN)

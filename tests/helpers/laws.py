@@ -11,6 +11,8 @@ import pytest
 
 import millisight as ms
 from helpers.oracles import point_frames, relative
+from millisight.io.description import read_frames
+from millisight.io.raw import RAW_FORMATS
 
 _RADAR = ms.Radar(
     name="laws",
@@ -190,3 +192,112 @@ class ScatteringLaws:
         peak = ranges[np.abs(np.fft.fft(frames[::-1], 4096)).argmax()]
         corners = np.linalg.norm(box.mesh.vertices - np.array([0, 0, 0.3]), axis=1)
         assert corners.min() - 0.03 < peak < corners.max() + 0.03
+
+
+class ReaderLaws:
+    """What every reader of raw files obeys: `format`, a name in RAW_FORMATS.
+
+    A subclass also has `write(path, values)`, which writes complex values as the format has them, and what it says of
+    them here.
+    """
+
+    format = ""
+    suffix = ""
+    settings = ()  # (key, value) of [frames]
+    axes = ("pose", "chirp", "rx", "sample")
+    shape = (3, 2, 4, 16)
+    tolerance = 1e-6  # relative
+    cut = 3  # bytes that a truncated file lacks
+
+    def write(self, path, values):
+        raise NotImplementedError
+
+    @property
+    def values(self):
+        rng = np.random.default_rng(7)
+        return np.round(rng.uniform(-1000, 1000, (*self.shape, 2))).view(complex)[..., 0]
+
+    @pytest.fixture
+    def path(self, tmp_path):
+        path = tmp_path / f"frames{self.suffix}"
+        self.write(path, self.values)
+        return path
+
+    def raw(self, path):
+        return RAW_FORMATS[self.format].read(path, **dict(self.settings))
+
+    def described(self, path, more=""):
+        """The description of a file with its radar's numbers made up, not even naming the format."""
+        entry, sizes = RAW_FORMATS[self.format], dict(zip(self.axes, self.shape, strict=True))
+        text = ["[radar]"]
+        if self.raw(path).frequencies is None:
+            text += ["start_frequency = 1e9", "step = 1e6"]
+        text += [f"{kind}_positions = {[[0, 0, 0]] * sizes.get(kind, 1)}" for kind in ("tx", "rx")]
+        text += ["[frames]", f'file = "{path.name}"', *(f"{key} = {value!r}" for key, value in self.settings)]
+        if entry.phase_sign is None:
+            text.append("phase_sign = -1")
+        if entry.axes is None:
+            text.append(f"axes = {list(self.axes)}")
+        (path.parent / "scan.toml").write_text("\n".join([*text, more]).replace("'", '"'))
+        return path.parent / "scan.toml"
+
+    def test_it_reads_what_was_written(self, path):
+        raw = self.raw(path)
+        assert raw.values.shape == self.shape
+        assert raw.values.dtype.kind == "c"
+        assert np.abs(raw.values - self.values).max() <= self.tolerance * np.abs(self.values).max()
+        assert raw.lost is None or (raw.lost.shape == self.shape[:1] and not raw.lost.any())
+
+    def test_a_second_read_is_the_same_and_the_file_is_left_alone(self, path):
+        before = path.read_bytes()
+        first = self.raw(path)
+        kept = first.values.copy()
+        if first.values.flags.writeable:
+            first.values[...] = 0
+        assert np.array_equal(self.raw(path).values, kept)
+        assert path.read_bytes() == before
+
+    def test_a_truncated_file_is_refused_by_name(self, path):
+        path.write_bytes(path.read_bytes()[: -self.cut])
+        with pytest.raises(ms.errors.FileError, match=path.name):
+            self.raw(path)
+
+    @pytest.mark.parametrize("content", [b"", b"\x00" * 7, b"no frames at all\n"])
+    def test_what_is_no_such_file_is_refused_by_name(self, path, content):
+        path.write_bytes(content)
+        with pytest.raises(ms.errors.FileError, match=path.name):
+            self.raw(path)
+
+    def test_a_missing_file_is_refused_by_name(self, path):
+        path.unlink()
+        with pytest.raises(ms.errors.FileError, match=path.name):
+            self.raw(path)
+
+    def test_its_keys_and_axes_are_those_of_the_protocol(self, path):
+        entry = RAW_FORMATS[self.format]
+        assert {key for key, _ in self.settings} <= set(entry.keys)
+        assert entry.axes is None or tuple(entry.axes) == self.axes
+        assert all(suffix.startswith(".") and suffix == suffix.lower() for suffix in entry.suffixes)
+
+    def test_a_description_reads_the_same_by_suffix_alone(self, path):
+        radar, frames = read_frames(self.described(path))
+        expected = self.values
+        if "chirp" in self.axes:
+            expected = expected.take(0, self.axes.index("chirp"))
+        rest = [axis for axis in self.axes if axis != "chirp"]
+        expected = np.moveaxis(expected, rest.index("pose"), 0) if rest[0] != "pose" else expected
+        sizes = dict(zip(self.axes, self.shape, strict=True))
+        assert frames.shape == (sizes["pose"], sizes.get("tx", 1), sizes.get("rx", 1), sizes["sample"])
+        assert np.abs(frames.reshape(expected.shape) - expected).max() <= max(self.tolerance, 1e-6) * 1500
+        assert radar.waveform.samples_per_chirp == sizes["sample"]
+
+    def test_fewer_receivers_than_recorded_are_said(self, path):
+        if "rx" not in self.axes:
+            pytest.skip("one receiver")
+        count = self.shape[self.axes.index("rx")]
+        radar, frames = read_frames(self.described(path, f"use_receivers = [{count - 1}]"))
+        assert frames.shape[2] == len(radar.array.rx_positions) == 1
+        assert np.array_equal(frames[:, :, 0], read_frames(self.described(path))[1][:, :, count - 1])
+        told = "use_receivers = [0]\n[positions]\npoints = " + str([[0, 0, 0]] * self.shape[self.axes.index("pose")])
+        (note,) = ms.read_capture(self.described(path, told)).metadata["notes"][-1:]
+        assert note == f"1 of {count} recorded receivers are read: 0"

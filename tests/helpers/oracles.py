@@ -71,3 +71,26 @@ def width_3db(coordinate, values):
 def relative(actual, expected):
     """Relative L2 distance."""
     return np.linalg.norm(np.ravel(actual) - np.ravel(expected)) / np.linalg.norm(np.ravel(expected))
+
+
+def fresnel(permittivity, cosine):
+    """(2, ...) reflection of a half-space in air, TE and TM: both -1 off a conductor."""
+    index = np.sqrt(permittivity - 1 + np.square(cosine) + 0j)
+    te = (cosine - index) / (cosine + index)
+    return np.stack([te, (index - permittivity * cosine) / (index + permittivity * cosine)])
+
+
+def snell(points, antennas, layers, index):
+    """(P, V) shortest paths from antennas above to points below plane layers, in wavelengths' metres of vacuum.
+
+    By Fermat's principle: the ray parameter for which the sideways steps add up, by bisection.
+    """
+    across = np.linalg.norm(points[None, :, :2] - antennas[:, None, :2], axis=-1)
+    depth = (antennas[:, None, 2] - points[None, :, 2]) - sum(t for t, _ in layers)
+    parts = [(depth, index), *((t + 0 * depth, np.sqrt(e)) for t, e in layers)]
+    low, high = 0 * across, 0 * across + min(n if np.ndim(n) == 0 else n.min() for _, n in parts) * (1 - 1e-12)
+    for _ in range(80):
+        p = (low + high) / 2
+        reach = sum(t * p / np.sqrt(n**2 - p**2) for t, n in parts)
+        low, high = np.where(reach < across, p, low), np.where(reach < across, high, p)
+    return sum(t * n**2 / np.sqrt(n**2 - p**2) for t, n in parts)

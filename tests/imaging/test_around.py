@@ -49,7 +49,7 @@ def test_what_cannot_be_is_named(capture):
     for arguments, message in (
         ((SCENE,), "a scene alone has no wavelength; pass spacing"),
         ((bare,), "does not say where its scene is"),
-        ((SCENE, 2.0), "voxels 2 m wide leave two along each axis"),
+        ((SCENE, 2.0), "voxels 2 m wide leave at most two along each axis"),
         (("mug", 0.01), "scene is of type str; expected Scene or Capture"),
         ((SCENE, 0), "spacing is 0 m"),
     ):

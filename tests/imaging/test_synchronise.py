@@ -92,7 +92,7 @@ def test_a_radar_at_rest_and_too_few_rows():
 def test_what_does_not_meet_is_refused():
     capture, log, _ = scan(0.0, 0.0, count=3, period=0.05)
     elsewhere = ms.Trajectory(times=log.times + 1e6, positions=log.positions)
-    with pytest.raises(InputError, match="do not meet"):
+    with pytest.raises(InputError, match="do not overlap"):
         estimate_clock(capture, elsewhere, GRID)
     with pytest.raises(InputError, match="max_offset"):
         estimate_clock(capture, log, GRID, max_offset=-1)

@@ -109,7 +109,7 @@ def test_which_part_stood_first_is_answered_only_when_asked(tmp_path):
 def test_unknown_orders_must_be_declared(tmp_path):
     noise = np.random.default_rng(0).normal(0, 100, (4, 2, 4, 128, 2)).view(complex)[..., 0]
     write_dca1000(tmp_path / "noise.bin", noise)
-    with pytest.raises(FormatError, match=r"noise\.bin: its sample order cannot be told .*declare order"):
+    with pytest.raises(FormatError, match=r"noise\.bin: its sample order cannot be determined .*declare order"):
         read_dca1000(tmp_path / "noise.bin", **SHAPE)
     assert read_dca1000(tmp_path / "noise.bin", **SHAPE, order="four-lane").samples.shape == (4, 2, 4, 128)
 

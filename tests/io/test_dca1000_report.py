@@ -51,7 +51,7 @@ def test_without_any_settings_the_data_speaks(folder):
     told, warnings = lines(folder)
     assert told["order"].startswith("order: four-lane, ")
     assert told["frames"] == (
-        "frames: 32 chirps (how many a frame is unknown) x 4 RX x 128 samples "
+        "frames: 32 chirps (chirps per frame unknown) x 4 RX x 128 samples "
         "(receivers assumed; samples worked out from the data's repetition)"
     )
     assert not warnings
@@ -69,8 +69,8 @@ def test_settings_come_from_the_caller_then_the_cfg_then_json(folder):
     told, warnings = lines(folder, chirps=2)
     assert told["frames"].startswith("frames: 16 x 2 chirps x 4 RX x 128 samples (chirps declared; ")
     assert warnings == [
-        "warning: radar.cfg says 4 chirps; declared says 2, which is taken",
-        "warning: other.json says 4 chirps; declared says 2, which is taken",
+        "warning: radar.cfg says 4 chirps; declared says 2, which is used",
+        "warning: other.json says 4 chirps; declared says 2, which is used",
         "warning: radar.cfg says 8 frames; the file holds 16",
     ]
 

@@ -272,6 +272,18 @@ def test_a_robots_log_places_the_frames(tmp_path):
     assert np.allclose(capture.trajectory.times, times)
     assert np.allclose(capture.trajectory.positions, positions, atol=1e-9)
     assert np.array_equal(capture.frames, frames)
+    lines = (tmp_path / "robot.csv").read_text().splitlines()[1:]
+    other = ["Arm 7;;;;", "t [s];joint;z/mm;y/mm;x/mm"]
+    for t, x, y, z in (line.split(",") for line in lines):
+        other.append(";".join([t, "3,5", *(repr(1e3 * float(v)) for v in (z, y, x))]).replace(".", ","))
+    (tmp_path / "arm.txt").write_text("\n".join(other))
+    np.savez(tmp_path / "robot.npz", times=[0.0])
+    log = '{ file = "arm.txt", skip_rows = 1, decimal = ",", columns = [0, 4, "y/mm", 2], unit = "mm" }'
+    text = described(tmp_path, SWEEP.replace('"robot.csv"', log))
+    assert np.allclose(read_capture(text).trajectory.positions, positions, atol=1e-9)
+    with pytest.raises(FileError, match=r"arm.txt, line 3 has .*set decimal = \",\""):
+        read_capture(described(tmp_path, SWEEP.replace('"robot.csv"', log.replace('decimal = ",", ', ""))))
+    described(tmp_path, SWEEP)
     late = read_capture(tmp_path / "scan.toml", clock=ms.ClockCorrection(offset=0.05))
     assert np.allclose(late.trajectory.positions[5], positions[10], atol=2e-5)
     calibrated = read_capture(
@@ -283,7 +295,11 @@ def test_a_robots_log_places_the_frames(tmp_path):
     assert np.allclose(calibrated.frames, (frames - frames.mean(axis=0))[..., 100:400], atol=1e-3)
     for old, new, message in (
         ("start = [10, 11]", "start = 10", "2 times, of the first frame of each file, not 1"),
-        ('"robot.csv"', '{ file = "robot.csv", times = "t" }', "it of arrays alone"),
+        ('"robot.csv"', '{ file = "robot.csv", times = "t" }', "it of arrays alone; of a text, columns"),
+        ('"robot.csv"', '{ file = "robot.csv", columns = ["time", "x"] }', r"log: columns is .*expected 4 or 8"),
+        ('"robot.csv"', '{ file = "robot.csv", columns = [0, 1, 2, 9] }', "column in .*robot.csv: 9. Known: 0, 1"),
+        ('"robot.csv"', '{ file = "robot.csv", decimal = "," }', "robot.csv, line 2 .*a number cannot contain a point"),
+        ('"robot.csv"', '{ file = "robot.npz", skip_rows = 1 }', "skip_rows is '1'; expected it of texts alone"),
         ("[times]\nstart = [10, 11]\nperiod = 0.01\n", "", "no table .times. says when"),
     ):
         with pytest.raises(ms.errors.MillisightError, match=message):
@@ -371,6 +387,10 @@ FREQUENCIES = "start_frequency = 24e9\nstep = 25e6"
         ('"tx"', '"transmitter"', UnknownNameError, ["'transmitter'", "tx"]),
         ('axes = ["pose", "tx", "rx", "sample"]', "", FormatError, ["[frames]", "axes", "sample", "pose"]),
         ("phase_sign = -1", "", FormatError, ["[frames]", "phase_sign", "1 or -1"]),
+        ("phase_sign = -1", "phase_sign = -1\nchirp = 0", FormatError, ["[frames]", "chirp", "among the axes"]),
+        ("phase_sign = -1", 'phase_sign = -1\nparts = ["I", "Q"]', FormatError, ["[frames]", "parts", '"part" among']),
+        ("phase_sign = -1", "phase_sign = -1\nanalytic = true", FormatError, ["[frames]", "analytic", "frames.npy"]),
+        ("phase_sign = -1", "phase_sign = -1\nshape = [5, 5]", FormatError, ["shape", "576", "(12, 2, 3, 8)"]),
         ("phase_sign = -1", "phase_sign = 2", FormatError, ["[frames]", "phase_sign", "'2'", "1 or -1"]),
         ('"tx", "rx", ', "", FormatError, ["[frames]", "axes", "4", "frames.npy", "(12, 2, 3, 8)"]),
         ('"tx", "rx"', '"tx", "tx"', FormatError, ["[frames]", "axes", "'tx'", "once"]),
@@ -383,6 +403,10 @@ FREQUENCIES = "start_frequency = 24e9\nstep = 25e6"
         ("step = 25e6", 'step = "25 MHz"', FormatError, ["[radar]", "step", "'25 MHz'", "[Hz]"]),
         (FREQUENCIES, 'preset = "iwr1433"', UnknownNameError, ["[radar]", "'iwr1433'", "'iwr1443'"]),
         (FREQUENCIES, "frequencies = [1, 2, 4, 5, 6, 7, 8, 9]", FormatError, ["[radar]", "frequencies", "even"]),
+        (FREQUENCIES, "frequencies = [8, 7, 6, 5, 4, 3, 2, 1]", FormatError, ["[radar]", "frequencies", '"-sample"']),
+        (FREQUENCIES, "frequencies = [1, 2, 3, 4, 5, 6, 7, 8]", FormatError, ["[radar]", "frequencies", "GHz", "8 Hz"]),
+        (FREQUENCIES, "start_frequency = 24\nstep = 1", FormatError, ["[radar]", "start_frequency", "31 Hz"]),
+        ("step = 25e6", "slope = 60\nsample_rate = 1e6", FormatError, ["[radar]", "slope", "0.00048 Hz", "Hz/s"]),
         (FREQUENCIES, "frequencies = [1, 2]\nstep = 25e6", FormatError, ["[radar]", "frequencies", "step", "one of"]),
         ("frames.npy", "frame.npy", FileError, ["frame.npy"]),
         ("frames.npy", "f*.npz", FileError, ["'f*.npz'"]),
@@ -436,14 +460,15 @@ def test_data_that_cannot_be_used_is_named(tmp_path):
     for data, message in (
         (holed, r"frames.npy.*NaN or infinite, the first at \(3,"), (frames[:0], "frames.npy: array '0' is empty"),
         (frames.astype(complex) * 1e60, r"frames of .*frames.npy has .*infinite"),
-        (np.full((12, 2, 3, 8), "x"), "no array of numbers; that in .*frames.npy is <U1"), (frames.real, "analytic"),
+        (np.full((12, 2, 3, 8), "x"), "not an array of numbers; that in .*frames.npy is <U1"),
+        (frames.real, "analytic"),
         (frames[:, :, :, 0], "axes is"),
     ):  # fmt: skip
         np.save(tmp_path / "frames.npy", data)
         with pytest.raises(FileError, match=message):
             read_capture(described(tmp_path, GOOD))
     np.savez(tmp_path / "frames.npy.npz", a=frames, b=frames)
-    with pytest.raises(FormatError, match=r"frames.npy.npz holds the arrays a, b; say which"):
+    with pytest.raises(FormatError, match=r"frames.npy.npz holds the arrays a, b; choose one"):
         read_capture(described(tmp_path, GOOD.replace("frames.npy", "frames.npy.npz")))
     with pytest.raises(InputError, match="no log of a robot"):
         read_scan(described(tmp_path, GOOD.replace("frames.npy", 'frames.npy.npz"\narray = "a')))

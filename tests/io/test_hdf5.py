@@ -14,7 +14,7 @@ import pytest
 import millisight as ms
 from helpers.forging import forge
 from millisight.core.errors import DamagedFileError, FileError, FormatError, InputError
-from millisight.data import CameraFrame, CameraMask, Intrinsics
+from millisight.data import CameraFrame, CameraMask, Intrinsics, Layers
 from millisight.io import load_extras, provenance
 from millisight.io._hdf5 import RECORDS
 from millisight.io._seal import chunk_extents
@@ -36,6 +36,9 @@ def one_of_each():
     capture = small_capture()
     grid = ms.VoxelGrid.regular((0, 0, 0), (0.02, 0.01, 0), 0.01)
     scene = ms.Scene.from_mesh("cracker_box", vertices=None, material=ms.Material(name="odd", reflection=0.2 - 0.1j))
+    layers = Layers(
+        thicknesses=[0.1], indices=[1.5], normal=[0, 0, -1], moved=0.02, offset=0.1, error=1e-3
+    )  # fmt: skip
     intrinsics = Intrinsics(fx=9.0, fy=9.0, cx=1.0, cy=0.5, width=3, height=2)
     depth, points = np.array([[1, 2, 3], [4, 5, np.nan]], np.float32), np.full((2, 3, 3), np.nan)
     return [
@@ -43,7 +46,7 @@ def one_of_each():
         ms.SarImage(grid=grid, values=np.arange(6).reshape(3, 2, 1) * (1 + 2j), metadata={"ö": "µ"}),
         ms.Mask(grid_xy=grid.xy, inside=[[True, False]] * 3),
         ms.Prediction(probabilities=[0.25, 0.75], class_names=("can", "box")),
-        scene.mesh, scene.objects[0].material, scene.objects[0], scene + scene.moved((1, 0, 0)), intrinsics,
+        scene.mesh, scene.objects[0].material, scene.objects[0], scene + scene.moved((1, 0, 0)), intrinsics, layers,
         CameraFrame(rgb=np.ones((2, 3, 3), np.uint8), depth=depth, pose=np.eye(4), intrinsics=intrinsics),
         CameraMask(pixels=depth > 2, depth=depth, points=points, pose=np.eye(4), metadata={"a": 1}),
     ]  # fmt: skip

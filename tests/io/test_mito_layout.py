@@ -175,7 +175,7 @@ def test_what_else_a_file_holds_is_kept(miniature, tmp_path):
         ({"image": np.ones((10, 10, 5))}, "image is an array of float64; expected complex"),
         ({"image": np.ones((2, 2), complex)}, r"values has shape \(2, 2\)"),
         ({"x_locs": np.zeros(10)}, "x must increase strictly"),
-        ({"x_locs": [[1], [1, 2]]}, "x_locs is no array"),
+        ({"x_locs": [[1], [1, 2]]}, "x_locs is not an array"),
         ({"odd": {1, 2}}, "odd is of type set"),
         ({"a.b": 1}, "the key 'a.b'"),
         ({3: 1}, "other keys than texts"),
@@ -190,8 +190,8 @@ def test_an_image_that_cannot_be_is_refused_by_name(changes, message, miniature,
 
 def test_files_that_are_not_of_the_layout_are_refused(tmp_path):
     for name, content, message in (
-        ("picture.pkl", {}, "no file of the published layout"),
-        ("processed_image.h5", {}, "no file of the published layout"),
+        ("picture.pkl", {}, "not a file of the published layout"),
+        ("processed_image.h5", {}, "not a file of the published layout"),
         ("processed_image.pkl", [1], "holds a list; expected a dictionary"),
         ("radar_masks.pkl", {"mask": 1}, "has no 'radar_mask' but 'mask'"),
     ):
@@ -269,8 +269,8 @@ def test_frames_are_read_when_they_are_asked_for_and_a_row_at_a_time(miniature, 
 @pytest.mark.parametrize(
     ("fault", "left_out", "notes", "frames"),
     [
-        ("row_missing", ["row 1700000001 is listed, but its file is not there"], [], 42),
-        ("row_unlisted", [], ["adc_data1799999999.bin is there, but not listed"], 56),
+        ("row_missing", ["row 1700000001 is listed, but its file is missing"], [], 42),
+        ("row_unlisted", [], ["adc_data1799999999.bin exists, but is not listed"], 56),
         ("two_lane", [], ["adc_data1700000001.bin: the sample order is two-lane interleaved"], 56),
         ("zero_gap", ["adc_data1700000001.bin: 1 of 14 frames lost"], [], 56),
         ("cut_file", ["adc_data1700000001.bin: ends within frame 13, after 3191 of 8192 bytes"], [], 55),
@@ -362,8 +362,8 @@ def test_logs_and_lists_in_several_files_are_joined(scan_folder):
     joined = read_experiment(scan_folder, "77_ghz")
     assert np.array_equal(joined.log.positions, whole.log.positions)
     assert [row.source for row in joined.rows] == [row.source for row in whole.rows][:3]
-    assert "robot log: 1 poses stand twice, the same time and place" in joined.metadata["notes"]
-    assert any("is there, but not listed" in note for note in joined.metadata["notes"])
+    assert "robot log: 1 poses occur twice, with the same time and position" in joined.metadata["notes"]
+    assert any("exists, but is not listed" in note for note in joined.metadata["notes"])
 
 
 def test_rows_come_in_the_order_of_their_times_and_odd_entries_are_named(scan_folder):
@@ -387,7 +387,7 @@ def test_twelve_digit_names_and_foreign_files(scan_folder):
     (scan_folder / "radar_data" / "adc_data.log").write_text("log")
     scan = read_experiment(scan_folder, "77_ghz")
     assert [row.source for row in scan.rows] == [f"adc_data{first}.bin", f"adc_data_{number}.bin"]
-    assert "radar_data/adc_data.log is no raw file of this radar" in scan.metadata["notes"]
+    assert "radar_data/adc_data.log is not a raw file of this radar" in scan.metadata["notes"]
 
 
 def test_orders_are_found_for_each_file_and_noise_goes_with_the_others(scan_folder):
@@ -404,7 +404,7 @@ def test_orders_are_found_for_each_file_and_noise_goes_with_the_others(scan_fold
         assert np.array_equal(row.read(), whole[row.source])
     assert np.array_equal(scan.rows[3].read(), noise.conj().astype(np.complex64))
     notes = scan.metadata["notes"]
-    assert notes[0] == f"{data[3].name}: the sample order cannot be told, and is taken to be two-lane interleaved"
+    assert notes[0] == f"{data[3].name}: the sample order cannot be determined; assumed two-lane interleaved"
     assert notes[1].startswith(f"{data[0].name} and 1 more: the sample order is two-lane interleaved, Q before I;")
     assert notes[2].startswith(
         f"{data[2].name}: the sample order is two-lane interleaved; published files are four-lane"
@@ -434,7 +434,7 @@ def test_robot_logs_that_cannot_be_are_refused(scan_folder):
         ({"times_77": times}, "tx_77_locs"),
         ({"times_77": times, "tx_77_locs": places[:, :2]}, r"tx_77_locs is float64 \(50, 2\)"),
         ({"times_77": times, "tx_77_locs": places.astype(str)}, r"tx_77_locs is <U32 \(50, 7\); expected numbers"),
-        ({"times_77": times, "tx_77_locs": places + 420}, "reaches 420; expected places in metres"),
+        ({"times_77": times, "tx_77_locs": places + 420}, "reaches 420; expected positions in metres"),
         ({"times_77": times[:5], "tx_77_locs": places}, "no robot log"),
         ({"times_77": times[:1], "tx_77_locs": places[:1]}, "a single pose"),
         ({"times_77": np.where(times == 7, np.nan, times), "tx_77_locs": places}, "antenna.npz.*times_77"),
@@ -451,8 +451,8 @@ def test_robot_logs_that_cannot_be_are_refused(scan_folder):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ("{", "is no JSON"),
-        ("[" * 100_000, "is no JSON"),
+        ("{", "is not JSON"),
+        ("[" * 100_000, "is not JSON"),
         ("[]", "has no text 'aperture size'"),
         ('{"aperture size": "normal", "rx offset": "z", "background": ""}', "'rx offset' is 'z'; expected 'x' or 'y'"),
         ('{"aperture size": "normal", "rx offset": "x", "background": NaN}', None),

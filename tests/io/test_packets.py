@@ -82,7 +82,7 @@ def test_pcap_files_give_their_payloads(tmp_path, stream, link, before, magic, b
 def test_other_and_damaged_captures_are_named(tmp_path, stream):
     path, good = tmp_path / "a.pcap", pcap([bytes(14) + udp(p) for p in stream[0]])
     for data, error, words in [
-        (b"", FormatError, "no pcap file"), (good[:20], FormatError, "no pcap file"),
+        (b"", FormatError, "not a pcap file"), (good[:20], FormatError, "not a pcap file"),
         (b"\x0a\x0d\x0d\x0a" + bytes(40), FormatError, "editcap"),
         (pcap([], link=105), FormatError, "link type 105"),
         (good[:-5], DamagedFileError, "of 1008 bytes|cut off"), (good + b"abc", DamagedFileError, "at byte"),

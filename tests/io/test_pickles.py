@@ -166,7 +166,7 @@ def state(shape, dtype, data):
         (state(b"(K\x03t", OBJECT, b"]"), "cannot reshape"),
         (state(b"(K\x01t", FLOAT.replace(b"f8", b"V8"), b"C\x08abcdefgh"), "V8"),
         (state(b"(K\x01t", b"X\x02\x00\x00\x00f8", b"C\x08abcdefgh"), "found str; expected dtype"),
-        (state(b"(K\x01t", FLOAT.replace(b"f8", b"U1"), b"C\x04\xff\xff\xff\x7f"), "no character"),
+        (state(b"(K\x01t", FLOAT.replace(b"f8", b"U1"), b"C\x04\xff\xff\xff\x7f"), "invalid characters"),
         (state(b")", OBJECT, b"](cos\nsystem\ne"), "os.system"),
         (ARRAY + b"q\x00(K\x01K\x01\x85" + OBJECT + b"\x89]h\x00atb.", "unfinished|holds itself"),
         (b"]q\x00h\x00a.", "holds itself"),
@@ -219,7 +219,8 @@ def test_bombs_fizzle(tmp_path, name):
 def test_what_is_no_pickle(tmp_path):
     whole = pickle.dumps({"image": np.arange(6.0), "x": [1, 2]})
     for data, message in [
-        (b"", "no pickle, or damaged, at byte 0"), (b"hello world", "no pickle"), (b"\x89HDF\r\n\x1a\n", "no pickle"),
+        (b"", "not a pickle, or is damaged, at byte 0"), (b"hello world", "not a pickle"),
+        (b"\x89HDF\r\n\x1a\n", "not a pickle"),
         (whole[:-1], "exhausted"), (whole[: len(whole) // 2], "damaged, at byte"), (b"\x80\x04.", "damaged"),
         (b"\x80\x04NN.", "damaged"), (b"\x80\x04h\x05.", "damaged"), (b"\x80\x04t.", "damaged"),
     ]:  # fmt: skip

@@ -49,7 +49,7 @@ def test_ways_to_write_the_same(tmp_path):
 
 @pytest.mark.parametrize(("edit", "error", "words"), [
     (lambda rows: [], DamagedFileError, "has 0 rows; expected whole frames of 8 rows"),
-    (lambda rows: rows[:-1], DamagedFileError, "has 23 rows; .* 2 are whole, 7 rows are over"),
+    (lambda rows: rows[:-1], DamagedFileError, "has 23 rows; .* 2 are whole, 7 rows are left over"),
     (lambda rows: [*rows, rows[0]], DamagedFileError, "has 25 rows"),
     (lambda rows: [*rows[:9], rows[9].rsplit(",", 1)[0], *rows[10:]], DamagedFileError, "line 10 has 7 cells"),
     (lambda rows: [*rows[:9], rows[9] + ",1", *rows[10:]], DamagedFileError, "line 10 has 9 cells; expected 8"),

@@ -110,7 +110,7 @@ def test_what_the_data_cannot_tell_is_not_told():
     tone += np.random.default_rng(0).normal(0, 10, (*tone.shape, 2)).view(complex)[..., 0]
     estimate = estimate_order(pack(np.round(tone), "two-lane").ravel(), samples=256)
     assert estimate.order == UNKNOWN
-    assert "fit alike" in estimate.reason
+    assert "fit equally well" in estimate.reason
 
 
 def test_a_strong_offset_and_lost_packets_do_not_mislead():

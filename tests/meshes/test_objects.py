@@ -14,9 +14,9 @@ from millisight.core.errors import FileError, InputError, MeshError, UnknownName
 from millisight.data import MATERIALS, Scene, TriangleMesh
 from millisight.meshes import CATALOGUE, ObjectPart, build_object, build_parts, find_scans, load_mesh
 from millisight.meshes import _shapes as shapes
-from millisight.meshes._catalogue import CatalogueObject, object_names
+from millisight.meshes._catalogue import CatalogueObject
 
-NAMES = object_names()
+NAMES = tuple(CATALOGUE)
 SCANNED = [name for name, entry in CATALOGUE.items() if entry.source == "scan"]
 SEVERAL_PARTS = [name for name, entry in CATALOGUE.items() if len(entry.parts) > 1]
 

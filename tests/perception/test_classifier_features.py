@@ -12,7 +12,7 @@ from millisight.perception.classification import (
     classifier_input,
     square_symmetries,
 )
-from millisight.perception.classification._network_input import MAGNITUDE, SLICES, THICKNESS
+from millisight.perception.classification._network import MAGNITUDE, SLICES, THICKNESS
 
 
 def blob(*, spacing=0.004, at=(0.0, 0.0, -0.25), size=(0.06, 0.03), strength=1.0, box=0.12):

@@ -62,7 +62,9 @@ def test_a_network_that_takes_something_else_is_refused(written, shape, taken):
         if channels in taken:
             open_network(*weights, needed_by="this", channels=channels)
         else:
-            with pytest.raises(FormatError, match=rf"w\.onnx takes x .* with {channels} channels.* no network of this"):
+            with pytest.raises(
+                FormatError, match=rf"w\.onnx takes x .* with {channels} channels.* not a network for this"
+            ):
                 open_network(*weights, needed_by="this", channels=channels)
 
 
@@ -76,7 +78,7 @@ def test_weights_are_refused_that_are_others_or_no_network(written, monkeypatch)
     with pytest.raises(DamagedFileError, match="SHA-256 differs"):
         open_network(path, told, needed_by="this")
     for nothing in (b"", b"no network", content[:40]):
-        with pytest.raises(FormatError, match=r"w\.onnx is no network that ONNX Runtime can run"):
+        with pytest.raises(FormatError, match=r"w\.onnx is not a network that ONNX Runtime can run"):
             open_network(*written(nothing), needed_by="this")
     monkeypatch.setattr(networks, "_MOST_WEIGHTS", len(content) - 1)
     with pytest.raises(FormatError, match=rf"w\.onnx has {len(content)} bytes; expected weights, under"):
@@ -91,7 +93,7 @@ def test_weights_that_would_have_another_file_read_are_refused(written, tmp_path
     (tmp_path / "other.bin").write_bytes(np.array([2], np.float32).tobytes())
     content = doubler(onnx, location="other.bin", offset=0, length=4)
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(FormatError, match=r"w\.onnx is no network"):
+    with pytest.raises(FormatError, match=r"w\.onnx is not a network"):
         open_network(*written(content), needed_by="this")
 
 
@@ -110,15 +112,15 @@ def test_a_description_is_what_its_file_holds(tmp_path):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"", "describes no weights"),
-        (b"{", "describes no weights"),
-        (b"\xff\xfe", "describes no weights"),
-        (b"[]", "describes no weights"),
-        (b'"sha256"', "describes no weights"),
-        (b"null", "describes no weights"),
-        (b"[" * 100_000, "describes no weights"),
-        (b'{"cut": 1}', r"describes no weights: KeyError\('sha256'\)"),
-        (b'{"sha256": "ab"}', r"describes no weights: KeyError\('cut'\)"),
+        (b"", "does not describe weights"),
+        (b"{", "does not describe weights"),
+        (b"\xff\xfe", "does not describe weights"),
+        (b"[]", "does not describe weights"),
+        (b'"sha256"', "does not describe weights"),
+        (b"null", "does not describe weights"),
+        (b"[" * 100_000, "does not describe weights"),
+        (b'{"cut": 1}', r"does not describe weights: KeyError\('sha256'\)"),
+        (b'{"sha256": "ab"}', r"does not describe weights: KeyError\('cut'\)"),
         (b'{"sha256": 7, "cut": 1}', "sha256 is 7"),
     ],
 )

@@ -87,7 +87,7 @@ def test_the_other_power_is_nought_where_its_grid_does_not_reach():
 
 def test_bands_without_a_place_in_common_are_refused():
     away = ms.VoxelGrid(x=GRID.x + 1, y=GRID.y, z=GRID.z)
-    with pytest.raises(InputError, match=r"no place in common.*x 0 to 0.03 m.*one grid"):
+    with pytest.raises(InputError, match=r"do not overlap.*x 0 to 0.03 m.*one grid"):
         power_on(project(image(np.ones(GRID.shape), away)), project(ramp()[1]))
 
 

@@ -149,7 +149,7 @@ def test_plain_values_that_are_no_prompts_are_refused(plain, message):
 
 
 def test_a_point_on_the_object_and_beside_it_is_refused():
-    with pytest.raises(InputError, match=r"the point \[3, 4\] is both positive and negative; .* drop one"):
+    with pytest.raises(InputError, match=r"the point \[3, 4\] is both positive and negative; .*remove one"):
         Prompts(points=[[9, 9], [3, 4], [3, 4]], positive=[False, True, False])
     assert len(Prompts(points=[[3, 4], [3, 4], [4, 3]], positive=[True, True, False]).points) == 3
 

@@ -160,7 +160,7 @@ def test_it_needs_prompts_on_the_picture(folders):
 
 
 def test_models_that_cannot_be_loaded_are_told(folders, tmp_path):
-    with pytest.raises(FileError, match=r"no folder with a model.*facebook/sam-vit-base"):
+    with pytest.raises(FileError, match=r"not a folder with a model.*facebook/sam-vit-base"):
         segmenter("sam", model="vit-x")
     with pytest.raises(FileError, match=r"cannot be loaded.*config.json"):
         segmenter("sam", model=tmp_path)

@@ -158,7 +158,7 @@ def test_what_is_drawn_at_random_needs_a_seed():
     with pytest.raises(InputError, match="told needs prompts, which are drawn at random: pass rng=0"):
         ms.segment(image(), method=Told([0.1]))
     by = Told([0.9], [0.1], needs_prompts=False)
-    with pytest.raises(InputError, match="every mask covers more than .* pass rng=0, say, to try with prompts"):
+    with pytest.raises(InputError, match="every mask covers more than .* pass rng=0, for example, to try prompts"):
         ms.segment(image(), method=by)
     assert by.asked == [None]
     for rng in (-1, True, "0", 1.5):
@@ -189,7 +189,7 @@ def test_segment_refuses_what_cannot_be():
     with pytest.raises(InputError, match="blank"):
         ms.segment(blank, method="classical", rng=0)
     away = ms.VoxelGrid(x=GRID.x + 2, y=GRID.y, z=GRID.z)
-    with pytest.raises(InputError, match="no place in common"):
+    with pytest.raises(InputError, match="do not overlap"):
         ms.segment(image(), other_band=image(away), method="classical", rng=0)
     other = image(bright=(slice(120, 130), slice(60, 120)))
     with pytest.raises(InputError, match="in both bands"):

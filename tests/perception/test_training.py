@@ -122,15 +122,15 @@ def test_one_thread_is_one_and_then_as_many_as_before():
 
 def test_runs_of_something_else_and_damaged_checkpoints_are_refused(tmp_path):
     trained(tmp_path, epochs=1, schedule=Schedule(epochs=1))
-    with pytest.raises(InputError, match="of another recipe"):
+    with pytest.raises(InputError, match="belongs to another recipe"):
         trained(tmp_path, schedule=Schedule(epochs=1), made_of={"a": 2})
-    with pytest.raises(InputError, match="of another recipe"):
+    with pytest.raises(InputError, match="belongs to another recipe"):
         trained(tmp_path, schedule=Schedule(epochs=2))
     path = tmp_path / CHECKPOINT_NAME
     content = path.read_bytes()
     for damaged in (content[: len(content) // 2], b"", b"{}" + content[2:]):
         path.write_bytes(damaged)
-        with pytest.raises(DamagedFileError, match=r"checkpoint\.safetensors is no whole checkpoint"):
+        with pytest.raises(DamagedFileError, match=r"checkpoint\.safetensors is not a complete checkpoint"):
             trained(tmp_path, schedule=Schedule(epochs=1))
 
 

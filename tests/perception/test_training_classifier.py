@@ -14,8 +14,13 @@ from millisight.core.errors import DamagedFileError, FormatError, InputError, Un
 from millisight.meshes import CATALOGUE
 from millisight.perception.classification import CLASSIFIER_CHANNELS, CLASSIFIER_WEIGHTS, NetworkClassifier
 from millisight.perception.training import ClassifierRecipe, Schedule, TrainingScene, make_scenes, train
-from millisight.perception.training._calibration import best_temperature, best_threshold, cross_entropy
-from millisight.perception.training._classifier import balanced, example_of
+from millisight.perception.training._classifier import (
+    balanced,
+    best_temperature,
+    best_threshold,
+    cross_entropy,
+    example_of,
+)
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -56,7 +61,7 @@ def test_classes_are_the_papers_four_without_what_is_left_out():
 @pytest.mark.parametrize(
     ("wrong", "kind", "told"),
     [
-        ({"classes": {"box": ("dice",)}}, InputError, "two at least"),
+        ({"classes": {"box": ("dice",)}}, InputError, "at least two"),
         ({"classes": {"box": ("dice",), "sphere": ()}}, InputError, "no object is left for the class 'sphere'"),
         ({"classes": TWO, "without": ("dice",)}, InputError, "no object is left for the class 'box'"),
         ({"classes": {"box": ("dice",), "cube": ("dice",)}}, InputError, "dice is named more than once"),
@@ -187,7 +192,7 @@ def test_damaged_descriptions_and_other_weights_are_refused(tmp_path):
     told = json.loads(CLASSIFIER_WEIGHTS.with_suffix(".json").read_text())
     (tmp_path / "one.onnx").write_bytes(CLASSIFIER_WEIGHTS.read_bytes())
     for changed, kind, message in (
-        ({"channels": ["mask"]}, FormatError, "of no classifier"),
+        ({"channels": ["mask"]}, FormatError, "does not describe a classifier"),
         ({"class_names": ["box"]}, DamagedFileError, "expected lists of names"),
         ({"bands": []}, DamagedFileError, "expected lists of names"),
         ({"temperature": 0}, DamagedFileError, "temperature is 0"),

@@ -145,10 +145,10 @@ def test_damaged_weights_are_refused(tmp_path, wave):
         WaveSegmenter(written(channels=["mean"]))
     import hashlib
 
-    with pytest.raises(FormatError, match="no network that ONNX Runtime can run"):
+    with pytest.raises(FormatError, match="not a network that ONNX Runtime can run"):
         WaveSegmenter(written(b"no network", sha256=hashlib.sha256(b"no network").hexdigest()))
     description.write_text("[]")
-    with pytest.raises(DamagedFileError, match=r"w\.json describes no weights"):
+    with pytest.raises(DamagedFileError, match=r"w\.json does not describe weights"):
         WaveSegmenter(weights)
 
 

@@ -7,7 +7,7 @@ from millisight.core.errors import InputError
 from millisight.rig import Arm, ArmPose
 from millisight.rig.virtual import ArmSettings
 from millisight.rig.virtual._arm import VirtualArm
-from millisight.rig.virtual._clocks import EPOCH, DeviceClock, WorldTime
+from millisight.rig.virtual._settings import EPOCH, DeviceClock, WorldTime
 
 HERE, THERE = ArmPose(position=(0.4, -0.2, 0.2)), ArmPose(position=(0.4, 0.3, 0.2))
 

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 import millisight as ms
-from helpers.oracles import C, relative
+from helpers.oracles import C, fresnel, relative
 from helpers.scatter import METAL, cross_section, decibels, from_places, mesh_of, plate, radar, wedge_diffraction
 from millisight.core.errors import InputError
 from millisight.rig.virtual import Part, Sheet, box_sheets, echoes
@@ -122,8 +122,6 @@ def test_a_dihedral_of_other_matter_has_both_fresnel_factors():
     metal, other = (
         echoes([Part(mesh=corner(0.05, 0.05), material=m)], radar(77e9), place, edges=False) for m in (METAL, 4 - 0.2j)
     )
-    from millisight.rig.virtual._fresnel import fresnel
-
     assert np.allclose(other / metal, fresnel(4 - 0.2j, np.sqrt(0.5)).mean() ** 2, rtol=0.05)
 
 

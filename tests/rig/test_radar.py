@@ -7,8 +7,8 @@ from helpers import oracles
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.rig import RadarDevice
 from millisight.rig.virtual import RadarSettings
-from millisight.rig.virtual._clocks import EPOCH, WorldTime
 from millisight.rig.virtual._radar import PACKET, REFERENCE, VirtualRadar, digitised, leakage
+from millisight.rig.virtual._settings import EPOCH, WorldTime
 
 CLEAN = {"snr_db": 200.0, "phase_noise_deg": 0.0, "leakage_db": None}
 RNG = np.random.default_rng

@@ -194,7 +194,7 @@ def test_a_scan_that_fails_leaves_nothing(tmp_path):
 def test_what_is_there_is_not_overwritten(tmp_path):
     world = world_of(scan=ScanSettings(size=(0.1, 0.1), row_spacing=0.1))
     recorded(world, tmp_path, hdf5=False)
-    with pytest.raises(InputError, match="is there already"):
+    with pytest.raises(InputError, match="already exists"):
         recorded(world, tmp_path)
     # Line of sight and not share the experiment's information, and must agree on it.
     recorded(world, tmp_path, "nlos", hdf5=False)
@@ -205,7 +205,7 @@ def test_what_is_there_is_not_overwritten(tmp_path):
     for path in sorted(out.rglob("*"), reverse=True):
         path.rmdir() if path.is_dir() else path.unlink()
     out.rmdir()
-    with pytest.raises(InputError, match="are set up alike"):
+    with pytest.raises(InputError, match="need the same set-up"):
         record_scan(rig.arm, rig.radars, None, rig.plan, PublishedWriter(out, info=experiment_info(second)))
 
 

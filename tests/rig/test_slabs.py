@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 
 from helpers.oracles import C
 from millisight.core.errors import InputError
-from millisight.rig.virtual._fresnel import fresnel
 from millisight.rig.virtual._slabs import slab_coefficients
 
 COSINES = np.linspace(0.02, 1, 50)
@@ -58,11 +57,15 @@ def test_a_quarter_wave_matches():
     assert abs(slab_coefficients(coating, 60e9, 1.0, backing=4.0)[0]).min() > 0.05
 
 
+def half_space(permittivity, cosine):
+    return slab_coefficients((), 77e9, cosine, backing=permittivity)[0]
+
+
 def test_brewsters_angle():
     """tan θ = n: TM passes into the half-space and through any slab of it; TE does not."""
     permittivity = 2.56
     cosine = np.cos(np.arctan(np.sqrt(permittivity)))
-    te, tm = fresnel(permittivity, cosine)
+    te, tm = half_space(permittivity, cosine)
     assert abs(tm) < 1e-12
     assert abs(te) > 0.3
     r, t = slab_coefficients([(permittivity, 2.2e-3)], 77e9, cosine)
@@ -71,13 +74,13 @@ def test_brewsters_angle():
 
 
 def test_a_conductor_is_the_limit():
-    assert abs(fresnel(1 - 1e18j, COSINES) + 1).max() < 1e-7
+    assert abs(half_space(1 - 1e18j, COSINES) + 1).max() < 1e-7
     # Copper at 77 GHz, by its conductivity.
-    assert abs(fresnel(1 - 1j * 5.8e7 / (2 * np.pi * 77e9 * 8.8541878e-12), 1.0) + 1).max() < 1e-3
+    assert abs(half_space(1 - 1j * 5.8e7 / (2 * np.pi * 77e9 * 8.8541878e-12), 1.0) + 1).max() < 1e-3
 
 
 def test_normal_incidence_knows_no_polarisation_and_the_horizon_is_finite():
-    te, tm = fresnel(6 - 0.1j, 1.0)
+    te, tm = half_space(6 - 0.1j, 1.0)
     assert te == pytest.approx(tm)
     index = np.sqrt(6 - 0.1j)
     assert te == pytest.approx((1 - index) / (1 + index))
@@ -132,7 +135,7 @@ def test_no_layers_or_layers_of_air_are_nothing():
 def test_thick_lossy_slabs_are_half_spaces():
     """A metre of wet matter: e^-10000, where a plain product of matrices overflows."""
     r, t = slab_coefficients([(8 - 12j, 1.0), (2.0, 0.01), (8 - 12j, 3.0)], FREQUENCIES, COSINES)
-    assert abs(r - fresnel(8 - 12j, COSINES)[:, None]).max() < 1e-12
+    assert abs(r - half_space(8 - 12j, COSINES)[:, None]).max() < 1e-12
     assert (t == 0).all()
 
 

@@ -269,7 +269,7 @@ def test_an_unlit_scene_gives_an_empty_capture_and_says_so():
     capture = ms.simulate(BOX, ms.Radar.preset("mito-sim-77ghz"), sideways, tau_deg=1.0)
     assert capture.metadata["lit_fraction"] == 0
     assert not capture.frames.any()
-    with pytest.raises(InputError, match="the capture is empty"):
+    with pytest.raises(InputError, match="no vertex is lit"):
         ms.simulate(BOX, ms.Radar.preset("mito-sim-77ghz"), sideways, tau_deg=1.0, snr_db=10, rng=0)
 
 

@@ -1,4 +1,4 @@
-"""`examples/plugin`, installed: its scattering model, its radar and its colour map are found by name, and used."""
+"""`examples/plugin`, installed: its model, radar, raw format and colour map are found by name, and used."""
 
 import json
 import os
@@ -23,7 +23,17 @@ image = ms.form_image(lambert, ms.VoxelGrid.regular((-0.05, -0.05, 0), (0.05, 0.
 set_colormap("night")
 image.plot().savefig("cube.png")
 set_colormap(None)
+import pathlib
+from millisight_example.readers import write_counts
+counts = np.arange(64 * 2 * 8).reshape(64, 2, 8) * (1 + 2j)
+write_counts("scan.counts", counts)
+pathlib.Path("scan.toml").write_text(
+    '[radar]\\nstart_frequency = 60e9\\nstep = 1e8\\nrx_positions = [[0, 0, 0], [0.01, 0, 0]]\\n'
+    '[frames]\\nfile = "scan.counts"\\nphase_sign = -1\\n[positions]\\nraster = { step = 0.01, counts = [8, 8] }\\n'
+)
+read = ms.read_capture("scan.toml")
 print(json.dumps({
+    "counts": bool(np.array_equal(read.frames[:, 0], counts)),
     "receivers": len(radar.array.rx_positions),
     "weaker": float(np.abs(lambert.frames).mean() / np.abs(diffuse.frames).mean()),
     "peak": image.peak.tolist(),
@@ -52,6 +62,7 @@ def test_what_it_adds_is_used_by_name(installed, tmp_path):
     done = run(installed, tmp_path, sys.executable, "-c", CODE)
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout.splitlines()[-1])
+    assert found["counts"]
     assert found["receivers"] == 2
     assert 0.2 < found["weaker"] < 0.98
     # The cube's top is 28.5 mm above its centre.

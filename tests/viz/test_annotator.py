@@ -118,7 +118,7 @@ class TestOpening:
 
     def test_what_is_no_picture(self, tmp_path, radar_file):
         cases = [("no.png", None, FileError, "no such file")]
-        cases += [("text.png", b"hello", FormatError, "no PNG or JPEG"), ("a.txt", b"hello", FormatError, "a.txt")]
+        cases += [("text.png", b"hello", FormatError, "not a PNG or JPEG"), ("a.txt", b"hello", FormatError, "a.txt")]
         whole = photo(tmp_path / "whole.png", np.zeros((64, 64, 3), np.uint8)).read_bytes()
         cases += [("cut.png", whole[:60], DamagedFileError, "cut.png is damaged")]
         huge = b"\x89PNG\r\n\x1a\n"
@@ -131,11 +131,11 @@ class TestOpening:
             with pytest.raises(error, match=said):
                 open_picture(tmp_path / name)
         ms.save(tmp_path / "grid.h5", radar_image().grid)
-        with pytest.raises(FormatError, match="holds a VoxelGrid, which is no picture"):
+        with pytest.raises(FormatError, match="holds a VoxelGrid, which is not a picture"):
             open_picture(tmp_path / "grid.h5")
         with open(tmp_path / "long.h5", "wb") as file:
             file.truncate(4 << 30)  # holes take no room
-        with pytest.raises(FileError, match=r"long\.h5 has 4\.3 GB; what is annotated is read whole, up to 1\.1 GB"):
+        with pytest.raises(FileError, match=r"long\.h5 has 4\.3 GB; files are read whole, up to 1\.1 GB"):
             open_picture(tmp_path / "long.h5")
         with pytest.raises(InputError, match="photograph, which has no other band"):
             open_picture(tmp_path / "whole.png", other_band=radar_file)
@@ -219,8 +219,8 @@ class TestTheSession:
 
     def test_what_cannot_be_asked(self, annotation):
         cases = [
-            (None, "something else"),
-            ({"method": "discs"}, "something else"),
+            (None, "expected a method"),
+            ({"method": "discs"}, "expected a method"),
             (asked([[1, 1]], [1]), "true and false"),
             (asked([[1, 1]], []), "positive has shape"),
             (asked([[-1, 1]], [True]), "point is -1"),
@@ -255,11 +255,11 @@ class TestTheSession:
         annotation = Annotation(subject, tmp_path / "m.h5", segmenters={"big": "needs a model", "discs": Discs()})
         assert annotation.about()["question"]["method"] == "discs"
         assert annotation.about()["methods"][0] == {"name": "big", "hindrance": "needs a model"}
-        with pytest.raises(InputError, match="big cannot work here: needs a model"):
+        with pytest.raises(InputError, match="big cannot be used: needs a model"):
             annotation.mask(asked([], [], "big"))
-        with pytest.raises(InputError, match="big cannot work here"):
+        with pytest.raises(InputError, match="big cannot be used"):
             Annotation(subject, tmp_path / "m.h5", segmenters=annotation._segmenters, method="big")
-        with pytest.raises(InputError, match="no segmenter can work here: needs a model"):
+        with pytest.raises(InputError, match="no segmenter can be used: needs a model"):
             Annotation(subject, tmp_path / "m.h5", segmenters={"big": "needs a model"})
 
     def test_a_mask_goes_into_a_file_of_its_kind(self, radar_file, tmp_path):
@@ -270,7 +270,7 @@ class TestTheSession:
 class TestTheCommand:
     def test_what_cannot_begin_is_said_in_a_line(self, tmp_path):
         (tmp_path / "cup.png").write_bytes(b"no picture")
-        assert "cup.png is no PNG or JPEG picture" in refused("annotate", "cup.png", cwd=tmp_path)
+        assert "cup.png is not a PNG or JPEG picture" in refused("annotate", "cup.png", cwd=tmp_path)
         photo(tmp_path / "cup.png", np.zeros((9, 9, 3), np.uint8))
         with socket.create_server(("127.0.0.1", 0)) as taken:
             port = taken.getsockname()[1]

@@ -59,7 +59,7 @@ def test_the_threshold_is_a_line_where_there_is_one():
     _, with_it = plot_prediction(image(), mask(), prediction(0.1, 0.05, 0.8, 0.05))
     (line,) = with_it.lines
     assert set(line.get_xdata()) == {0.6}
-    assert with_it.get_xlabel() == "probability (dashed: sure from 0.60)"
+    assert with_it.get_xlabel() == "probability (dashed: threshold 0.60)"
     _, without = plot_prediction(image(), mask(), prediction(0.1, 0.05, 0.8, 0.05, threshold=0))
     assert not without.lines
     assert without.get_xlabel() == "probability"

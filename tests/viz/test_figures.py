@@ -188,7 +188,7 @@ class TestMesh:
 class TestAperturePrinciple:
     def test_all_positions_focus_at_the_reflectors_and_one_does_not(self):
         sketch, one, every = viz.plot_aperture_principle(aperture=0.12)
-        assert sketch.get_title() == "a) distances from four places"
+        assert sketch.get_title() == "a) distances from four positions"
         assert every.get_title() == "c) image of 125 positions"
         x, z = (np.asarray(values) for values in one.lines[0].get_data())  # the reflectors are marked
         assert len(x) == 3

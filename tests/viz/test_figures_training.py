@@ -18,7 +18,7 @@ def test_each_augmentation_is_seen():
     figure = plot_augmentations(scene, seed=1)
     found = pictures(figure)
     assert {"specular", "edge", "none", "echo", "clutter", "noise", "speckle", "masked", "moved", "blurred",
-            "uneven light", "erased", "several", "true mask", "a mask that errs"} <= set(found)  # fmt: skip
+            "uneven light", "erased", "several", "true mask", "a mask with errors"} <= set(found)  # fmt: skip
     for title in ("echo", "clutter", "noise", "speckle"):
         assert abs(found[title] - found["none"]).max() > 0.02, title
     changed = {title: np.asarray(abs(found[title] - found["none"])) for title in ("echo", "noise", "speckle")}

@@ -20,12 +20,13 @@ from helpers.miniature import MUG
 from millisight.cli.app import app
 from millisight.core.errors import DamagedFileError, DeviceError, FileError, FormatError, InputError
 from millisight.viz import grid_box
+from millisight.viz._panels import mask_borders
 from millisight.viz.viewer import PaneGrid, ViewSettings, first_settings, gather, start
 from millisight.viz.viewer import _contents as contents_module
 from millisight.viz.viewer import _server as server_module
 from millisight.viz.viewer._layout import FOV, placed, rows_and_columns, start_camera
 from millisight.viz.viewer._levels import FLOOR_DB, levels_of, mixed_levels
-from millisight.viz.viewer._pane import mask_outline, path_lines
+from millisight.viz.viewer._pane import path_lines
 from millisight.viz.viewer._settings import colour_bar, palette
 
 GRID = ms.VoxelGrid(x=np.linspace(-0.03, 0.03, 7), y=np.linspace(0, 0.04, 5), z=np.linspace(-0.2, -0.1, 3))
@@ -327,7 +328,7 @@ def test_what_is_not_ours_is_refused(tmp_path, monkeypatch, miniature):
 def test_a_masks_outline_is_as_long_as_its_border():
     inside = np.zeros((7, 5), bool)
     inside[2:4, 1:4] = True
-    outline = mask_outline(ms.Mask(grid_xy=GRID.xy, inside=inside))
+    outline = mask_borders(ms.Mask(grid_xy=GRID.xy, inside=inside))
     assert len(outline) == 2 * (2 + 3)
     assert np.linalg.norm(outline[:, 1] - outline[:, 0], axis=1) == pytest.approx(0.01)
     assert outline.reshape(-1, 2).min(axis=0) == pytest.approx([-0.015, 0.005])

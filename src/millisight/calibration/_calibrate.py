@@ -46,7 +46,7 @@ def set_antennas(capture: Capture, array: AntennaArray) -> Capture:
     checked_record(capture, Capture, name="capture")
     checked_record(array, AntennaArray, name="array")
     if capture.tx_points is not None or capture.rx_points is not None:
-        raise InputError("the capture's antennas have places of their own at each pose; no array can move them")
+        raise InputError("the capture states the antenna positions of each pose; they cannot be moved with an array")
     radar = capture.radar
     return remade(
         capture,
@@ -88,7 +88,7 @@ def estimate_path_offset(
     low, high = checked_numbers(search, name="search", count=2, unit="m")
     waveform = capture.radar.waveform
     if waveform.samples_per_chirp < 2:
-        raise InputError("a single frequency says nothing of the path offset; expected a sweep")
+        raise InputError("the path offset cannot be found from a single frequency; expected a frequency sweep")
     span = SPEED_OF_LIGHT / waveform.frequency_step
     if not 0 < high - low < span:
         raise InputError(
@@ -138,7 +138,7 @@ def estimate_gains(capture: Capture, target: np.ndarray) -> np.ndarray:
     offset = 2j * np.pi / SPEED_OF_LIGHT * capture.radar.waveform.frequencies * capture.radar.path_offset
     answers = (_focused(capture, target) * np.exp(offset)).mean(axis=(0, 3))
     if not np.abs(answers).min() > 0:
-        raise InputError("a channel sees nothing of the target; check the target's place and the frames")
+        raise InputError("a channel has no signal from the target; check the target's position and the frames")
     return answers / answers.mean()
 
 
@@ -189,15 +189,15 @@ def add_phase(capture: Capture, frequencies: np.ndarray, phases: np.ndarray, *, 
     known = checked_array(frequencies, name="frequencies", shape=("M",), unit="Hz")
     phases = checked_array(phases, name="phases", shape=(len(known),), unit="rad")
     if between not in ("linear", "nearest"):
-        raise UnknownNameError("way between frequencies", between, ("linear", "nearest"))
+        raise UnknownNameError("interpolation between frequencies", between, ("linear", "nearest"))
     if not (np.diff(known) > 0).all():
-        raise InputError("frequencies must increase strictly; sort them, phases along with them")
+        raise InputError("frequencies must increase strictly; sort them together with their phases")
     waveform = capture.radar.waveform
     wanted = waveform.frequencies
     if wanted[0] < known[0] - waveform.frequency_step or wanted[-1] > known[-1] + waveform.frequency_step:
         raise InputError(
-            f"phases are given from {known[0] / 1e9:.4f} to {known[-1] / 1e9:.4f} GHz; expected them over the "
-            f"capture's {wanted[0] / 1e9:.4f} to {wanted[-1] / 1e9:.4f} GHz"
+            f"phases are given from {known[0] / 1e9:.4f} to {known[-1] / 1e9:.4f} GHz; expected them for the "
+            f"capture's band, {wanted[0] / 1e9:.4f} to {wanted[-1] / 1e9:.4f} GHz"
         )
     if between == "nearest":
         found = phases[np.abs(known[None] - wanted[:, None]).argmin(axis=1)]
@@ -242,8 +242,8 @@ def subtract_background(capture: Capture, empty: Capture, *, frame: str = "mean"
         for name in ("tx_positions", "rx_positions")
     ):
         raise InputError(
-            f"the empty scene was seen by another radar ({theirs.name}) than the scene ({ours.name}); expected the "
-            "same frequencies and as many antennas"
+            f"the empty scene was captured by another radar ({theirs.name}) than the scene ({ours.name}); expected "
+            "the same frequencies and number of antennas"
         )
     if frame == "same":
         _check_same_poses(capture, empty)

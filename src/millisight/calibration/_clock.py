@@ -2,7 +2,7 @@
 
 from millisight.core import checked_record, with_step
 from millisight.core.errors import InputError
-from millisight.data import Capture, ClockCorrection, Trajectory, check_log, inside_log, spans
+from millisight.data import Capture, ClockCorrection, Trajectory, check_follows_log, check_log, inside_log, spans
 
 
 def retime(capture: Capture, log: Trajectory, clock: ClockCorrection) -> Capture:
@@ -20,13 +20,10 @@ def retime(capture: Capture, log: Trajectory, clock: ClockCorrection) -> Capture
     Raises
     ------
     InputError
-        No frame lies within the log, or the capture's antennas are at places of their own, which no log gives.
+        No frame lies within the log, or the log alone does not place the antennas.
     """
     checked_record(capture, Capture, name="capture")
-    if capture.tx_points is not None or capture.rx_points is not None:
-        raise InputError(
-            "the capture's antennas have places of their own at each pose; a robot's log says nothing of them"
-        )
+    check_follows_log(capture)
     checked_record(clock, ClockCorrection, name="clock")
     check_log(log)
     times = capture.trajectory.times

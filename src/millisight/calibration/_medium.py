@@ -1,7 +1,7 @@
 """What lies between antennas and scene is not air: a medium all around, plane layers; or waves that go one way only.
 
-The imagers know straight paths through air there and back. Each step here turns a capture into one that has them: its
-frequencies, its path offset and the places of its antennas are such that the phase 2 pi f d / c is the same.
+The imagers know paths through air there and back, bent by plane layers at most. Each step here turns a capture into one
+that has them: its frequencies, its path offset and its antennas are such that the phase 2 pi f d / c is the same.
 """
 
 from collections.abc import Sequence
@@ -12,9 +12,8 @@ import numpy as np
 from millisight.calibration._calibrate import remade
 from millisight.core import checked_array, checked_number, checked_numbers, checked_record, with_step
 from millisight.core.errors import InputError
-from millisight.data import Capture, Trajectory, Waveform
+from millisight.data import Capture, Layers, Trajectory, Waveform
 
-_TELL = 1 / 16  # of a wavelength: an error of a path that is told
 _RAYS = 400
 
 
@@ -34,6 +33,7 @@ def set_medium(capture: Capture, permittivity: float) -> Capture:
         The permittivity is no number above 0.
     """
     checked_record(capture, Capture, name="capture")
+    _check_no_layers(capture)
     permittivity = checked_number(permittivity, name="permittivity", above=0)
     index = float(np.sqrt(permittivity))
     radar = capture.radar
@@ -54,9 +54,10 @@ def set_one_way(capture: Capture) -> Capture:
         There are several transmitters.
     """
     checked_record(capture, Capture, name="capture")
+    _check_no_layers(capture)
     poses, transmitters, receivers, samples = capture.frames.shape
     if transmitters != 1:
-        raise InputError(f"one way has no transmitters, and the frames are of {transmitters}; expected one")
+        raise InputError(f"expected one transmitter in a one-way capture; got {transmitters}")
     radar = capture.radar
     changed = replace(radar, waveform=_scaled(radar.waveform, 0.5), path_offset=2 * radar.path_offset)
     if receivers == 1:
@@ -89,14 +90,14 @@ def see_through(
     max_angle: float | None = None,
     reach: tuple[float, float] | None = None,
 ) -> Capture:
-    """The capture of a scene behind plane layers, as if there were only what the scene lies in.
+    """The capture of a scene behind plane layers, whose paths are bent by Snell's law.
 
-    A ray at the angle a behind the layers goes by Snell's law through a layer of thickness t and relative index m,
-    and its path as seen from behind is t sqrt(m^2 - sin^2 a) longer (with the sideways part taken off). Instead of
-    the layers, straight rays start at an antenna moved along `towards` and with a path offset, b cos a + o, both
-    chosen to fit best up to `max_angle`. The error that remains is of fourth order in the angle, is the same for
-    every voxel under that angle, and is stated in the history (`path_error`, of both ways together). It is noted as
-    a warning where it exceeds a sixteenth of the wavelength.
+    The imagers work out the bent paths: "exact" to rounding, "fast" and "backprojection" by a table that is right to
+    some ten-thousandths of a wave. What knows of straight paths alone, as `autofocus` and the sparse imager, finds
+    antennas moved along `towards` and a path offset for which straight paths fit best: a ray at the angle a behind the
+    layers goes through a layer of thickness t and relative index m, and its path as seen from behind is
+    t sqrt(m^2 - sin^2 a) longer (with the sideways part taken off), which b cos a + o comes near, up to `max_angle`.
+    The history states what this fit errs by, of both ways together (`path_error`).
 
     Parameters
     ----------
@@ -104,16 +105,17 @@ def see_through(
         wholly between antennas and scene; where, does not matter
     towards : (3,) from the antennas to the scene, normal to the layers
     permittivity : of what the scene lies in, behind the layers
-    max_angle : that rays make with `towards`, in the scene [rad]; less where the layers reflect all beyond. None: as
-        `reach` says, or else 45 degrees
+    max_angle : that rays make with `towards`, in the scene [rad], for the fit; less where the layers reflect all
+        beyond. None: as `reach` says, or else 45 degrees
     reach : (across, depth) from antenna to voxel, the longest and the shortest [m]
 
     Raises
     ------
     InputError
-        A number cannot be right.
+        A number cannot be right, or the capture has layers already.
     """
     checked_record(capture, Capture, name="capture")
+    _check_no_layers(capture)
     normal = checked_array(towards, name="towards", shape=(3,))
     if not np.linalg.norm(normal) > 0:
         raise InputError("towards is 0, 0, 0; expected the direction from the antennas to the scene")
@@ -132,34 +134,37 @@ def see_through(
     else:
         widest = _widest_sine(widest, thickness, relative, reach)
     sines = np.linspace(0, widest, _RAYS)
-    cosines = np.sqrt(1 - sines**2)
     lengths = (thickness * np.sqrt(relative**2 - sines[:, None] ** 2)).sum(axis=1)
-    fitted = np.stack([cosines, np.ones(_RAYS)], axis=1)
+    fitted = np.stack([np.sqrt(1 - sines**2), np.ones(_RAYS)], axis=1)
     (straight, offset), *_ = np.linalg.lstsq(fitted, lengths, rcond=None)
-    error = 2 * float(np.abs(fitted @ [straight, offset] - lengths).max())
-
-    moved = (thickness.sum() - straight) * normal
+    bent = Layers(
+        thicknesses=thickness,
+        indices=relative,
+        normal=normal,
+        moved=float(thickness.sum() - straight),
+        offset=2 * float(offset),
+        error=2 * float(np.abs(fitted @ [straight, offset] - lengths).max()),
+    )
+    moved = bent.moved * normal
     inside = set_medium(capture, permittivity) if permittivity != 1 else capture
-    radar = replace(inside.radar, path_offset=inside.radar.path_offset + 2 * float(offset))
+    radar = replace(inside.radar, path_offset=inside.radar.path_offset + bent.offset)
     told = {
         "layers": [list(pair) for pair in pairs], "towards": normal.tolist(), "moved": moved.tolist(),
-        "path_offset": 2 * float(offset), "max_angle": float(np.arcsin(sines[-1])), "path_error": error,
+        "path_offset": bent.offset, "max_angle": float(np.arcsin(sines[-1])), "path_error": bent.error,
     }  # fmt: skip
-    metadata = dict(inside.metadata)
-    if error > _TELL * radar.waveform.wavelength:
-        metadata["notes"] = [
-            *metadata.get("notes", ()),
-            f"refraction by the layers is right to {error * 1e3:.2g} mm of path, "
-            f"{error / radar.waveform.wavelength:.2f} wavelengths, up to {np.degrees(told['max_angle']):.0f} degrees; "
-            "images may be out of focus",
-        ]
     shifted = {
         name: points + moved for name in ("tx_points", "rx_points") if (points := getattr(inside, name)) is not None
     }
     poses = replace(inside.trajectory, positions=inside.trajectory.positions + moved)
-    return replace(
-        inside, radar=radar, trajectory=poses, metadata=with_step(metadata, "see_through", **told), **shifted
-    )
+    metadata = with_step(inside.metadata, "see_through", **told)
+    return replace(inside, radar=radar, trajectory=poses, metadata=metadata, layers=bent, **shifted)
+
+
+def _check_no_layers(capture: Capture) -> None:
+    if capture.layers is not None:
+        raise InputError(
+            "the capture already has layers; apply this step before they are added, and add all layers at once"
+        )
 
 
 def _widest_sine(limit: float, thickness: np.ndarray, relative: np.ndarray, reach: tuple[float, float]) -> float:

@@ -29,7 +29,8 @@ def annotate(
             "-o",
             "--output",
             help="Mask to write: HDF5 for a radar image, PNG for a photograph; the points go to NAME.prompts.json "
-            "beside it. [default: NAME.mask.h5 or NAME.mask.png beside the image; for files of a dataset, here]",
+            "beside it. [default: NAME.mask.h5 or NAME.mask.png beside the image; for files of a dataset, in the "
+            "current folder]",
         ),
     ] = None,
     other_band: Annotated[
@@ -43,8 +44,8 @@ def annotate(
     model: Annotated[
         str | None,
         typer.Option(
-            help="Model of sam: vit-b, vit-l, vit-h, sam2-tiny or sam2-large, which are downloaded, or a folder with a "
-            "model. [default: no sam; vit-b with --method sam]"
+            help="Model for sam: vit-b, vit-l, vit-h, sam2-tiny or sam2-large (downloaded), or a folder with a model. "
+            "[default: no sam; vit-b with --method sam]"
         ),
     ] = None,
     device: SamDevice = "cpu",
@@ -57,8 +58,8 @@ def annotate(
 ) -> None:
     """Mark an object in the browser: click on it; right-click what does not belong to it.
 
-    The mask is updated after each click. An earlier annotation of the same image is continued. The command ends when
-    the page is closed, or with Ctrl-C.
+    The mask is updated after each click. An earlier annotation of the same image is continued. Close the page or press
+    Ctrl-C to stop.
 
     Example: millisight annotate mug.image.h5
 

@@ -20,7 +20,7 @@ from millisight.cli import (
     view,
 )
 
-app = typer.Typer(
+app: typer.Typer = typer.Typer(
     invoke_without_command=True,
     add_completion=False,
     pretty_exceptions_enable=False,

@@ -47,13 +47,15 @@ def classify(
         Path | None,
         typer.Option(
             metavar="PATH",
-            help="Mask of the object, from `millisight segment` or `annotate`; for several images the folder with "
-            "their masks. [default: NAME.mask.h5 where `segment` writes it, if it is there; else segment with wave]",
+            help="Mask of the object, from `millisight segment` or `annotate`; for several images, the folder with "
+            "their masks. [default: NAME.mask.h5 if `segment` wrote one; else segment with wave]",
         ),
     ] = None,
     method: Annotated[
         str | None,
-        typer.Option(help="Segment with this method, even if there is a mask: wave, classical, sam or a plug-in's."),
+        typer.Option(
+            help="Segment with this method, even if there is a mask: wave, classical, sam or the name of a plug-in."
+        ),
     ] = None,
     other_band: OtherBand = None,
     multispectral: Multispectral = False,
@@ -75,11 +77,11 @@ def classify(
         bool, typer.Option("--json", help="Print the full result, one line of JSON for each image.")
     ] = False,
 ) -> None:
-    """Name the object in images; with several images, one bad one does not stop the rest.
+    """Classify the object in each image. An image that fails does not stop the others.
 
-    The object is segmented first, as `millisight segment` does it, and a network that was trained on simulated images
-    alone classifies it. The probabilities are calibrated: of the answers with 0.8, about 8 in 10 are right on simulated
-    images. Below the network's threshold the answer is "not sure", with the most probable classes.
+    The object is segmented first, as by `millisight segment`. A network trained only on simulated images then
+    classifies it. The probabilities are calibrated on simulated images: of the answers with probability 0.8, about 8 in
+    10 are right. Below the network's threshold the answer is "not sure", followed by the most probable classes.
 
     Example: millisight classify mug.image.h5
 
@@ -88,7 +90,7 @@ def classify(
     Example: millisight classify MITO_Dataset/004_sugar_box --multispectral -o predictions/
     """
     if mask is not None and method is not None:
-        raise InputError("--mask gives the mask, and --method finds it; leave one of them out")
+        raise InputError("--mask and --method cannot be combined: pass a mask, or a method to find one")
     found = image_sources(images, radar=radar, condition=condition, multispectral=multispectral, other_band=other_band)
     check_single(found, mask=None if mask is None or mask.is_dir() else mask, other_band=other_band)
     classifier = _classifier(weights)
@@ -119,8 +121,8 @@ def classify(
             raise error if path is None else InputError(f"with the mask of {path}: {error}") from error
         if other is None and len(classifier.bands) > 1:
             note = (
-                f"the classifier looks at {' and '.join(classifier.bands)}, and gets one band; --other-band, or "
-                "--multispectral of a dataset, gives it both"
+                f"the classifier uses {' and '.join(classifier.bands)}, but got one band; pass the other with "
+                "--other-band, or a dataset with --multispectral"
             )
             if note not in notes:
                 notes.add(note)
@@ -162,17 +164,11 @@ def _classifier(weights: Path | None) -> "Classifier":
     try:
         return classifier(weights=weights)
     except ImportError as error:
-        raise InputError(f"classify cannot be used here: {error}") from error
+        raise InputError(f"cannot classify: {error}") from error
 
 
 def _mask_file(source: ImageSource, masks: Path | None, method: str | None) -> Path | None:
-    """The file to read the mask from; None: segment.
-
-    Raises
-    ------
-    FileError
-        The folder with the masks holds none of this image.
-    """
+    """The file to read the mask from; None: segment. An error if the folder with the masks holds none of this image."""
     if masks is None:
         beside = source.output(MASK_SUFFIX)
         return beside if method is None and beside.is_file() else None
@@ -238,7 +234,7 @@ def _say_bars(prediction: "Prediction") -> None:
         share = float(prediction.probabilities[i])
         say(f"  {prediction.class_names[i]:<{width}}  {share:.2f}  {'#' * round(_BAR * share)}".rstrip())
     if prediction.threshold > 0:
-        say(f"  sure from {prediction.threshold:.2f}")
+        say(f"  threshold: {prediction.threshold:.2f}")
 
 
 def _note(line: str) -> None:

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from millisight.cli.console import check_outputs, progress, say
-from millisight.core import box, make_folder
-from millisight.core.errors import FileError, UnknownNameError
+from millisight.cli.console import check_outputs, duration, progress, say
+from millisight.core import box, check_known, make_folder
+from millisight.core.errors import FileError
 
 if TYPE_CHECKING:
     from millisight.rig.virtual import VirtualRig
@@ -18,26 +18,33 @@ _ROOM = 4  # over the raw files' size: rows as they come are twice as large, and
 
 
 def collect(
-    world: Annotated[Path, typer.Argument(metavar="WORLD.toml", help="What stands where; how well the devices work.")],
+    world: Annotated[
+        Path,
+        typer.Argument(
+            metavar="WORLD.toml", help="World to scan: objects, surroundings, devices and their errors (TOML)."
+        ),
+    ],
     output: Annotated[Path, typer.Option("-o", "--output", help="Dataset to add the experiment to, a folder.")] = Path(
         "data"
     ),
-    rig: Annotated[str, typer.Option(help="virtual: arm, radars and camera in software.")] = "virtual",
-    experiment: Annotated[int, typer.Option(min=0, help="Number N of the experiment, of its folder exp<N>.")] = 1,
+    rig: Annotated[str, typer.Option(help="Rig to use; virtual: arm, radars and camera are simulated.")] = "virtual",
+    experiment: Annotated[int, typer.Option(min=0, help="Experiment number N; its folder is exp<N>.")] = 1,
     truth: Annotated[
         Path | None,
-        typer.Option(metavar="FOLDER", help="Write the true path and exact masks there: no real rig could."),
+        typer.Option(
+            metavar="FOLDER", help="Folder for the true path and the exact masks, which only a virtual rig knows."
+        ),
     ] = None,
     plot: Annotated[
         Path | None,
         typer.Option(help="Write a picture of the world: from above, from the side, by its camera (PNG, SVG, PDF)."),
     ] = None,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Check the world, say what the scan would cost, and stop.")
+        bool, typer.Option("--dry-run", help="Check the world, print what the scan would cost, and do not scan.")
     ] = False,
-    hdf5: Annotated[bool, typer.Option(help="Write captures in HDF5 beside the raw files, too.")] = True,
+    hdf5: Annotated[bool, typer.Option(help="Also write captures as HDF5, beside the raw files.")] = True,
 ) -> None:
-    """Scan a world, and write raw radar files, robot log and camera picture in the published dataset's layout.
+    """Scan a world; write raw radar files, robot log and camera picture in the layout of the published dataset.
 
     Examples:
 
@@ -45,15 +52,14 @@ def collect(
 
     millisight collect --rig virtual world.toml -o data && millisight image data --clock apply
 
-    A world of one line is enough; WORLD.toml's keys are explained in docs/how-to/virtual-rig.md:
+    The keys of WORLD.toml are explained in docs/how-to/virtual-rig.md. One line is enough:
 
     objects = [{ object = "mug" }]
     """
     from millisight.rig import PublishedWriter, record_scan
     from millisight.rig.virtual import VirtualRig, World, build_layout, experiment_folder_of, experiment_info
 
-    if rig not in RIGS:
-        raise UnknownNameError("rig", rig, RIGS)
+    check_known("rig", rig, RIGS)
     check_outputs(figures=(plot,), source=world)
     described = World.from_toml(world)
     with progress("build the world"):
@@ -61,22 +67,23 @@ def collect(
     virtual = VirtualRig(described, layout=layout)
     folder = experiment_folder_of(described, output, experiment)
     if not dry_run and folder.exists():
-        raise FileError(f"{folder} is there already; choose another --experiment, or remove it")
+        raise FileError(f"{folder} already exists; choose another --experiment, or remove it")
     for line in _summary(virtual):
         say(line)
     if plot is not None:
         _plot(virtual, plot)
         say(f"wrote {plot}")
-    with progress("measure what a scan costs"):
+    with progress("estimate the cost of the scan"):
         seconds = virtual.estimated_seconds()
     size = virtual.estimated_bytes()
-    say(f"estimate: {_duration(seconds)} on this machine, {size / 1e6:.0f} MB in {folder}")
+    say(f"estimate: {duration(seconds)} on this machine, {size / 1e6:.0f} MB in {folder}")
     if dry_run:
         return
     make_folder(output)
     if shutil.disk_usage(output).free < 2 * size:
         raise FileError(
-            f"{output} has {shutil.disk_usage(output).free / 1e6:.0f} MB left; the scan needs twice {size / 1e6:.0f}"
+            f"{output} has {shutil.disk_usage(output).free / 1e6:.0f} MB of free disk space; the scan needs "
+            f"{2 * size / 1e6:.0f} MB"
         )
     with progress("scan") as report:
         writer = PublishedWriter(folder, info=experiment_info(described), hdf5=hdf5)
@@ -101,27 +108,17 @@ def _summary(rig: "VirtualRig") -> list[str]:
     minutes = len(rig.plan.rows) * rig.plan.row_time
     lines.append(
         f"scan: {len(rig.plan.rows)} rows of {scan.size[1] * 100:g} cm, {scan.row_spacing * 1000:g} mm apart, at "
-        f"{arm.speed:g} m/s: {_duration(minutes)} of the arm's time"
+        f"{arm.speed:g} m/s, which takes the arm {duration(minutes)}"
     )
     for radar in rig.radars:
         step, wavelength = arm.speed * radar.frame_period, radar.radar.waveform.wavelength
         lines.append(
-            f"{radar.name}: {rig.plan.frames(radar.frame_period)} frames a row, one each {step * 1000:.2g} mm "
-            f"or {step / wavelength:.2f} wavelengths"
+            f"{radar.name}: {rig.plan.frames(radar.frame_period)} frames per row, {step * 1000:.2g} mm or "
+            f"{step / wavelength:.2f} wavelengths apart"
         )
         if step > wavelength / 2:
-            lines.append(f"warning: {radar.name} measures farther apart than half a wavelength: expect ghosts")
+            lines.append(f"warning: frames of {radar.name} are more than half a wavelength apart: expect grating lobes")
     return lines
-
-
-def _duration(seconds: float) -> str:
-    return (
-        f"{seconds:.0f} s"
-        if seconds < 100
-        else f"{seconds / 60:.0f} min"
-        if seconds < 6000
-        else f"{seconds / 3600:.1f} h"
-    )
 
 
 def _plot(rig: "VirtualRig", path: Path) -> None:

@@ -98,6 +98,13 @@ def say(line: str) -> None:
     typer.echo(printable(line))
 
 
+def duration(seconds: float) -> str:
+    """A time in seconds, minutes or hours."""
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"
+
+
 def end_with_failures(lines: Sequence[str]) -> None:
     """Print each failure on a line and exit with code 1; do nothing without failures."""
     if lines:

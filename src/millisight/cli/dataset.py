@@ -1,7 +1,9 @@
 """`millisight dataset`: list, look into, verify, convert and download the published dataset."""
 
 import json
+import os
 from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,11 +12,13 @@ import typer
 from millisight import datasets
 from millisight.cli.console import end_with_failures, in_options, length, progress, say
 from millisight.cli.options import Objects, Sight, Workers, checked_sight
-from millisight.core.errors import InputError
-from millisight.datasets import Dataset, Experiment, ObjectFolder, Simulation
-from millisight.io.mito import CAMERA_FRAME, CAMERA_MASK, IMAGE, RADAR_MASK, RADARS, RAW
+from millisight.core import box, printable
+from millisight.core.errors import FileError, InputError, MillisightError
+from millisight.data import CameraFrame, CameraMask, Capture, Mask, RawScan, SarImage
+from millisight.datasets import Dataset, Experiment, Item, ObjectFolder, Simulation, find_object
+from millisight.io.mito import CAMERA_FRAME, CAMERA_MASK, IMAGE, INFO, RADAR_MASK, RADARS, RAW
 
-app = typer.Typer(
+app: typer.Typer = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -66,8 +70,6 @@ def info(
 
     Example: millisight dataset info MITO_Dataset/004_sugar_box/robot_collected/0_0_0/exp2/los
     """
-    from millisight.cli.dataset_info import describe
-
     failed = False
     for path in paths:
         for line in describe(path):
@@ -79,18 +81,15 @@ def info(
 
 @app.command("verify")
 def verify(root: Root, objects: Objects = None, workers: Workers = None) -> None:
-    """Open every file and report damage and loss; compare checksums for a converted dataset.
+    """Open every file and report damaged and missing ones; compare checksums for a converted dataset.
 
     The exit code is 1 if there is a problem. Notes do not count.
 
     Example: millisight dataset verify MITO_Dataset
     """
-    from millisight import datasets
-    from millisight.datasets import verify as verify_dataset
-
     dataset = datasets.open(root).only(objects or [])
     with progress("verify", compiles=False) as report:
-        results = verify_dataset(dataset, workers=workers, progress=report)
+        results = datasets.verify(dataset, workers=workers, progress=report)
     for one in results:
         for text in one.problems:
             say(f"problem: {one.path}: {text}")
@@ -123,16 +122,13 @@ def convert(
 
     Example: millisight dataset convert MITO_Dataset -o mito
     """
-    from millisight import datasets
-    from millisight.datasets import convert as convert_dataset
-
     dataset = datasets.open(root).only(objects or [])
     distance = None if min_distance is None else length(min_distance, option="--min-distance")
     with progress("convert", compiles=False) as report:
-        done = convert_dataset(dataset, output, min_distance=distance, workers=workers, progress=report)
+        done = datasets.convert(dataset, output, min_distance=distance, workers=workers, progress=report)
     for path, text in done.notes:
         say(f"note: {path}: {text}")
-    say(f"converted {done.made} items into {output}; {done.kept} were there already")
+    say(f"converted {done.made} items into {output}; {done.kept} existed already")
     end_with_failures([f"{path}: {in_options(reason)}" for path, reason in done.failures])
 
 
@@ -153,16 +149,14 @@ def download(
 
     Example: millisight dataset download MITO_Dataset --object 004_sugar_box --object mug
     """
-    from millisight.datasets import download as download_dataset
-
     settings = {"repository": repo, "revision": revision, "dry_run": dry_run, "workers": workers}
     with progress("download", compiles=False) as report:
         try:
-            done = download_dataset(output, objects or [], progress=report, **settings)
+            done = datasets.download(output, objects or [], progress=report, **settings)
         except ImportError as error:
             raise InputError(str(error)) from error
     say(f"{done.repository} at {done.commit}: {len(done.files)} files, {done.size / 1e6:.1f} MB; "
-        f"{done.there} files were there already")  # fmt: skip
+        f"{done.there} files existed already")  # fmt: skip
     if dry_run:
         sizes: Counter[str] = Counter()
         for file in done.files:
@@ -242,3 +236,90 @@ def _tree(dataset: Dataset, chosen: list[ObjectFolder]) -> dict[str, Any]:
         ],
         "stray": list(dataset.stray),
     }
+
+
+def describe(path: Path) -> Iterator[str]:
+    """Describe the object at `path`, or the experiments and simulations at or below it; failures start "failed: ".
+
+    Raises
+    ------
+    FileError
+        The folder does not exist, or is not part of the layout.
+    """
+    if not path.is_dir():
+        raise FileError(f"{printable(path)}: no such folder")
+    one = find_object(path)
+    place = Path(os.path.abspath(path))
+    if place == one.folder:
+        yield f"object: {one.name}, id {one.id}{'' if one.role == 'object' else f', {one.role} scene'}"
+        yield f"meshes: {', '.join(one.meshes) or 'none'}"
+        for part in one.parts:
+            items = ", ".join(" ".join(filter(None, (item.radar, item.kind, item.ext))) for item in part.items)
+            yield f"{_name(part)}: {items or 'nothing'}"
+            yield from _missing(part)
+        return
+    chosen = [part for part in one.parts if part.folder == place or place in part.folder.parents]
+    if not chosen:
+        raise FileError(
+            f"{printable(path)} holds no experiment and no simulation; pass a folder los or nlos, or one above"
+        )
+    for part in chosen:
+        yield _name(part)
+        for item in part.items:
+            label = " ".join(filter(None, (item.radar, item.kind, item.ext)))
+            try:
+                for line in _describe(item):
+                    yield f"  {label}: {line}"
+            except MillisightError as error:
+                yield f"failed: {label}: {printable(error)}"
+        yield from _missing(part)
+
+
+def _name(part: Experiment | Simulation) -> str:
+    if isinstance(part, Simulation):
+        return f"simulation {'_'.join(map(str, part.angles))} of {part.object}"
+    angles = "_".join(map(str, part.angles))
+    return f"experiment {part.number} of {part.object} at {angles}, {part.sight}"
+
+
+def _missing(part: Experiment | Simulation) -> Iterator[str]:
+    if part.missing:
+        yield f"  missing: {', '.join(part.missing)}"
+
+
+def _describe(item: Item) -> Iterator[str]:
+    from millisight.io import load, open_capture
+    from millisight.io.mito import read_experiment, read_info, read_published
+
+    if item.kind == INFO:
+        yield ", ".join(f"{key} {value}" for key, value in read_info(item.path).items())
+    elif item.kind == RAW and item.converted:
+        with open_capture(item.path) as capture:
+            yield from _lines(capture)
+    elif item.kind == RAW:
+        yield from _lines(read_experiment(item.path, item.radar))
+    else:
+        yield from _lines(load(item.path) if item.converted else read_published(item.path).record)
+
+
+def _lines(record: Any) -> Iterator[str]:
+    """Facts about a record, a line each."""
+    if isinstance(record, SarImage):
+        peak = ", ".join(f"{p:.4f}" for p in record.peak)
+        yield f"{' x '.join(map(str, record.grid.shape))} voxels, {box(*record.grid.bounds)}, {record.values.dtype}"
+        yield f"peak {record.magnitude.max():.4g} at {peak} m"
+    elif isinstance(record, Mask):
+        yield f"{' x '.join(map(str, record.inside.shape))} pixels, {int(record.inside.sum())} on the object"
+    elif isinstance(record, CameraFrame | CameraMask):
+        yield repr(record).split("(", 1)[1].removesuffix(")")
+    elif isinstance(record, RawScan):
+        frames = sum(len(row.times) for row in record.rows)
+        yield f"{len(record.rows)} rows, {frames} frames, {len(record.radar.array.rx_positions)} receivers"
+        yield f"robot log: {len(record.log)} poses over {record.log.times[-1] - record.log.times[0]:.1f} s, " + box(
+            record.log.positions.min(axis=0), record.log.positions.max(axis=0)
+        )
+    elif isinstance(record, Capture):
+        yield repr(record).split("(", 1)[1].removesuffix(")")
+    if isinstance(record, RawScan | Capture):
+        yield from (f"left out: {text}" for text in record.metadata.get("left_out", ()))
+        yield from (f"note: {text}" for text in record.metadata.get("notes", ()))

@@ -18,13 +18,13 @@ RADARS = {"77 GHz": "mito-sim-77ghz", "24 GHz": "mito-sim-24ghz"}
 _SIZE = (0.30, 0.24)  # [m]
 
 _INTRODUCTION = """
-A radar moves over a mug, a wrench and a box, and measures at every position of a raster 20 cm above them. None of
-its frames alone shows a shape; fused into one synthetic aperture, they do. These are simulations after the MITO paper
-(ICCV 2025): a mesh, its lit vertices as point reflectors, Eq. 1 of the paper for the image. Nothing here was
-measured by a real radar.
+A radar moves over a mug, a wrench and a box, and measures at every position of a raster 20 cm above them. A single
+frame shows no shape; all frames together, fused into one synthetic aperture, show it. Everything here is simulated as
+in the MITO paper (ICCV 2025): the visible vertices of a mesh are point reflectors, and Eq. 1 of the paper forms the
+image. Nothing was measured by a real radar.
 
-Two kinds of echo are simulated and added with weights that stand for the material: the specular one, from where the
-surface mirrors the radar back to itself, and that of edges, which scatter into every direction.
+Two kinds of echo are simulated. Specular echoes come from places where the surface reflects the wave straight back to
+the radar. Edge echoes come from edges, which scatter in every direction. Their weighted sum stands for the material.
 """
 
 
@@ -80,26 +80,26 @@ def demo(
         save_figure(plot_sheet(sheet, meshes=meshes, columns=2, scale="db"), output / "sheet.png")
     items = [
         PageItem(
-            heading="Three objects as two radars see them",
+            heading="Three objects, imaged by two radars",
             picture="sheet.png",
-            caption="Each image from above, in decibels below its own maximum, the mesh's outline drawn over it. At 77 "
-            "GHz the wavelength is 3.8 mm and the shapes are sharp. At 24 GHz it is 12.4 mm: three times as coarse, "
-            "and with only 200 MHz of bandwidth all depth comes from the wavefront's curvature. Its waves in turn pass "
-            "cartons almost unhindered.",
+            caption="Each image is seen from above, in decibels below its own maximum, with the outline of the mesh. "
+            "At 77 GHz the wavelength is 3.8 mm and the shapes are sharp. At 24 GHz it is 12.4 mm and the images "
+            "are three times as coarse. The bandwidth there is only 200 MHz, so depth comes from the curvature of "
+            "the wavefront alone. In return, waves at 24 GHz pass through cartons with little loss.",
         ),
         *items,
         PageItem(
-            heading="Three slices through the mug's brightest voxel at 77 GHz",
+            heading="Three slices through the brightest voxel of the mug at 77 GHz",
             picture="slices.png",
             caption="The image is a volume. The slices pass through its brightest voxel, in decibels. Bright streaks "
-            "away from the outline are sidelobes of the aperture's sharp ends; a window (millisight image --window "
-            "taylor) lowers them.",
+            "away from the outline are sidelobes, caused by the sharp ends of the aperture. A window (millisight "
+            "image --window taylor) lowers them.",
         ),
         PageItem(
-            heading="What the radar measured: range profiles of the mug",
+            heading="The raw data: range profiles of the mug",
             picture="range.png",
-            caption="The raw material. A single frame resolves range alone, to 5 cm at 3 GHz of bandwidth. Everything "
-            "finer in the images above comes from fusing the positions.",
+            caption="A single frame resolves range only, to 5 cm at 3 GHz of bandwidth. All finer detail in the "
+            "images above comes from combining the positions.",
         ),
     ]
     page = write_page(output, title="What a millimetre-wave radar sees", introduction=_INTRODUCTION, items=items)
@@ -107,12 +107,12 @@ def demo(
 
 
 _CAPTIONS = {
-    "mug": "The mug stands upright and is seen from above: its rim and handle are edges, its bottom mirrors. The "
-    "outline is the mesh's. Upper block: rainbow colours, as in the paper; lower block: the same values in a scale "
-    "that the eye reads evenly.",
-    "adjustable_wrench": "The flat faces of the wrench mirror, its contour scatters: the jaw can be read off.",
-    "cracker_box": "A flat face answers only to positions straight above it, as a mirror would: it is seen because "
-    "the aperture is wider than the box. The rim of the box is all edge.",
+    "mug": "The mug stands upright and is seen from above: its rim and handle are edges, its bottom reflects like a "
+    "mirror. The line is the outline of the mesh. Upper row: rainbow colours, as in the paper. Lower row: the "
+    "same values in a perceptually uniform colour map.",
+    "adjustable_wrench": "The flat faces of the wrench reflect like mirrors and its edges scatter: the jaw is visible.",
+    "cracker_box": "A flat face reflects like a mirror, only to positions straight above it. It is visible because "
+    "the aperture is wider than the box. The rim of the box consists of edges.",
 }
 
 
@@ -133,5 +133,6 @@ def _facts(scene: Scene, capture: Capture, image: SarImage) -> dict[str, object]
         "weights": f"specular {a1:g}, edge {a2:g}",
         "capture": f"{capture.channels} positions, {capture.radar.waveform.samples_per_chirp} samples each",
         "image": " x ".join(map(str, image.grid.shape)) + " voxels",
-        "lit": f"{100 * capture.metadata['lit_fraction']:.0f} % of the mesh's vertices, from somewhere",
+        "lit": f"{100 * capture.metadata['lit_fraction']:.0f} % of the vertices of the mesh, from at least one "
+        "position",
     }

@@ -8,15 +8,17 @@ import typer
 from millisight.cli.console import end_with_failures, in_options, length, progress, say, slices
 from millisight.cli.options import Crop, Objects, SamDevice, Sight, Workers, checked_sight
 
-app = typer.Typer(
+app: typer.Typer = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
-    help="Evaluate on a dataset: tables beside the paper's.",
+    help="Evaluate on a dataset, and compare with the results of the paper.",
 )
 
 Root = Annotated[Path, typer.Argument(metavar="DIR", help="Dataset in the published layout.")]
-Output = Annotated[Path, typer.Option("-o", "--output", metavar="OUT", help="Folder for page, tables and figures.")]
+Output = Annotated[
+    Path, typer.Option("-o", "--output", metavar="OUT", help="Folder for the report: page, tables and figures.")
+]
 Transform = Annotated[
     str | None,
     typer.Option(
@@ -41,33 +43,38 @@ def simulator(
     flat: Annotated[
         bool | None,
         typer.Option(
-            help="Compare means along z. [default: at 24 GHz, which does not resolve depth]", show_default=False
+            help="Compare images averaged along z. [default: at 24 GHz, where depth is not resolved]",
+            show_default=False,
         ),
     ] = None,
     threshold: Annotated[
-        float, typer.Option(help="tau_P: points are the voxels above this share of the image's maximum.")
+        float, typer.Option(help="tau_P: voxels above this share of the image's maximum become points.")
     ] = 0.3,
-    absolute: Annotated[bool, typer.Option("--absolute", help="tau_P is in the unit of the images.")] = False,
-    within: Annotated[str, typer.Option(help="tau_F: points nearer than this match.")] = "10mm",
-    mode: Annotated[str, typer.Option("--align", help="translation, or rigid: also rotation.")] = "translation",
+    absolute: Annotated[
+        bool, typer.Option("--absolute", help="Take tau_P as an absolute magnitude, not as a share of the maximum.")
+    ] = False,
+    within: Annotated[str, typer.Option(help="tau_F: points closer than this match.")] = "10mm",
+    mode: Annotated[
+        str, typer.Option("--align", help="Alignment: translation, or rigid (translation and rotation).")
+    ] = "translation",
     crop: Annotated[
         str, typer.Option(metavar="LOW,HIGH", help="Slices of measured images to leave out, lowest and highest.")
     ] = "0,0",
     fit: Annotated[
-        Path | None, typer.Option("--fit", metavar="FILE.toml", help="Write the weights that fit each object best.")
+        Path | None, typer.Option("--fit", metavar="FILE.toml", help="Write the best weights of each object.")
     ] = None,
     clouds: Annotated[
-        str | None, typer.Option(metavar="SUFFIX", help="Also write the compared clouds, as ply or pcd.")
+        str | None, typer.Option(metavar="SUFFIX", help="Also write the compared point clouds, as ply or pcd.")
     ] = None,
     pictures: Annotated[int, typer.Option(min=0, help="Number of best and worst pairs to plot.")] = 3,
     workers: Workers = None,
 ) -> None:
-    """Compare simulated with measured images: 3D F-scores, beside the paper's.
+    """Compare simulated with measured images: 3D F-scores, with those of the paper.
 
-    For each measured image, the simulated images of the same object and angles are combined with many weights, made
-    into points, aligned and compared; the best combination counts. Writes OUT/index.html, and each table as Markdown
-    and CSV. Run it again to continue after an interruption. A pair that cannot be read does not stop the rest; the exit
-    code is 1 if any failed.
+    For each measured image, the specular and edge images of the same object and angles are combined with many weights.
+    Each combination is turned into a point cloud, aligned and compared; the best one counts. Writes OUT/index.html, and
+    each table as Markdown and CSV. Run it again to continue after an interruption. A pair that cannot be read does not
+    stop the rest; the exit code is 1 if any failed.
 
     Example: millisight evaluate simulator --measured bench24 --simulated bench24 -o truth
     """
@@ -96,19 +103,24 @@ def segmentation(
         typer.Option("--method", help="Segmenter: wave, classical or sam; repeatable. [default: wave, classical]"),
     ] = None,
     sam_model: Annotated[
-        str, typer.Option(help="Of sam: vit-b, vit-l, vit-h, sam2-tiny, sam2-large, or a folder with weights.")
+        str, typer.Option(help="Model for sam: vit-b, vit-l, vit-h, sam2-tiny, sam2-large, or a folder with weights.")
     ] = "vit-b",
     device: SamDevice = "cpu",
     objects: Objects = None,
     sight: Sight = None,
     seeds: Annotated[int, typer.Option(min=1, help="Number of random seeds for prompts: 0, 1, 2 and so on.")] = 3,
     truth: Annotated[
-        str, typer.Option(help="True masks: the camera's (camera), or the exact ones of simulated data (exact).")
+        str,
+        typer.Option(
+            help="True masks: from the camera's picture (camera), or the exact ones of simulated data (exact)."
+        ),
     ] = "camera",
     transform: Transform = None,
     support: Annotated[
         str | None,
-        typer.Option(help="Height of the support's face in the radar frame, such as -30cm. [default: by background]"),
+        typer.Option(
+            help="Height of the support's upper face in the radar frame, such as -30cm. [default: by background]"
+        ),
     ] = None,
     crop: Crop = "0,0",
     failures: Annotated[int, typer.Option(min=0, help="Number of worst masks of each segmenter to plot.")] = 6,
@@ -141,15 +153,20 @@ def classification(
     weights: Annotated[
         list[Path] | None,
         typer.Option(
-            "--weights", metavar="FILE.onnx", help="A trained classifier; repeatable. [default: the shipped one]"
+            "--weights",
+            metavar="FILE.onnx",
+            help="Weights of a trained classifier; repeatable. [default: the shipped one]",
         ),
     ] = None,
     method: Annotated[str, typer.Option(help="Segmenter of the predicted masks: wave or classical.")] = "wave",
-    seed: Annotated[int, typer.Option(min=0, help="Random seed for prompts, where the segmenter takes some.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Random seed for prompts, for segmenters that use them.")] = 0,
     objects: Objects = None,
     sight: Sight = None,
     truth: Annotated[
-        str, typer.Option(help="True masks: the camera's (camera), or the exact ones of simulated data (exact).")
+        str,
+        typer.Option(
+            help="True masks: from the camera's picture (camera), or the exact ones of simulated data (exact)."
+        ),
     ] = "camera",
     transform: Transform = None,
     crop: Crop = "0,0",
@@ -158,10 +175,10 @@ def classification(
 ) -> None:
     """Compare predicted with true classes, in predicted and in true masks, on known and on new objects.
 
-    The description beside a classifier's weights says what it was trained on. By it each image is object-closed,
-    object-disjoint, or left out; training and test must share no pose, seed or physics. Writes OUT/index.html, and
-    each table as Markdown and CSV. Run it again to continue after an interruption. A scene that cannot be read does
-    not stop the rest; the exit code is 1 if any failed.
+    The description beside a classifier's weights lists its training data. An image of an object from the training data
+    is object-closed, one of a new object is object-disjoint; other images are left out. Training and test must not
+    share poses, seeds or physics. Writes OUT/index.html, and each table as Markdown and CSV. Run it again to continue
+    after an interruption. A scene that cannot be read does not stop the rest; the exit code is 1 if any failed.
 
     Example: millisight evaluate classification classes -o named --weights both/classifier.onnx
     """
@@ -204,7 +221,7 @@ def _evaluate(
             **options,
         )
     if result.cached:
-        say(f"{result.cached} results were there already")
+        say(f"{result.cached} results came from an earlier run")
     for table in result.summary:
         say(table.markdown() + "\n")
     if result.rows:

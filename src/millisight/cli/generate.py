@@ -5,14 +5,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from millisight.cli.console import end_with_failures, in_options, progress, say
+from millisight.cli.console import duration, end_with_failures, in_options, progress, say
 
 if TYPE_CHECKING:
     from millisight.datasets.generation import Engine, Plan
 
 
 def generate(
-    recipe: Annotated[Path, typer.Argument(metavar="RECIPE.toml", help="Recipe: objects, poses, radars, images.")],
+    recipe: Annotated[
+        Path, typer.Argument(metavar="RECIPE.toml", help="Recipe: objects, poses, radars and images to make.")
+    ],
     output: Annotated[
         Path | None,
         typer.Option("-o", "--output", metavar="DIR", help="Dataset folder. [default: the name of the recipe]"),
@@ -79,16 +81,10 @@ def _summary(plan: "Plan", engine: "Engine") -> list[str]:
     ]
     if total.jobs:
         lines.append(
-            f"estimate: {_duration(total.core_seconds)} of one core, {_duration(total.wall / engine.threads)} on "
+            f"estimate: {duration(total.core_seconds)} on one core, {duration(total.wall / engine.threads)} on "
             f"{engine.cores}; {_size(total.kept)}, and {_size(total.spool)} of temporary files"
         )
     return lines
-
-
-def _duration(seconds: float) -> str:
-    if seconds < 100:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"
 
 
 def _size(count: float) -> str:

@@ -12,7 +12,7 @@ from millisight.cli.console import check_outputs, end_with_failures, in_options,
 from millisight.cli.grids import outline_mesh, parse_grid
 from millisight.cli.options import RadarChoice
 from millisight.cli.sources import Opened, Source, sources
-from millisight.core import PUBLISHED_COLORMAP, make_folder
+from millisight.core import PUBLISHED_COLORMAP, check_known, make_folder
 from millisight.core.errors import InputError, MillisightError, UnknownNameError
 from millisight.data import Capture, SarImage, VoxelGrid
 from millisight.imaging import METHODS, WINDOWS, form_image
@@ -57,8 +57,8 @@ def image(
         list[Path],
         typer.Argument(
             metavar="CAPTURE",
-            help="What `millisight simulate` or `ms.save` wrote (HDF5); a description of raw files (TOML) or a folder "
-            "that holds one; experiments of the published dataset, or any folder above them.",
+            help="Captures (HDF5 of `millisight simulate` or `ms.save`); descriptions of raw files (TOML), or folders "
+            "that hold one; experiments of the published dataset, or any folder above them.",
         ),
     ],
     output: Annotated[
@@ -66,82 +66,78 @@ def image(
         typer.Option(
             "-o",
             "--output",
-            help="Image to write (HDF5); a folder where there are several captures. [default: CAPTURE.image.h5, beside "
-            "the capture, or here for experiments of a dataset]",
+            help="Image to write (HDF5), or a folder for several captures. [default: CAPTURE.image.h5 beside the "
+            "capture; for experiments of a dataset, in the current folder]",
         ),
     ] = None,
     grid: Annotated[
         str | None,
         typer.Option(
             help="Voxels: one spacing such as 2mm, or lower:upper:spacing for x,y,z, such as "
-            "-10cm:10cm:2mm,-10cm:10cm:2mm,-5cm:5cm:5mm. [default: as the description or the dataset states; of "
-            "simulated captures 2 cm around the scene, half a wavelength]"
+            "-10cm:10cm:2mm,-10cm:10cm:2mm,-5cm:5cm:5mm. [default: as the description or the dataset states; for "
+            "simulated captures, the scene and 2 cm around it at half a wavelength]"
         ),
     ] = None,
     method: Annotated[
         str | None,
         typer.Option(
-            help="fast; backprojection, more accurate; exact, in float64 and very slow; or sparse, for half or a "
+            help="fast; backprojection: more accurate; exact: in float64, very slow; sparse: for scans with half or a "
             "quarter of the rows. [default: fast, or as the description states]"
         ),
     ] = None,
     window: Annotated[
         str | None,
         typer.Option(
-            help="none, hann or taylor: lower sidelobes for a wider main lobe. [default: none, or as the description "
-            "states]"
+            help=f"none, {', '.join(WINDOWS)}: lower the sidelobes, widen the main lobe. [default: none, or as the "
+            "description states]"
         ),
     ] = None,
     tolerance: Annotated[
         float | None,
-        typer.Option(help="Relative error that fast and backprojection may make, from 0.0005 to 0.1. [default: 0.005]"),
+        typer.Option(help="Largest relative error of fast and backprojection, from 0.0005 to 0.1. [default: 0.005]"),
     ] = None,
     data: Annotated[
-        Path | None, typer.Option(help="Where the files that a description names lie. [default: beside it]")
+        Path | None, typer.Option(help="Folder of the files named in a description. [default: its own folder]")
     ] = None,
     radar: RadarChoice = None,
     background: Annotated[
         Path | None,
-        typer.Option(help="A capture of the empty scene, whose first frame is subtracted from every one."),
+        typer.Option(help="Capture of the empty scene; its first frame is subtracted from every frame."),
     ] = None,
     clock: Annotated[
         str,
         typer.Option(
-            help="given: trust the times. report: estimate offset and drift between the robot's and the radar's "
-            "clock. apply: and correct them."
+            help="given: use the recorded times. report: estimate offset and drift between the clocks of robot and "
+            "radar. apply: also correct them."
         ),
     ] = "given",
     focus: Annotated[
         str,
         typer.Option(
-            help="none: trust the path. rows: find by how many frames each row began late. path: and how the path "
-            "wanders, from the sharpness of the image."
+            help="none: use the recorded path. rows: estimate by how many frames each row began late. path: also "
+            "estimate errors of the path. Both maximise the sharpness of the image."
         ),
     ] = "none",
     plot: Annotated[
         Path | None,
-        typer.Option(
-            help="Write a picture of the three projections (PNG, SVG, PDF); a folder where there are several."
-        ),
+        typer.Option(help="Write a picture of the three projections (PNG, SVG, PDF); a folder for several captures."),
     ] = None,
     slices: Annotated[
         Path | None,
-        typer.Option(help="Write a picture of three slices (PNG, SVG, PDF); a folder where there are several."),
+        typer.Option(help="Write a picture of three slices (PNG, SVG, PDF); a folder for several captures."),
     ] = None,
     outline: Annotated[
         str | None,
         typer.Option(
             metavar="MESH",
-            help="Draw the outline of the mesh that was simulated, a file or a catalogue name, over the pictures. "
-            "It is centred and turned as `millisight simulate` did.",
+            help="Mesh whose outline to draw over the pictures: the file or catalogue name that was simulated. It is "
+            "placed as by `millisight simulate`.",
         ),
     ] = None,
-    db: Annotated[bool, typer.Option("--db", help="Pictures in decibels.")] = False,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Of several captures, pass over those already imaged.")
-    ] = False,
+    db: Annotated[bool, typer.Option("--db", help="Plot in decibels.")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Skip captures that are already imaged.")] = False,
 ) -> None:
-    """Fuse a capture's frames into a 3-D image; with several captures, one bad one does not stop the rest.
+    """Form a 3-D image from each capture. A capture that fails does not stop the others.
 
     Example: millisight image mug.capture.h5 --grid 2mm -o mug.image.h5 --plot mug.png
 
@@ -149,12 +145,10 @@ def image(
 
     Example: millisight image MITO_Dataset/004_sugar_box -o images/ --plot images/ --clock apply
     """
-    if clock not in _CLOCKS:
-        raise UnknownNameError("--clock", clock, _CLOCKS)
-    if focus not in _FOCUSES:
-        raise UnknownNameError("--focus", focus, _FOCUSES)
+    check_known("--clock", clock, _CLOCKS)
+    check_known("--focus", focus, _FOCUSES)
     if outline is not None and plot is None and slices is None:
-        raise InputError("--outline is drawn over pictures, and there is none; add --plot or --slices")
+        raise InputError("--outline is drawn over pictures; add --plot or --slices")
     settings = _Settings(
         grid=grid,
         method=method,
@@ -214,7 +208,7 @@ def _image_all(
         except (MillisightError, MemoryError, OSError) as error:
             failures.append(f"{source.name}: {' '.join(in_options(str(error)).split())}")
             typer.echo(f"millisight: {failures[-1]}", err=True)
-    already = f", {passed_over} done before" if passed_over else ""
+    already = f", {passed_over} skipped" if passed_over else ""
     say(f"imaged {len(found) - len(failures) - passed_over} of {len(found)} captures{already}")
     end_with_failures(failures)
 
@@ -232,14 +226,11 @@ def _image_one(source: Source, outputs: _Outputs, settings: _Settings, *, label:
         say(f"grid: {' x '.join(map(str, voxels.shape))} voxels, {capture.channels} channels")
         capture = _in_focus(capture, voxels, settings.focus, label)
         formed = _form(capture, voxels, settings, label)
-    save(outputs.image, SarImage(grid=formed.grid, values=formed.values, metadata=_told(formed, settings)))
+    metadata = {**formed.metadata, "asked": settings.asked}
+    save(outputs.image, SarImage(grid=formed.grid, values=formed.values, metadata=metadata))
     say(f"peak: {formed.magnitude.max():.4g} at {', '.join(f'{p * 100:.1f}' for p in formed.peak)} cm")
     say(f"wrote {outputs.image}")
     _draw(formed, mesh, outputs, "db" if settings.db else "linear")
-
-
-def _told(formed: SarImage, settings: _Settings) -> dict[str, Any]:
-    return {**formed.metadata, "asked": settings.asked}
 
 
 def _done(outputs: _Outputs, settings: _Settings) -> bool:
@@ -293,7 +284,7 @@ def _without_background(capture: Capture, source: Source, settings: _Settings) -
         if empty.radar == source.radar:
             with empty.opened(settings.data, "read background") as opened:
                 return subtract_background(capture, opened.capture, frame="first")
-    say(f"background: none of the {source.radar} radar; nothing is subtracted")
+    say(f"background: no capture of the {source.radar} radar; nothing is subtracted")
     return capture
 
 
@@ -302,7 +293,7 @@ def _on_time(opened: Opened, voxels: VoxelGrid, clock: str, label: str) -> Captu
     if clock == "given":
         return opened.capture
     if opened.log is None:
-        raise InputError(f"--clock {clock} needs a robot's log, and this capture has none: its poses are given")
+        raise InputError(f"--clock {clock} needs a robot log, and this capture has none")
     from millisight.calibration import retime
     from millisight.imaging import estimate_clock
 
@@ -313,9 +304,9 @@ def _on_time(opened: Opened, voxels: VoxelGrid, clock: str, label: str) -> Captu
         return opened.capture
     offset, drift = found.clock.offset * 1e3, found.clock.drift * 1e6
     say(
-        f"clock: the robot's is ahead by {offset:.2f} +- {found.offset_uncertainty * 1e3:.2f} ms at "
-        f"{found.clock.reference_time:.3f} s, and gains {drift:.1f} +- {found.drift_uncertainty * 1e6:.1f} ppm"
-        f"{'' if clock == 'apply' else '; not applied (--clock apply does)'}"
+        f"clock: the robot's clock is ahead by {offset:.2f} +- {found.offset_uncertainty * 1e3:.2f} ms at "
+        f"{found.clock.reference_time:.3f} s, and drifts by {drift:.1f} +- {found.drift_uncertainty * 1e6:.1f} ppm"
+        f"{'' if clock == 'apply' else '; not corrected (use --clock apply)'}"
     )
     return retime(opened.capture, opened.log, found.clock) if clock == "apply" else opened.capture
 
@@ -330,12 +321,12 @@ def _in_focus(capture: Capture, voxels: VoxelGrid, focus: str, label: str) -> Ca
         found = autofocus(capture, voxels, focus=focus, progress=report)
     if "rows" in found.applied:
         worst = float(abs(found.row_offsets).max())
-        say(f"focus: rows began up to {worst:.1f} +- {found.row_uncertainty:.1f} frames early or late")
+        say(f"focus: rows corrected by up to {worst:.1f} +- {found.row_uncertainty:.1f} frames")
     if found.applied:
         farthest = 1e3 * float((found.displacements**2).sum(axis=1).max()) ** 0.5
         say(
-            f"focus: poses moved by up to {farthest:.2f} mm, along the line of sight to +- "
-            f"{1e3 * found.uncertainty:.3f} mm; contrast grew by {100 * (found.gain - 1):.0f} %"
+            f"focus: poses corrected by up to {farthest:.2f} mm (along the line of sight +- "
+            f"{1e3 * found.uncertainty:.3f} mm); contrast increased by {100 * (found.gain - 1):.0f} %"
         )
     if found.reason:
         say(f"focus: {found.reason}")

@@ -8,8 +8,8 @@ from typing import Any, TypeVar
 import typer
 
 from millisight.cli.console import end_with_failures, in_options, progress, say
-from millisight.core import check_readable, printable
-from millisight.core.errors import FileError, FormatError, InputError, MillisightError, UnknownNameError
+from millisight.core import check_known, check_readable, printable
+from millisight.core.errors import FileError, FormatError, InputError, MillisightError
 from millisight.data import SarImage
 from millisight.io.mito import EMPTY_SCENES, RADARS, SIGHTS, object_of
 from millisight.perception.segmentation import Segmenter, segmenter
@@ -74,8 +74,8 @@ def image_sources(
     InputError, UnknownNameError
         The options contradict each other, or two images have the same name.
     """
-    if condition is not None and condition not in SIGHTS:
-        raise UnknownNameError("--condition", condition, SIGHTS)
+    if condition is not None:
+        check_known("--condition", condition, SIGHTS)
     if multispectral and (other_band is not None or radar == "24_ghz"):
         raise InputError("--multispectral pairs 77 GHz images with 24 GHz images; remove --other-band and --radar")
     found = [one for path in paths for one in _under(path, radar, condition, multispectral=multispectral)]
@@ -146,7 +146,7 @@ def named_segmenter(method: str, **options: Any) -> Segmenter:
         return segmenter(method, **options)
     except ImportError as error:
         raise InputError(
-            f"--method {method} cannot be used here: {error}; --method classical needs nothing more"
+            f"--method {method} cannot be used: {error}; --method classical needs no other package"
         ) from error
 
 
@@ -167,13 +167,7 @@ def read_as(kind: type[T], path: Path) -> T:
 
 
 def _under(path: Path, radar: str | None, condition: str | None, *, multispectral: bool) -> list[ImageSource]:
-    """Images at a path.
-
-    Raises
-    ------
-    FileError
-        The path does not exist, or holds no image.
-    """
+    """Images at a path; an error if there are none."""
     if not path.is_dir():
         path = check_readable(path)
         return [_source(path, condition, multispectral=multispectral)]

@@ -2,6 +2,7 @@
 
 import math
 from contextlib import suppress
+from inspect import Parameter, signature
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -82,6 +83,11 @@ def _describe(path: Path, declared: dict[str, Any], data: Path | None) -> list[s
         return _READERS[suffix](path)
     if suffix == "toml":
         return _description_lines(path, data)
+    from millisight.io.raw import RAW_FORMATS
+
+    for name in RAW_FORMATS:
+        if path.suffix.lower() in RAW_FORMATS[name].suffixes:
+            return _raw_lines(name, path)
     return _record_lines(path)
 
 
@@ -195,8 +201,24 @@ def _config_lines(path: Path) -> list[str]:
         f"{config.waveform.sample_rate / 1e6:g} MHz",
         f"frames: {frames}, every {config.frame_period * 1e3:g} ms, {config.chirps_per_frame} chirps each, "
         f"{config.receivers} RX",
-        f"order: {config.order or 'not said'}, {'Q' if config.sample_swap else 'I'} first",
+        f"order: {config.order or 'not stated'}, {'Q' if config.sample_swap else 'I'} first",
     ]
+
+
+def _raw_lines(name: str, path: Path) -> list[str]:
+    """A file of a format that has no lines of its own here, such as a plug-in's."""
+    from millisight.io.raw import RAW_FORMATS
+
+    entry = RAW_FORMATS[name]
+    parameters = signature(entry.read).parameters
+    missing = [key for key in entry.keys if key in parameters and parameters[key].default is Parameter.empty]
+    if missing:
+        return [f"{name}: state {', '.join(missing)} in a description (.toml), then describe that"]
+    raw = entry.read(path)
+    axes = "" if entry.axes is None else f" ({', '.join(entry.axes)})"
+    lost = [] if raw.lost is None else [f"lost: {int(raw.lost.sum())} of {len(raw.lost)}"]
+    remarks = [] if entry.remarks is None else entry.remarks(path)
+    return [f"{name}: {' x '.join(map(str, raw.values.shape))} {raw.values.dtype}{axes}", *lost, *remarks]
 
 
 def _position2go_lines(path: Path) -> list[str]:

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from millisight.core.errors import UnknownNameError
+from millisight.core import check_known
 from millisight.io.mito import SIGHTS
 
 # Commands on images or captures
@@ -46,6 +46,6 @@ def checked_sight(sight: str | None) -> str | None:
     ------
     UnknownNameError
     """
-    if sight is not None and sight not in SIGHTS:
-        raise UnknownNameError("--sight", sight, SIGHTS)
+    if sight is not None:
+        check_known("--sight", sight, SIGHTS)
     return sight

@@ -32,12 +32,12 @@ def sign_line(capture: Capture) -> str | None:
     ratio = ours / other
     if max(ratio, 1 / ratio) < _CLEAR:
         return (
-            f"phase sign: cannot be told, with the other one the image is as sharp ({1 / ratio:.2f} times); on a "
-            "circle both focus, and with the wrong one the picture is turned by 180 degrees"
+            f"phase sign: undetermined, the image is as sharp with the opposite sign ({1 / ratio:.2f} times); on a "
+            "circle both signs focus, and the wrong one rotates the picture by 180 degrees"
         )
     if ratio > 1:
-        return f"phase sign: as stated, the image is {ratio:.2f} times sharper than with the other one"
-    return f"warning: with the other phase_sign the image is {1 / ratio:.2f} times sharper; is the stated one right?"
+        return f"phase sign: as stated, the image is {ratio:.2f} times sharper than with the opposite sign"
+    return f"warning: with the opposite phase_sign the image is {1 / ratio:.2f} times sharper; is the stated one right?"
 
 
 def _part(capture: Capture, poses: np.ndarray) -> Capture:

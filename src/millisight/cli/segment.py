@@ -24,14 +24,15 @@ from millisight.perception.segmentation import Segmented, Segmenter, find_mask
 OtherBand = Annotated[
     Path | None,
     typer.Option(
-        help="The same scene at the radar's other frequency. wave looks at both; prompts must be bright in both."
+        help="Image of the same scene at the other frequency. wave uses both images; prompts are drawn where both are "
+        "bright."
     ),
 ]
 Condition = Annotated[
     str | None,
     typer.Option(
-        help="los: in line of sight. nlos: behind something; prompts beside the object are drawn from under 0.05 of "
-        "the maximum instead of 0.02. [default: los, or as an experiment's folder is named]"
+        help="los: object in line of sight. nlos: object hidden; prompts beside it are then drawn below 0.05 of the "
+        "maximum instead of 0.02. [default: the name of the experiment's folder, else los]"
     ),
 ]
 PromptSeed = Annotated[int, typer.Option(min=0, help="Random seed for prompts.")]
@@ -46,15 +47,15 @@ def segment(
         typer.Option(
             "-o",
             "--output",
-            help="Mask to write (HDF5), or a folder for several. [default: IMAGE.mask.h5, beside the image, or here "
-            "for experiments of a dataset]",
+            help="Mask to write (HDF5), or a folder for several images. [default: IMAGE.mask.h5 beside the image; for "
+            "experiments of a dataset, in the current folder]",
         ),
     ] = None,
     method: Annotated[
         str,
         typer.Option(
-            help="wave: a small network made for radar images. classical: a random walker from bright and dark pixels. "
-            "sam: Segment Anything. Or a plug-in's name."
+            help="wave: a small network for radar images. classical: a random walker that starts from bright and dark "
+            "pixels. sam: Segment Anything. Or the name of a plug-in."
         ),
     ] = "wave",
     other_band: OtherBand = None,
@@ -66,25 +67,25 @@ def segment(
         Path | None,
         typer.Option(
             metavar="FILE.json",
-            help='Prompts to use instead of drawn ones: {"points": [[i, j], ...], "positive": [true, ...]}, indices '
-            "along x and y, such as `millisight annotate` writes beside its mask.",
+            help='Prompts to use instead of random ones: {"points": [[i, j], ...], "positive": [true, ...]}, indices '
+            "of pixels along x and y, as `millisight annotate` writes them.",
         ),
     ] = None,
-    values: Annotated[str, typer.Option(help="Projection along z of |I|: mean, max or rms.")] = "mean",
+    values: Annotated[str, typer.Option(help="Projection of |I| along z: mean, max or rms.")] = "mean",
     largest: Annotated[
         float | None,
         typer.Option(
             min=0,
             max=100,
             metavar="PERCENT",
-            help="Skip masks that cover more of the picture. [default: 20, and more for pictures smaller than 0.55 x "
-            "0.60 m: what would be 20 there, up to 60]",
+            help="Reject masks that cover more of the picture. [default: 20; for pictures smaller than 0.55 x 0.60 m "
+            "the same area, up to 60]",
         ),
     ] = None,
     model: Annotated[
         str,
         typer.Option(
-            help="Model for sam: vit-b, vit-l, vit-h, sam2-tiny or sam2-large, which are downloaded; or a folder."
+            help="Model for sam: vit-b, vit-l, vit-h, sam2-tiny or sam2-large (downloaded), or a folder with a model."
         ),
     ] = "vit-b",
     device: SamDevice = "cpu",
@@ -92,11 +93,12 @@ def segment(
         bool, typer.Option("--no-picture", help="Do not plot prompts and mask over the image (MASK.png).")
     ] = False,
 ) -> None:
-    """Find the object in images; with several images, one bad one does not stop the rest.
+    """Segment the object in each image. An image that fails does not stop the others.
 
-    The image is projected along z. For a segmenter that needs prompts, some are drawn at random: on the object from
-    pixels above 0.4 of the maximum, beside it from dark ones. The best mask that is not too large is taken; if all are,
-    prompts are drawn once more, 5 of each kind above 0.5 and below 0.2.
+    The image is projected along z. If the segmenter needs prompts, they are drawn at random: positive ones from pixels
+    above 0.4 of the maximum, negative ones from dark pixels. The mask with the highest score that is not too large is
+    taken. If all masks are too large, prompts are drawn once more: 5 positive ones above 0.5 of the maximum and 5
+    negative ones below 0.2.
 
     Example: millisight segment mug.image.h5
 
@@ -178,7 +180,7 @@ def _read_prompts(path: Path) -> Prompts:
     try:
         held = json.loads(path.read_bytes())
     except (ValueError, RecursionError) as error:
-        raise FormatError(f"{printable(path)} is no JSON: {error}") from error
+        raise FormatError(f"{printable(path)} is not JSON: {error}") from error
     if not isinstance(held, dict) or not {"points", "positive"} <= held.keys():
         raise FormatError(f"{printable(path)} holds no prompts; expected an object with points and positive")
     try:

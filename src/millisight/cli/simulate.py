@@ -38,7 +38,7 @@ def _with_parameters(function: Callable) -> Callable:
         except InputError:  # a plug-in that cannot be loaded: told when it is asked for
             continue
         for name, field in fields.items():
-            option, about = f"--{name.replace('_', '-')}", field.metadata.get("about", f"Of the model {model}.")
+            option, about = f"--{name.replace('_', '-')}", field.metadata.get("about", f"For the model {model}.")
             default = "" if isinstance(field.default, bool) else f" [default: {field.default:g}]"
             kind = Annotated[type(field.default) | None, typer.Option(option, help=about + default)]
             options.setdefault(
@@ -66,49 +66,55 @@ def simulate(
         tuple[float, float] | None,
         typer.Option(
             metavar="A1 A2",
-            help="Weights of specular and edge, such as --alpha 0.7 0.3, for --model combined. "
-            "[default: as fitted to the catalogue's object, or as the material's]",
+            help="Weights of specular and edge echoes for --model combined, such as --alpha 0.7 0.3. [default: fitted "
+            "ones for a catalogue object, else those of the material]",
         ),
     ] = None,
     rotate: Annotated[
         tuple[float, float, float],
         typer.Option(
             metavar="X Y Z",
-            help="Turn the mesh about x, then y, then z, such as --rotate 0 0 45 [degrees].",
+            help="Rotate the mesh about x, then y, then z [degrees], such as --rotate 0 0 45.",
         ),
     ] = (0.0, 0.0, 0.0),
     unit: Annotated[str | None, typer.Option(help="Unit of the mesh file: m, cm, mm or in.")] = None,
     vertices: Annotated[
-        int, typer.Option(help="Resample to so many evenly spaced vertices; 0 keeps the mesh's own.")
+        int, typer.Option(help="Number of evenly spaced vertices to resample to; 0 keeps those of the mesh.")
     ] = 10_000,
     material: Annotated[
-        str | None, typer.Option(help="metal, ceramic, plastic, … [default: metal, or as the catalogue says]")
+        str | None,
+        typer.Option(help="Material: metal, ceramic, plastic, … [default: that of the catalogue, else metal]"),
     ] = None,
     aperture: Annotated[
         str | None,
         typer.Option(
-            help="Size along x and y, such as 30x22cm, or 'published': 22x55cm at a quarter wavelength. "
-            "[default: 5 cm around the object]"
+            help="Size of the aperture along x and y, such as 30x22cm, or 'published': 22x55cm with steps of a "
+            "quarter wavelength. [default: 5 cm around the object]"
         ),
     ] = None,
     step: Annotated[
-        str | None, typer.Option(help="Distance of neighbouring positions, such as 2mm. [default: half a wavelength]")
+        str | None,
+        typer.Option(help="Distance between neighbouring positions, such as 2mm. [default: half a wavelength]"),
     ] = None,
-    height: Annotated[str, typer.Option(help="Of the aperture above the object's centre.")] = "20cm",
-    spreading: Annotated[str, typer.Option(help="Amplitude over path length: none, as in the paper, or 1/d.")] = "none",
+    height: Annotated[str, typer.Option(help="Height of the aperture above the object's centre.")] = "20cm",
+    spreading: Annotated[
+        str, typer.Option(help="Decay of the amplitude with path length: none, as in the paper, or 1/d.")
+    ] = "none",
     snr_db: Annotated[float | None, typer.Option(help="Add white noise at this signal-to-noise ratio [dB].")] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the noise.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Random seed for the noise.")] = 0,
     plot: Annotated[Path | None, typer.Option(help="Write a picture of the range profiles (PNG, SVG, PDF).")] = None,
     **parameters: Any,
 ) -> None:
-    """Simulate what a radar measures of a mesh.
+    """Simulate a radar capture of a mesh.
 
     Example: millisight simulate mug --radar mito-sim-77ghz --aperture 30x22cm --step 2mm -o mug.capture.h5
     """
     from millisight.io import save
 
     if alpha is not None and model != "combined":
-        raise InputError(f"--alpha weighs specular against edge and has no meaning for --model {model}; leave one out")
+        raise InputError(
+            f"--alpha weights specular and edge echoes for --model combined; leave --alpha or --model {model} out"
+        )
     output = output or Path(f"{Path(mesh).stem}.capture.h5")
     check_outputs(output, figures=(plot,), source=Path(mesh))
     if snr_db is not None:
@@ -140,9 +146,11 @@ def simulate(
         # After the two were combined: noise of each would be the same noise, and the stated ratio none of the sum's.
         capture = add_noise(capture, snr_db=snr_db, rng=seed)
     if not capture.metadata["lit_fraction"]:
-        say("warning: no vertex is lit from anywhere: the capture is empty; turn the object, or try another model")
+        say(
+            "warning: no vertex is lit from any position: the capture is empty; rotate the object, or try another model"
+        )
     else:
-        say(f"lit: {100 * capture.metadata['lit_fraction']:.0f} % of the vertices, from somewhere")
+        say(f"lit: {100 * capture.metadata['lit_fraction']:.0f} % of the vertices, from at least one position")
     save(output, capture)
     say(f"wrote {output}: {capture.channels} channels of {chosen.waveform.samples_per_chirp} samples")
     if plot is not None:
@@ -167,7 +175,7 @@ class _Aperture:
         self._height = length(height, option="--height")
         self._published = aperture == "published"
         if self._published and step is not None:
-            raise InputError("--aperture published has its own step, a quarter wavelength; leave --step out")
+            raise InputError("--aperture published has a step of a quarter wavelength; leave --step out")
         self._size = None if aperture is None or self._published else size(aperture, option="--aperture")
         self._step = None if step is None else length(step, option="--step")
         Trajectory.raster(size=self._size or (0.0, 0.0), step=1.0 if self._step is None else self._step)

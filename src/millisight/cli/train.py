@@ -10,7 +10,7 @@ from typer.core import TyperGroup
 
 from millisight.cli.console import progress, say
 
-Recipe = Annotated[Path, typer.Argument(metavar="RECIPE.toml", help="Scenes, network and schedule.")]
+Recipe = Annotated[Path, typer.Argument(metavar="RECIPE.toml", help="Recipe: scenes, network and schedule.")]
 Output = Annotated[
     Path | None,
     typer.Option("-o", "--output", metavar="DIR", help="Folder for the weights. [default: the recipe's name, here]"),
@@ -48,7 +48,9 @@ class _Recipes(TyperGroup):
         return typer.main.get_command(plugin)
 
 
-app = typer.Typer(cls=_Recipes, no_args_is_help=True, help="Train networks on simulated images: weights from a recipe.")
+app: typer.Typer = typer.Typer(
+    cls=_Recipes, no_args_is_help=True, help="Train networks on simulated images, by a recipe."
+)
 
 
 @app.command("segmenter")
@@ -61,8 +63,8 @@ def segmenter(
 ) -> None:
     """Train the segmenter "wave" on simulated scenes.
 
-    Writes the scenes, a checkpoint after each epoch, and in the end wave.onnx with its description wave.json. Run it
-    again to continue after an interruption: the weights are the same.
+    Writes the scenes, a checkpoint after each epoch, and at the end wave.onnx with its description wave.json. Run it
+    again to continue after an interruption; the final weights are the same.
 
     Example: millisight train segmenter examples/training/segmenter.toml -o wave
     """
@@ -82,15 +84,18 @@ def classifier(
         str | None, typer.Option(help="Network to train: small or paper. [default: the recipe's]")
     ] = None,
     all_objects: Annotated[
-        bool, typer.Option("--all-objects", help="Also train with the recipe's `tests`, to test on known objects.")
+        bool,
+        typer.Option(
+            "--all-objects", help="Also train on the objects in the recipe's `tests`, to test on known objects."
+        ),
     ] = False,
     device: Device = "cpu",
     tensorboard: Tensorboard = False,
 ) -> None:
     """Train a classifier on simulated scenes.
 
-    Writes the scenes, a checkpoint after each epoch, and in the end classifier.onnx with its description
-    classifier.json. Run it again to continue after an interruption: the weights are the same.
+    Writes the scenes, a checkpoint after each epoch, and at the end classifier.onnx with its description
+    classifier.json. Run it again to continue after an interruption; the final weights are the same.
 
     Example: millisight train classifier examples/training/classifier.toml -o classifier
     """

@@ -25,9 +25,11 @@ def view(
     ],
     threshold: Annotated[float, typer.Option(help="Hide weaker voxels [dB relative to the maximum].")] = -15.0,
     range_db: Annotated[float, typer.Option("--range", help="Dynamic range of the colours [dB].")] = 30.0,
-    colormap: Annotated[str | None, typer.Option(help="Colour map, such as viridis or jet. [default: inferno]")] = None,
+    colormap: Annotated[
+        str | None, typer.Option(help=f"Colour map, such as viridis or jet. [default: {colormap_in_use()}]")
+    ] = None,
     slices: Annotated[bool, typer.Option("--slices", help="Start with three slices instead of points.")] = False,
-    volume: Annotated[bool, typer.Option("--volume", help="Start with all slices, half transparent.")] = False,
+    volume: Annotated[bool, typer.Option("--volume", help="Start with all slices, semi-transparent.")] = False,
     common: Annotated[
         bool, typer.Option("--common-scale", help="Scale all images to the maximum of the strongest.")
     ] = False,
@@ -54,7 +56,7 @@ def view(
         typer.Option(help="Write one HTML file that opens in any browser without network, and exit."),
     ] = None,
 ) -> None:
-    """Show images in the browser as points, slices or a volume; several images side by side turn together.
+    """Show images in the browser as points, slices or a volume; several images stand side by side and rotate together.
 
     Drag to rotate, scroll to zoom, drag with the right button to pan. The panel sets threshold, colours, slices and
     weights, takes a screenshot and saves a page to share. Press Ctrl-C to stop. Without a display, use --no-browser
@@ -77,7 +79,9 @@ def view(
     with progress("read", compiles=False):
         contents = gather(files, combine=not separate, alpha=alpha, unit=unit)
     if alpha != (0.5, 0.5) and not any(exhibit.pair for exhibit in contents.exhibits):
-        raise InputError("--alpha weighs the specular and the edge image of one simulation; give both, not --separate")
+        raise InputError(
+            "--alpha weights the specular and the edge image of one simulation; pass both, without --separate"
+        )
     settings = first_settings(
         contents, points=not (slices or volume), slices=slices, volume=volume, threshold_db=threshold,
         range_db=range_db, common=common, colormap=colormap or colormap_in_use(),

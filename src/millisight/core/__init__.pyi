@@ -47,3 +47,4 @@ from ._rotations import rotation_from_quaternion as rotation_from_quaternion
 from ._tables import record_from_file as record_from_file
 from ._tables import record_from_table as record_from_table
 from ._tables import toml_of as toml_of
+from .errors import check_known as check_known

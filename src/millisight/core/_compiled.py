@@ -14,15 +14,15 @@ from typing import Any
 from numba import njit
 
 
-def kernel(**options: Any) -> Callable[[Callable], Any]:
+def kernel(**options: Any) -> Callable[[Callable[..., Any]], Any]:
     """Compile a function's loops over `prange` for all cores, and keep the machine code for the next process."""
     return serial(parallel=True, **options)
 
 
-def serial(**options: Any) -> Callable[[Callable], Any]:
+def serial(**options: Any) -> Callable[[Callable[..., Any]], Any]:
     """Compile a function for one core, and keep the machine code for the next process."""
 
-    def compile_lazily(function: Callable) -> Any:
+    def compile_lazily(function: Callable[..., Any]) -> Any:
         try:
             return _as_kept(njit(cache=True, **options)(function))
         except RuntimeError:
@@ -80,5 +80,5 @@ def inline(function: Callable, **options: Any) -> Any:
     return njit(inline="always", **options)(function)
 
 
-subroutine = njit(fastmath=True, error_model="numpy")
+subroutine: Any = njit(fastmath=True, error_model="numpy")
 """Compile a serial function that kernels call on arrays."""

@@ -130,7 +130,9 @@ def _claim(path: Path) -> tuple[Path, Path]:
         if mode is not None:
             temporary.chmod(stat.S_IMODE(mode))
     except OSError as error:
-        raise FileError(f"cannot write {name}: {error.strerror}; choose another folder or free this one") from error
+        raise FileError(
+            f"cannot write {name}: {error.strerror}; choose another folder or make this one writable"
+        ) from error
     return temporary, target
 
 
@@ -173,7 +175,8 @@ def check_folder(path: str | os.PathLike[str]) -> None:
     except OSError as error:
         verb = "write to" if there == path.absolute() else "make"
         raise FileError(
-            f"cannot {verb} the folder {printable(path)}: {error.strerror}; choose another folder or free this one"
+            f"cannot {verb} the folder {printable(path)}: {error.strerror}; choose another folder or make this one "
+            "writable"
         ) from error
 
 
@@ -202,4 +205,4 @@ def read_toml(path: str | os.PathLike[str], what: str) -> dict[str, Any]:
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
-        raise FormatError(f"{printable(path)} is no TOML: {error}") from error
+        raise FormatError(f"{printable(path)} is not valid TOML: {error}") from error

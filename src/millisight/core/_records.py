@@ -19,14 +19,14 @@ T = TypeVar("T")
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True, eq_default=False)
-def record(cls):
+def record(cls: type[T]) -> type[T]:
     """Make `cls` a record: a frozen, keyword-only dataclass with slots and identity equality."""
     made = dataclass(frozen=True, slots=True, kw_only=True, eq=False)(cls)
-    made.__reduce__ = _reduced
+    made.__reduce__ = _reduced  # pyright: ignore[reportAttributeAccessIssue]
     return made
 
 
-def _reduced(self: Any) -> tuple:
+def _reduced(self: Any) -> tuple[Any, ...]:
     """For pickle and copy: made anew by its constructor, so checked again and its arrays read-only again."""
     return _made, (type(self), {field.name: getattr(self, field.name) for field in fields(self)})
 
@@ -90,7 +90,7 @@ def as_array(
         with np.errstate(over="ignore", invalid="ignore"):
             array = np.asarray(given, dtype=dtype)
         if given.dtype.kind == "f" and dtype.kind in "iu" and not np.array_equal(given, array):
-            raise TypeError("it holds values that are not whole")
+            raise TypeError("it holds values that are not whole numbers")
     except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"{name} cannot be read as an array of {dtype}: {error}") from error
     check_shape(array.shape, name=name, shape=shape)
@@ -98,7 +98,7 @@ def as_array(
         where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
         count = int((~np.isfinite(array)).sum())
         raise InputError(
-            f"{name}{unit} has {count} values that are NaN or infinite, the first at {where}; remove or mend them"
+            f"{name}{unit} has {count} values that are NaN or infinite, the first at {where}; remove or correct them"
         )
     return array
 
@@ -110,7 +110,7 @@ def check_shape(actual: tuple[int, ...], *, name: str, shape: tuple[int | str, .
     )
     if not fits:
         expected = ", ".join(map(str, shape)) + ("," if len(shape) == 1 else "")
-        raise InputError(f"{name} has shape {actual}; expected ({expected}), no dimension empty")
+        raise InputError(f"{name} has shape {actual}; expected ({expected}), and no empty dimension")
 
 
 def checked_number(

@@ -1,6 +1,7 @@
 """Registries: the names that a kind of plug-in has, from this package and from installed ones."""
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from pkgutil import iter_modules
@@ -54,7 +55,7 @@ class Registry(Generic[T]):
             The name is taken.
         """
         if entry is None:
-            return lambda decorated: self.add(name, decorated)
+            return partial(self.add, name)
         if name in self._entries and self._entries[name] is not entry:
             raise InputError(f"{self.kind} {name!r} is already in use; choose another name")
         self._entries[name] = entry
@@ -94,7 +95,7 @@ class Registry(Generic[T]):
             entry = plugin.load()
         except Exception as error:
             raise InputError(
-                f"{self.kind} {name!r} of the plug-in {plugin.value} cannot be loaded: {error}; mend or uninstall it"
+                f"{self.kind} {name!r} of the plug-in {plugin.value} cannot be loaded: {error}; repair or uninstall it"
             ) from error
         if self._check is not None:
             self._check(name, entry)

@@ -42,12 +42,14 @@ def interpolate_poses(
     from scipy.spatial.transform import Rotation, Slerp
 
     if len(known_times) < 2 or not (np.diff(known_times) > 0).all():
-        raise InputError("known times must increase strictly and number at least two; sort them and drop repeats")
+        raise InputError(
+            "known times must increase strictly, and there must be at least two; sort them and remove repeats"
+        )
     times = checked_array(times, name="times", shape=("n",), unit="s")
     if times.min() < known_times[0] or times.max() > known_times[-1]:
         raise InputError(
             f"times run from {times.min():g} to {times.max():g} s, but the poses are known from "
-            f"{known_times[0]:g} to {known_times[-1]:g} s; cut the times, nothing is extrapolated"
+            f"{known_times[0]:g} to {known_times[-1]:g} s; remove the times outside, poses are not extrapolated"
         )
     turned = None
     if orientations is not None:

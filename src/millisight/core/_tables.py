@@ -37,7 +37,7 @@ def record_from_file(cls: type[T], path: str | os.PathLike[str], what: str = "a 
     """
     table = read_toml(path, what)
     if not table:  # rather a mistake than the wish for an hour's work by the defaults
-        raise FormatError(f'{printable(path)} holds no key; expected {what}, if only a name: name = "mine"')
+        raise FormatError(f'{printable(path)} holds no key; expected {what}, at least a name: name = "mine"')
     return record_from_table(cls, table, printable(path))
 
 
@@ -69,7 +69,7 @@ def record_from_table(cls: type[T], table: Any, source: str, place: str = "", /,
     at = f"{source}: {place}" if place else source
     for key, field in fields.items():
         if field.name not in values and field.default is field.default_factory is dataclasses.MISSING:
-            raise FormatError(f"{at}: {key} is missing; expected it here")
+            raise FormatError(f"{at}: {key} is missing; add it")
     try:
         return cls(**values)
     except MillisightError as error:

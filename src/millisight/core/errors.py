@@ -13,7 +13,7 @@
 Every message says what came, what was expected, and what to do.
 """
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from difflib import get_close_matches
 
 _FEW = 20  # Names: a longer list is printed only where none of it is close, since it would drown the one that is.
@@ -49,6 +49,12 @@ class UnknownNameError(MillisightError, LookupError):
         if few or not close:
             sentences.append(f"Known: {', '.join(known)}.")
         super().__init__(" ".join([*sentences, advice]).rstrip())
+
+
+def check_known(kind: str, name: object, known: Collection[str]) -> None:
+    """Raise `UnknownNameError` unless `name` is one of the `known`; `kind` says what it names, for the message."""
+    if name not in known:
+        raise UnknownNameError(kind, name, known)
 
 
 class FileError(MillisightError, OSError):

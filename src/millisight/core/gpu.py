@@ -40,16 +40,16 @@ def inline(function: Callable, **options: Any) -> Any:
     return cuda.jit(device=True, **options)(function)
 
 
-def _wrapped(cycles):
+def _wrapped(cycles: Any) -> Any:
     """As `phase.wrapped`, which uses np.rint: numba-cuda has none, but its math.floor stays in float32."""
     return cycles - math.floor(cycles + np.float32(0.5))
 
 
-distance = inline(phase.distance)
-distance32 = inline(phase.distance, fastmath=True)
-wrapped = inline(_wrapped, fastmath=True)
-cosine = inline(phase.cosine, fastmath=True)
-sine = inline(phase.sine, fastmath=True)
+distance: Any = inline(phase.distance)
+distance32: Any = inline(phase.distance, fastmath=True)
+wrapped: Any = inline(_wrapped, fastmath=True)
+cosine: Any = inline(phase.cosine, fastmath=True)
+sine: Any = inline(phase.sine, fastmath=True)
 
 
 def to_device(array: Any) -> Any:
@@ -74,7 +74,7 @@ def zeros(shape: tuple[int, ...]) -> Any:
     return array
 
 
-def launch(function: Any, size: tuple[int, int], *args: Any, out: tuple = (), threads: int = THREADS) -> None:
+def launch(function: Any, size: tuple[int, int], *args: Any, out: tuple[Any, ...] = (), threads: int = THREADS) -> None:
     """Start a kernel on `size` = (x, y) threads at least, with `args`, then `out`, moving NumPy arrays over.
 
     Kernels run one after the other; what is in `out` and lies in NumPy is waited for and copied back. A kernel

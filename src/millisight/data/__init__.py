@@ -1,3 +1,4 @@
+# pyright: basic
 """Every record, and nothing that computes: meshes, scenes, radars, captures, images, masks, predictions."""
 
 import lazy_loader

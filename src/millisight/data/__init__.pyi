@@ -3,6 +3,7 @@ from ._camera import CameraMask as CameraMask
 from ._camera import Intrinsics as Intrinsics
 from ._capture import PHASE_SIGN as PHASE_SIGN
 from ._capture import Capture as Capture
+from ._capture import check_follows_log as check_follows_log
 from ._clock import ClockCorrection as ClockCorrection
 from ._clock import check_log as check_log
 from ._clock import inside_log as inside_log
@@ -10,6 +11,7 @@ from ._clock import spans as spans
 from ._grid import PixelGrid as PixelGrid
 from ._grid import VoxelGrid as VoxelGrid
 from ._image import SarImage as SarImage
+from ._layers import Layers as Layers
 from ._mask import Mask as Mask
 from ._material import LAYERED as LAYERED
 from ._material import MATERIALS as MATERIALS

@@ -5,6 +5,7 @@ upper left, and (column, row) is the place of a pixel's centre.
 """
 
 from dataclasses import field
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -93,7 +94,7 @@ class CameraFrame:
     pose: np.ndarray
     intrinsics: Intrinsics
     depth_unit: float = 0.001
-    metadata: Metadata = field(default_factory=dict)
+    metadata: Metadata = field(default_factory=dict[str, Any])
 
     def __post_init__(self) -> None:
         shape = _picture(self.intrinsics)
@@ -139,7 +140,7 @@ class CameraMask:
     points: np.ndarray
     pose: np.ndarray
     depth_unit: float = 0.001
-    metadata: Metadata = field(default_factory=dict)
+    metadata: Metadata = field(default_factory=dict[str, Any])
 
     def __post_init__(self) -> None:
         pixels = checked_array(self.pixels, name="pixels", shape=("H", "W"), dtype=np.bool_)

@@ -1,17 +1,31 @@
 """A capture: what a radar measured along a trajectory."""
 
 from dataclasses import field
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from millisight.core import Metadata, check_shape, checked_array, checked_metadata, checked_record, late, put, record
 from millisight.core.errors import DamagedFileError, InputError
+from millisight.data._layers import Layers
 from millisight.data._radar import Radar
 from millisight.data._trajectory import Trajectory
 
 PHASE_SIGN = -1
 """Sign of i 2 pi f d / c in every frame inside millisight (primer 3); files state it, readers conjugate at the door."""
+
+
+def check_follows_log(capture: "Capture") -> None:
+    """Refuse a capture whose antennas a robot's log does not place.
+
+    Raises
+    ------
+    InputError
+    """
+    if capture.tx_points is not None or capture.rx_points is not None:
+        raise InputError("the capture states the antenna positions of each pose; a robot log cannot replace them")
+    if capture.layers is not None:
+        raise InputError("the capture already has layers; place its frames by the log first, then add the layers")
 
 
 @record
@@ -26,6 +40,7 @@ class Capture:
     metadata : provenance; what JSON can hold
     tx_points, rx_points : (P, T, 3), (P, R, 3) antennas in the world frame [m], where they are not the radar's array
         at the trajectory's poses but elsewhere at each pose, as of measured pairs of a fixed array; None: the array
+    layers : plane layers between antennas and scene; None: there are none
 
     Raises
     ------
@@ -36,9 +51,10 @@ class Capture:
     radar: Radar
     trajectory: Trajectory
     frames: Any
-    metadata: Metadata = field(default_factory=dict)
+    metadata: Metadata = field(default_factory=dict[str, Any])
     tx_points: np.ndarray | None = None
     rx_points: np.ndarray | None = None
+    layers: Layers | None = None
 
     def __post_init__(self) -> None:
         checked_record(self.radar, Radar, name="radar")
@@ -55,6 +71,8 @@ class Capture:
             points = getattr(self, name)
             if points is not None:
                 put(self, **{name: checked_array(points, name=name, shape=(shape[0], count, 3), unit="m")})
+        if self.layers is not None:
+            checked_record(self.layers, Layers, name="layers")
 
     def __repr__(self) -> str:
         poses, transmitters, receivers, samples = self._shape
@@ -93,7 +111,7 @@ class Capture:
     @property
     def in_memory(self) -> bool:
         """Whether the frames are a NumPy array (or what becomes one), rather than a dataset on disk."""
-        kind = type(self.frames)  # asked of the type: a closed dataset answers nothing
+        kind = cast(type[Any], type(self.frames))  # asked of the type: a closed dataset answers nothing
         return not (hasattr(kind, "id") and hasattr(kind, "chunks"))
 
     @property

@@ -49,13 +49,13 @@ def check_log(log: Trajectory) -> None:
     """Raise `InputError` unless `log` can be interpolated: two poses at least, at times that increase."""
     checked_record(log, Trajectory, name="log")
     if len(log) < 2:
-        raise InputError("the robot's log has a single pose; expected two at least")
+        raise InputError("the robot log has a single pose; expected at least two")
     wrong = np.flatnonzero(np.diff(log.times) <= 0)
     if len(wrong):
         i = int(wrong[0])
         raise InputError(
-            f"the robot's log goes from {log.times[i]:.6f} to {log.times[i + 1]:.6f} s at pose {i + 1}; expected times "
-            "that increase: sort them and drop repeats"
+            f"the times of the robot log go from {log.times[i]:.6f} to {log.times[i + 1]:.6f} s at pose {i + 1}; "
+            "expected times that increase: sort them and remove repeats"
         )
 
 
@@ -67,6 +67,6 @@ def inside_log(robot_times: np.ndarray, log: Trajectory) -> np.ndarray:
 def spans(robot_times: np.ndarray, log: Trajectory) -> str:
     """The spans of time of frames and log, in words, and what to look at where they do not meet."""
     return (
-        f"the frames run from {robot_times.min():.6g} to {robot_times.max():.6g} s on its clock, the log from "
+        f"the frames run from {robot_times.min():.6g} to {robot_times.max():.6g} s on the robot's clock, the log from "
         f"{log.times[0]:.6g} to {log.times[-1]:.6g} s; check that both are of one recording and in seconds"
     )

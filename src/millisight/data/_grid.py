@@ -13,7 +13,7 @@ _MOST_VOXELS = 1e11  # 800 GB of complex64
 def _coordinates(value: np.ndarray, name: str) -> np.ndarray:
     coordinates = checked_array(value, name=name, shape=(name.upper(),), unit="m")
     if not (np.diff(coordinates) > 0).all():
-        raise InputError(f"grid coordinates {name} must increase strictly; sort them and drop repeats")
+        raise InputError(f"grid coordinates {name} must increase strictly; sort them and remove repeats")
     return coordinates
 
 

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from millisight.core import Metadata, checked_array, checked_metadata, checked_record, late, put, record
-from millisight.core.errors import InputError, UnknownNameError
+from millisight.core import Metadata, check_known, checked_array, checked_metadata, checked_record, late, put, record
+from millisight.core.errors import InputError
 from millisight.data._grid import VoxelGrid
 
 _LARGEST = 1e15  # the sum of the squares of as many voxels as fit any memory is finite in float32
@@ -25,7 +25,7 @@ class SarImage:
 
     grid: VoxelGrid
     values: np.ndarray
-    metadata: Metadata = field(default_factory=dict)
+    metadata: Metadata = field(default_factory=dict[str, Any])
 
     def __post_init__(self) -> None:
         checked_record(self.grid, VoxelGrid, name="grid")
@@ -72,10 +72,8 @@ class SarImage:
         ------
         UnknownNameError
         """
-        if axis not in ("x", "y", "z"):
-            raise UnknownNameError("axis", axis, "xyz")
-        if reduce not in ("mean", "max"):
-            raise UnknownNameError("projection", reduce, ("mean", "max"))
+        check_known("axis", axis, ("x", "y", "z"))
+        check_known("projection", reduce, ("mean", "max"))
         return getattr(self.magnitude, reduce)(axis="xyz".index(axis))
 
     @property

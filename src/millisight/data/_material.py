@@ -1,3 +1,5 @@
+# Callers without types are checked, too.
+# pyright: reportUnnecessaryIsInstance=false
 """Materials: permittivity, roughness, and how strongly a surface answers; a table of them, and of layers.
 
 Two users, two views of one table (`materials.toml`, a source for every figure):
@@ -64,7 +66,8 @@ class Material:
         amplitude = checked_number(abs(reflection), name="|reflection|", above=0)
         if amplitude > 1:
             raise InputError(
-                f"|reflection| is {amplitude:g}; expected at most 1: a passive surface returns no more than it gets"
+                f"|reflection| is {amplitude:g}; expected at most 1: a passive surface cannot reflect more than it "
+                "receives"
             )
         put(self, reflection=reflection, alpha=(a1, a2))
         self._check_electric_figures()
@@ -76,7 +79,7 @@ class Material:
 
     def _check_electric_figures(self) -> None:
         if (self.frequencies is None) != (self.permittivities is None):
-            raise InputError("frequencies and permittivities come together: give both, or neither")
+            raise InputError("frequencies and permittivities belong together: give both, or neither")
         if self.conductivity is not None:
             if self.permittivities is not None:
                 raise InputError("give a metal's conductivity or a dielectric's permittivities, not both")
@@ -119,8 +122,8 @@ class Material:
             values = np.interp(np.log(given), np.log(self.frequencies), self.permittivities)
         else:
             raise InputError(
-                f"material {self.name!r} is known by its reflection alone; give it frequencies and "
-                "permittivities, or a conductivity, or take one of MATERIALS"
+                f"material {self.name!r} has only a reflection amplitude; give it frequencies and permittivities or a "
+                "conductivity, or use one of MATERIALS"
             )
         return values if np.ndim(frequency) else complex(values)
 

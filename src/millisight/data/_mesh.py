@@ -36,7 +36,7 @@ class TriangleMesh:
         faces = checked_array(self.faces, name="faces", shape=("F", 3), dtype=np.int64)
         if faces.min() < 0 or faces.max() >= len(vertices):
             raise MeshError(
-                f"faces name vertices {faces.min()} to {faces.max()}; expected 0 to {len(vertices) - 1}: "
+                f"faces refer to vertices {faces.min()} to {faces.max()}; expected 0 to {len(vertices) - 1}: "
                 "the mesh is damaged, export it again"
             )
         put(self, vertices=vertices, faces=faces)

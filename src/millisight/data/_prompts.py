@@ -1,7 +1,9 @@
+# Callers without types are checked, too.
+# pyright: reportUnnecessaryIsInstance=false
 """Prompts: points on a picture, on the object or beside it."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -27,13 +29,14 @@ class Prompts:
     def __post_init__(self) -> None:
         points = checked_array(self.points, name="points", shape=("n", 2), dtype=np.int64)
         if points.min() < 0:
-            raise InputError(f"points go down to {points.min()}; expected indices of pixels, from 0 on")
+            raise InputError(f"points have the index {points.min()}; expected pixel indices from 0")
         positive = checked_array(self.positive, name="positive", shape=(len(points),), dtype=np.bool_)
-        both = set(map(tuple, points[positive].tolist())) & set(map(tuple, points[~positive].tolist()))
+        inside, outside = ({(int(i), int(j)) for i, j in points[which]} for which in (positive, ~positive))
+        both = inside & outside
         if both:
             raise InputError(
                 f"the point {list(min(both))} is both positive and negative; expected each to lie on the object or "
-                "beside it: drop one of the two"
+                "beside it: remove one of the two"
             )
         put(self, points=points, positive=positive)
 
@@ -51,9 +54,10 @@ class Prompts:
         if not isinstance(value, Mapping) or set(value) != {"points", "positive"}:
             keys = ", ".join(map(str, value)) if isinstance(value, Mapping) else type(value).__name__
             raise InputError(f"prompts hold {keys}; expected the keys points, pairs of indices, and positive, booleans")
-        if not isinstance(value["positive"], list) or not all(isinstance(one, bool) for one in value["positive"]):
+        positive: Any = value["positive"]
+        if not isinstance(positive, list) or not all(isinstance(one, bool) for one in cast(list[Any], positive)):
             raise InputError("prompts' positive must be a list of true and false, one for each point")
-        return cls(points=value["points"], positive=np.array(value["positive"], dtype=bool))
+        return cls(points=value["points"], positive=np.array(positive, dtype=bool))
 
     @property
     def plain(self) -> dict[str, Any]:

@@ -159,27 +159,19 @@ class Radar:
             return record_from_file(_Preset, entry, "a radar").radar(name, rx_axis)
         if isinstance(entry, Radar):
             if rx_axis is not None:
-                raise InputError(f"the receivers of the radar {name!r} lie as they do; leave rx_axis={rx_axis!r} out")
+                raise InputError(f"the receivers of the radar {name!r} are fixed; leave rx_axis={rx_axis!r} out")
             return entry
         return checked_record(entry(**({"rx_axis": rx_axis} if rx_axis else {})), Radar, name=f"radar {name!r}")
 
 
 @record
 class _Preset:
-    """A radar's file: its receivers in a row beside the transmitter.
-
-    Attributes
-    ----------
-    waveform : Waveform
-    rx_axis : "x" or "y", along which the receivers lie where nothing is said
-    rx_offsets : from the transmitter [m]
-    path_offset : see Radar [m]
-    """
+    """A radar's file: its receivers in a row beside the transmitter."""
 
     waveform: Waveform
-    rx_axis: str
-    rx_offsets: tuple[float, ...]
-    path_offset: float = 0.0
+    rx_axis: str  # "x" or "y", along which the receivers lie where nothing is said
+    rx_offsets: tuple[float, ...]  # from the transmitter [m]
+    path_offset: float = 0.0  # see Radar [m]
 
     def __post_init__(self) -> None:
         if self.rx_axis not in ("x", "y") or not self.rx_offsets:

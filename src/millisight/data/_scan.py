@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import field
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -26,13 +26,13 @@ class CalibrationStep:
     """
 
     name: str
-    settings: Mapping[str, Any] = field(default_factory=dict)
+    settings: Mapping[str, Any] = field(default_factory=dict[str, Any])
     source: str = ""
 
     def __post_init__(self) -> None:
         for name in ("name", "source"):
             checked_record(getattr(self, name), str, name=name)
-        put(self, settings=dict(checked_record(self.settings, Mapping, name="settings")))
+        put(self, settings=dict(cast(Mapping[str, Any], checked_record(self.settings, Mapping, name="settings"))))
 
 
 @record
@@ -81,7 +81,7 @@ class ScanRow:
         if len(wrong):
             i = int(wrong[0])
             raise InputError(
-                f"times of {self.source} go from {times[i]:.6f} to {times[i + 1]:.6f} s at frame {i + 1}; expected "
+                f"the times of {self.source} go from {times[i]:.6f} to {times[i + 1]:.6f} s at frame {i + 1}; expected "
                 "times that increase"
             )
         if not callable(self.read):
@@ -108,7 +108,7 @@ class RawScan:
     radar: Radar
     rows: tuple[ScanRow, ...]
     log: Trajectory
-    metadata: Metadata = field(default_factory=dict)
+    metadata: Metadata = field(default_factory=dict[str, Any])
     calibration: tuple[CalibrationStep, ...] = ()
 
     def __post_init__(self) -> None:

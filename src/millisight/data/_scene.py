@@ -1,7 +1,7 @@
 """Scenes: what the radar looks at."""
 
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -51,7 +51,7 @@ class Scene:
     objects: tuple[SceneObject, ...]
 
     def __post_init__(self) -> None:
-        objects = tuple(checked_record(self.objects, Iterable, name="objects"))
+        objects = tuple(cast(Iterable[Any], checked_record(self.objects, Iterable, name="objects")))
         if not objects:
             raise InputError("a scene without objects; expected at least one")
         put(self, objects=tuple(checked_record(o, SceneObject, name="a scene's object") for o in objects))

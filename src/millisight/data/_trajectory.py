@@ -1,6 +1,9 @@
 """Where the radar was, and when."""
 
+from collections.abc import Sequence
+
 import numpy as np
+from numpy.typing import ArrayLike
 
 from millisight.core import (
     SPEED_OF_LIGHT,
@@ -102,7 +105,14 @@ class Trajectory:
         return cls._from_counts((270 if large else 230, int(0.55 / step)), [step, step], (0.0, 0.0, 0.2), False, 1e-3)
 
     @classmethod
-    def _from_counts(cls, counts, steps, center, serpentine, interval) -> "Trajectory":
+    def _from_counts(
+        cls,
+        counts: Sequence[int],
+        steps: Sequence[float],
+        center: ArrayLike,
+        serpentine: bool,
+        interval: float,
+    ) -> "Trajectory":
         x, y = (s * (np.arange(n) - (n - 1) / 2) for n, s in zip(counts, steps, strict=True))
         rows = np.tile(y, (len(x), 1))
         if serpentine:

@@ -17,22 +17,10 @@ from typing import Any, NamedTuple
 from millisight.core import atomic_path, checked_number, make_folder, printable, record, same_file, write_text
 from millisight.core.errors import FileError, InputError
 from millisight.datasets import _mito
-from millisight.datasets._inventory import Dataset, Item
-from millisight.datasets._manifest import Entry, Manifest, Source, checksum, read_manifest, write_manifest
+from millisight.datasets._dataset import Dataset, Item
+from millisight.datasets._manifest import Entry, Manifest, Source, checksum, read_manifest, size_of, write_manifest
 from millisight.datasets._workers import each
-from millisight.io import SCHEMA_VERSION, save
-from millisight.io.mito import (
-    INFO,
-    INFO_NAME,
-    RADAR_MASK,
-    RAW,
-    RAW_CAPTURE,
-    RAW_LOG,
-    image_beside,
-    read_experiment,
-    read_info,
-    read_published,
-)
+from millisight.io import SCHEMA_VERSION, mito, save
 
 _VERSION = 1  # of the conversion: another one, and everything is converted anew
 _CACHE_NAME = ".checksums.json"
@@ -45,21 +33,13 @@ Checksums = dict[str, tuple[int, int, str]]
 
 @record
 class Converted:
-    """What came of a conversion.
+    """What came of a conversion."""
 
-    Attributes
-    ----------
-    manifest : of all that is in the converted dataset now
-    made, kept : how many items were converted, and how many were already
-    notes : (path, what is odd about it), of all items
-    failures : (path, why it was not converted)
-    """
-
-    manifest: Manifest
-    made: int
-    kept: int
-    notes: tuple[tuple[str, str], ...]
-    failures: tuple[tuple[str, str], ...]
+    manifest: Manifest  # of all that is in the converted dataset now
+    made: int  # items
+    kept: int  # items that were converted already
+    notes: tuple[tuple[str, str], ...]  # (path, what is odd about it), of all items
+    failures: tuple[tuple[str, str], ...]  # (path, why it was not converted)
 
 
 class _Job(NamedTuple):
@@ -110,13 +90,13 @@ def convert(
     """
     dataset = root if isinstance(root, Dataset) else _mito.open(root)
     items = [item for item in dataset.items if not item.converted]
-    if all(item.kind == INFO for item in items):
-        raise InputError(f"{printable(dataset.root)} holds nothing that is not converted already")
+    if all(item.kind == mito.INFO for item in items):
+        raise InputError(f"{printable(dataset.root)} holds no file left to convert: all are converted")
     if min_distance is not None:
         min_distance = checked_number(min_distance, name="min_distance", unit="m", minimum=0)
     out = make_folder(out)
     if same_file(out, dataset.root):
-        raise InputError(f"{printable(out)} is the dataset itself; choose another folder to convert it into")
+        raise InputError(f"{printable(out)} is the dataset itself; choose another output folder")
     settings = {"conversion": _VERSION, "schema": SCHEMA_VERSION, "min_distance": min_distance}
     kept, notes, failures = 0, [], []
     with _Ledger(out, settings) as ledger:
@@ -199,7 +179,7 @@ def _convert(job: _Job) -> _Done:
     sources = tuple(_source(path, files, job, known) for path, files in _sources_of(job.item))
     outputs = _outputs(job.item, job.root)
     if [entry.path for entry in job.before] == outputs and all(
-        entry.sources == sources and _size(job.out / entry.path) == entry.size for entry in job.before
+        entry.sources == sources and size_of(job.out / entry.path) == entry.size for entry in job.before
     ):
         return _Done(job.before, known, True)
     entries = []
@@ -218,16 +198,16 @@ def _convert(job: _Job) -> _Done:
 def _contents(job: _Job) -> Iterator[tuple[Callable[[Path], None], list[str]]]:
     """What writes each output of an item, and what is odd about the item."""
     item = job.item
-    if item.kind == INFO:
-        read_info(item.path)
+    if item.kind == mito.INFO:
+        mito.read_info(item.path)
         yield lambda path: _copy(item.path, path), []
-    elif item.kind == RAW:
-        scan = read_experiment(item.path, item.radar)
+    elif item.kind == mito.RAW:
+        scan = mito.read_experiment(item.path, item.radar)
         notes = [str(note) for name in ("left_out", "notes") for note in scan.metadata[name]]
         yield lambda path: save(path, scan.to_capture(min_distance=job.min_distance), reproducible=True), notes
         yield lambda path: save(path, scan.log, reproducible=True), notes
     else:
-        published = read_published(item.path)
+        published = mito.read_published(item.path)
         yield lambda path: save(path, published.record, extras=published.extras, reproducible=True), []
 
 
@@ -239,23 +219,23 @@ def _copy(source: Path, path: Path) -> None:
 def _outputs(item: Item, root: Path) -> list[str]:
     """Where in the converted dataset an item goes."""
     place = Path(_relative(item.path, root))
-    if item.kind == INFO:
+    if item.kind == mito.INFO:
         return [place.as_posix()]
-    if item.kind == RAW:
-        return [(place / name).as_posix() for name in (RAW_CAPTURE, RAW_LOG)]
+    if item.kind == mito.RAW:
+        return [(place / name).as_posix() for name in (mito.RAW_CAPTURE, mito.RAW_LOG)]
     return [place.with_suffix(".h5").as_posix()]
 
 
 def _sources_of(item: Item) -> Iterator[tuple[Path, list[Path]]]:
     """What an item is made of: a file or a folder, and the files of it that matter."""
-    if item.kind == RAW:
+    if item.kind == mito.RAW:
         files = [*item.path.glob("radar_data/*"), *item.path.glob("antenna*.npz"), *item.path.glob("continuous*.pkl")]
         yield item.path, sorted(file for file in files if file.is_file())
-        info = item.path.parents[3] / INFO_NAME
+        info = item.path.parents[3] / mito.INFO_NAME
         yield info, [info] if info.is_file() else []
     else:
         yield item.path, [item.path]
-        if item.kind == RADAR_MASK and (image := image_beside(item.path)).is_file():
+        if item.kind == mito.RADAR_MASK and (image := mito.image_beside(item.path)).is_file():
             yield image, [image]
 
 
@@ -280,14 +260,6 @@ def _source(path: Path, files: Iterable[Path], job: _Job, known: Checksums) -> S
     listing = "".join(f"{sha256}  {file.relative_to(path).as_posix()}\n" for sha256, file in lines)
     digest = hashlib.sha256(listing.encode("utf-8", "surrogateescape")).hexdigest()
     return Source(_relative(path, job.root), size, digest, len(lines))
-
-
-def _size(path: Path) -> int:
-    """In bytes; -1 where there is no such file."""
-    try:
-        return path.stat().st_size
-    except OSError:
-        return -1
 
 
 def _relative(path: Path, root: Path) -> str:

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from millisight.core import make_folder, printable, record
 from millisight.core.errors import FileError, InputError, UnknownNameError
+from millisight.datasets._manifest import size_of
 from millisight.datasets._workers import each
 from millisight.io.mito import object_of
 
@@ -23,22 +24,13 @@ class RemoteFile(NamedTuple):
 
 @record
 class Download:
-    """What was downloaded, or would be.
+    """What was downloaded, or would be."""
 
-    Attributes
-    ----------
-    repository : name on the hub
-    commit : its revision, by hash; all files are of this one
-    files : those wanted
-    there : how many of them were in the folder before, whole
-    failures : (path, why it was not downloaded)
-    """
-
-    repository: str
-    commit: str
-    files: tuple[RemoteFile, ...]
-    there: int
-    failures: tuple[tuple[str, str], ...] = ()
+    repository: str  # name on the hub
+    commit: str  # its revision, by hash; all files are of this one
+    files: tuple[RemoteFile, ...]  # those wanted
+    there: int  # how many of them were in the folder before, whole
+    failures: tuple[tuple[str, str], ...] = ()  # (path, why it was not downloaded)
 
     @property
     def size(self) -> int:
@@ -94,7 +86,7 @@ def download(
     commit, listed = _listing(repository, revision, endpoint)
     files = _chosen(listed, objects)
     root = Path(out)
-    lacking = [file for file in files if _size(root / file.path) != file.size]
+    lacking = [file for file in files if size_of(root / file.path) != file.size]
     wanted = Download(repository=repository, commit=commit, files=files, there=len(files) - len(lacking))
     if dry_run:
         return wanted
@@ -128,9 +120,7 @@ def _listing(repository: str, revision: str, endpoint: str | None) -> tuple[str,
         files = [RemoteFile(entry.path, int(entry.size)) for entry in tree if hasattr(entry, "size")]
     for file in files:
         if PurePosixPath(file.path).is_absolute() or ".." in PurePosixPath(file.path).parts:
-            raise FileError(
-                f"{repository} lists the file {file.path!r}, which would lie outside the folder; not trusted"
-            )
+            raise FileError(f"{repository} lists the file {file.path!r}, which would lie outside the folder; refused")
     return commit, files
 
 
@@ -168,13 +158,9 @@ def _check_room(root: Path, needed: int) -> None:
     room = shutil.disk_usage(root).free
     if room < needed:
         raise InputError(
-            f"{needed / 1e9:.1f} GB are to be downloaded, but {printable(root)} has room for {room / 1e9:.1f} GB; "
-            "choose another folder, or fewer objects"
+            f"{needed / 1e9:.1f} GB must be downloaded, but the free space in {printable(root)} is {room / 1e9:.1f} "
+            "GB; choose another folder, or fewer objects"
         )
-
-
-def _size(path: Path) -> int:
-    return path.stat().st_size if path.is_file() else -1
 
 
 def _hub() -> Any:
@@ -206,7 +192,7 @@ def _explained(hub: Any, repository: str, revision: str) -> Iterator[None]:
         elif status is not None:
             advice = f"the hub answers {status} ({reason}): try again later; what was downloaded is kept"
         elif isinstance(error, hub.errors.HFValidationError):
-            advice = f"that is no name of a repository ({reason}): expected owner/name"
+            advice = f"that is not the name of a repository ({reason}): expected owner/name"
         else:
             advice = (
                 f"the hub cannot be reached, or the connection broke ({type(error).__name__}: {reason}): check the "

@@ -115,7 +115,7 @@ def read_manifest(folder: str | os.PathLike[str]) -> Manifest | None:
     lines = path.read_bytes().splitlines()
     head = _parsed(name, 1, lines[0] if lines else b"")
     if head.get("format") != _FORMAT:
-        raise FormatError(f"{name} is no manifest of millisight: its first line does not say so")
+        raise FormatError(f"{name} is not a manifest of millisight: its first line does not identify it")
     if head.get("version") != _VERSION:
         raise FormatError(f"{name} is of version {head.get('version')}; this millisight reads {_VERSION}: upgrade it")
     entries = {}
@@ -143,6 +143,14 @@ def checksum(path: str | os.PathLike[str]) -> str:
         raise FileError(f"cannot read {printable(os.fspath(path))}: {error.strerror or error}") from error
 
 
+def size_of(path: Path) -> int:
+    """Bytes of a file; -1 where there is no such file."""
+    try:
+        return path.stat().st_size
+    except OSError:
+        return -1
+
+
 def _parsed(name: str, number: int, line: bytes) -> dict[str, Any]:
     try:
         value = json.loads(line)
@@ -163,5 +171,5 @@ def _entry(name: str, number: int, value: dict[str, Any]) -> Entry:
     except (KeyError, TypeError) as error:
         raise DamagedFileError(f"{name}, line {number}: {error}; convert again") from error
     if not right or not inside:
-        raise DamagedFileError(f"{name}, line {number}: sizes, checksum or path cannot be right; convert again")
+        raise DamagedFileError(f"{name}, line {number}: sizes, checksum or path are invalid; convert again")
     return entry

@@ -10,32 +10,14 @@ from typing import NamedTuple
 
 from millisight.core import checked_path, printable
 from millisight.core.errors import FileError
-from millisight.datasets._inventory import Dataset, Experiment, Item, ObjectFolder, Simulation
-from millisight.io.mito import (
-    CAMERA_FRAME,
-    CAMERA_MASK,
-    EMPTY_SCENES,
-    IMAGE,
-    INFO,
-    INFO_NAME,
-    RADARS,
-    RAW,
-    RAW_CAPTURE,
-    SIGHTS,
-    SPLITS_NAME,
-    TRUTH,
-    angles_of,
-    experiment_of,
-    kind_of,
-    object_of,
-    place_of,
-)
+from millisight.datasets._dataset import Dataset, Experiment, Item, ObjectFolder, Simulation
+from millisight.io import mito
 
 SIMULATED_EXTS = ("_specular", "_edges")
 """The simulated images that are published of every object."""
 _MESHES = (".stl", ".obj", ".ply")
 _TEXTURES = (".mtl", ".png", ".jpg")
-_BESIDE = (SPLITS_NAME, TRUTH)
+_BESIDE = (mito.SPLITS_NAME, mito.TRUTH)
 
 
 def open(root: str | os.PathLike[str]) -> Dataset:
@@ -49,7 +31,7 @@ def open(root: str | os.PathLike[str]) -> Dataset:
     root = checked_path(root)
     objects, stray = [], []
     for entry in _listed(root):
-        if entry.is_dir() and object_of(entry.name):
+        if entry.is_dir() and mito.object_of(entry.name):
             objects.append(_Walk(Path(entry.path)).object())
         elif not (entry.name in _BESIDE or entry.name.startswith(".") or entry.name.endswith((".md", ".jsonl"))):
             stray.append(entry.name)
@@ -74,11 +56,11 @@ def find_object(folder: str | os.PathLike[str]) -> ObjectFolder:
     """
     given = Path(os.path.abspath(checked_path(folder)))
     for above in (given, *given.parents):
-        if object_of(above.name) and any((above / name).is_dir() for name in ("robot_collected", "simulation")):
+        if mito.object_of(above.name) and any((above / name).is_dir() for name in ("robot_collected", "simulation")):
             return _Walk(above).object()
     raise FileError(
-        f"{printable(folder)} is no object or experiment of the published layout; expected a folder <id>_<name>, or "
-        "one in it such as robot_collected/0_0_0/exp1/los"
+        f"{printable(folder)} is not an object or experiment of the published layout; expected a folder <id>_<name>, "
+        "or one in it such as robot_collected/0_0_0/exp1/los"
     )
 
 
@@ -106,14 +88,14 @@ def experiments_under(folder: str | os.PathLike[str]) -> list[RawExperiment]:
 
 # The names of the layout's folders, from an object's down to a radar's.
 _LEVELS: tuple[Callable[[str], object], ...] = (
-    object_of,
+    mito.object_of,
     "robot_collected".__eq__,
-    angles_of,
-    lambda name: experiment_of(name) is not None,
-    SIGHTS.__contains__,
+    mito.angles_of,
+    lambda name: mito.experiment_of(name) is not None,
+    mito.SIGHTS.__contains__,
     "unprocessed".__eq__,
     "radars".__eq__,
-    RADARS.__contains__,
+    mito.RADARS.__contains__,
 )
 
 
@@ -134,7 +116,7 @@ def _raw_folders(folder: Path, level: int) -> Iterator[RawExperiment]:
 
 def _short_name(experiment: Path) -> str:
     try:
-        return str(place_of(experiment)).replace("/robot_collected", "").replace("/", ".")
+        return str(mito.place_of(experiment)).replace("/robot_collected", "").replace("/", ".")
     except FileError:
         return experiment.name
 
@@ -147,9 +129,9 @@ class _Walk:
         self.stray: list[Path] = []
 
     def object(self) -> ObjectFolder:
-        identity = object_of(self.folder.name)
+        identity = mito.object_of(self.folder.name)
         number, name = identity or ("", self.folder.name)
-        role = EMPTY_SCENES.get(name, "object")
+        role = mito.EMPTY_SCENES.get(name, "object")
         experiments: list[Experiment] = []
         simulations: list[Simulation] = []
         meshes = []
@@ -176,7 +158,7 @@ class _Walk:
 
     def _turned(self, above: os.DirEntry) -> Iterator[tuple[Path, tuple[int, int, int]]]:
         for entry in self._entries(above):
-            angles = angles_of(entry.name)
+            angles = mito.angles_of(entry.name)
             if angles is not None and entry.is_dir():
                 yield Path(entry.path), angles
             else:
@@ -184,17 +166,17 @@ class _Walk:
 
     def _experiments(self, above: Path, angles: tuple[int, int, int], role: str) -> Iterator[Experiment]:
         for entry in self._entries(above):
-            number = experiment_of(entry.name)
+            number = mito.experiment_of(entry.name)
             if number is None or not entry.is_dir():
                 self.stray.append(Path(entry.path))
                 continue
             info: list[Item] = []
             sights = []
             for below in self._entries(entry):
-                if below.name in SIGHTS and below.is_dir():
+                if below.name in mito.SIGHTS and below.is_dir():
                     sights.append(below)
-                elif below.name == INFO_NAME:
-                    info = [Item(path=Path(below.path), kind=INFO)]
+                elif below.name == mito.INFO_NAME:
+                    info = [Item(path=Path(below.path), kind=mito.INFO)]
                 else:
                     self.stray.append(Path(below.path))
             for sight in sights:
@@ -211,7 +193,7 @@ class _Walk:
 
     def _simulation(self, folder: Path, angles: tuple[int, int, int]) -> Simulation:
         items = tuple(self._items(folder))
-        expected = [(IMAGE, radar, ext) for radar in RADARS for ext in SIMULATED_EXTS]
+        expected = [(mito.IMAGE, radar, ext) for radar in mito.RADARS for ext in SIMULATED_EXTS]
         return Simulation(
             object=self.folder.name, angles=angles, folder=folder, items=items, missing=_missing(items, expected)
         )
@@ -232,7 +214,7 @@ class _Walk:
 
     def _radars(self, above: os.DirEntry, *, raw: bool) -> Iterator[Item]:
         for radar in self._entries(above):
-            if radar.name not in RADARS or not radar.is_dir():
+            if radar.name not in mito.RADARS or not radar.is_dir():
                 self.stray.append(Path(radar.path))
             elif raw:
                 yield from self._raw(radar)
@@ -241,7 +223,7 @@ class _Walk:
 
     def _files(self, above: os.DirEntry, section: str, radar: str) -> Iterator[Item]:
         for entry in self._entries(above):
-            kind = kind_of(section, entry.name)
+            kind = mito.kind_of(section, entry.name)
             if kind is None:
                 self.stray.append(Path(entry.path))
             else:
@@ -250,10 +232,10 @@ class _Walk:
     def _raw(self, radar: os.DirEntry) -> Iterator[Item]:
         """One item for the whole folder where it holds what can be read, published or converted."""
         names = {entry.name for entry in self._entries(radar)}
-        if RAW_CAPTURE in names:
-            yield Item(path=Path(radar.path, RAW_CAPTURE), kind=RAW, radar=radar.name)
+        if mito.RAW_CAPTURE in names:
+            yield Item(path=Path(radar.path, mito.RAW_CAPTURE), kind=mito.RAW, radar=radar.name)
         elif "radar_data" in names:
-            yield Item(path=Path(radar.path), kind=RAW, radar=radar.name)
+            yield Item(path=Path(radar.path), kind=mito.RAW, radar=radar.name)
         elif not any(name.startswith("raw_sim_files") for name in names):  # what simulated images were made of
             self.stray.append(Path(radar.path))
 
@@ -271,30 +253,25 @@ _Expected = tuple[str, str, str | None]
 def _expected(role: str, sight: str) -> list[_Expected]:
     """(kind, radar, ext) of what is published of an experiment; an ext of None is any."""
     if role == "empty":
-        return [(INFO, "", ""), (IMAGE, "24_ghz", "")]
+        return [(mito.INFO, "", ""), (mito.IMAGE, "24_ghz", "")]
     if role == "background":
-        return [(INFO, "", ""), (RAW, "24_ghz", "")]
-    radars = [(kind, radar, "") for kind in (IMAGE, RAW) for radar in RADARS]
-    camera = [(CAMERA_FRAME, "", None), (CAMERA_MASK, "", None)] if sight == "los" else []
-    return [(INFO, "", ""), *radars, *camera]
+        return [(mito.INFO, "", ""), (mito.RAW, "24_ghz", "")]
+    radars = [(kind, radar, "") for kind in (mito.IMAGE, mito.RAW) for radar in mito.RADARS]
+    camera = [(mito.CAMERA_FRAME, "", None), (mito.CAMERA_MASK, "", None)] if sight == "los" else []
+    return [(mito.INFO, "", ""), *radars, *camera]
 
 
 def _missing(items: tuple[Item, ...], expected: Sequence[_Expected]) -> tuple[str, ...]:
     there = {(item.kind, item.radar, ext) for item in items for ext in (item.ext, None)}
     lacks = [one for one in expected if one not in there]
     return tuple(
-        INFO_NAME if kind == INFO else " ".join(filter(None, (radar, kind, ext))) for kind, radar, ext in lacks
+        mito.INFO_NAME if kind == mito.INFO else " ".join(filter(None, (radar, kind, ext)))
+        for kind, radar, ext in lacks
     )
 
 
 def _listed(folder: Path | os.DirEntry) -> list[os.DirEntry]:
-    """The entries of a folder, by name.
-
-    Raises
-    ------
-    FileError
-        There is no such folder, or it may not be read.
-    """
+    """The entries of a folder, by name."""
     try:
         with os.scandir(folder) as entries:
             return sorted(entries, key=lambda entry: entry.name)

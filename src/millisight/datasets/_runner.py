@@ -1,17 +1,19 @@
 """`ms.evaluate`: a task on a dataset, in several processes; results are cached, so that a run can go on."""
 
+import hashlib
+import json
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import fields, replace
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from millisight.core import make_folder
+from millisight.core import make_folder, write_text
 from millisight.core.errors import InputError
 from millisight.datasets import _mito
-from millisight.datasets._cache import cache_key, read_cached, write_cached
-from millisight.datasets._inventory import Dataset
+from millisight.datasets._dataset import Dataset
 from millisight.datasets._scenes import DatasetFiles, find_scenes
 from millisight.datasets._workers import each
 from millisight.evaluation import TASKS, EvaluationItem, Result, Task
@@ -131,11 +133,11 @@ def run_items(
     FileError
         The folder cannot be written to.
     """
-    keys = {part: cache_key(item.paths, **settings) for item in items for part, settings in item.parts.items()}
+    keys = {part: _cache_key(item.paths, **settings) for item in items for part, settings in item.parts.items()}
     results: dict[str, Any] = dict.fromkeys(keys)
     if folder is not None:
         folder = make_folder(folder)
-        results = {part: read_cached(folder / f"{part}.json", key) for part, key in keys.items()}
+        results = {part: _read_cached(folder / f"{part}.json", key) for part, key in keys.items()}
     missing = [(item, {p: settings for p, settings in item.parts.items() if results[p] is None}) for item in items]
     left = [replace(item, parts=parts) for item, parts in missing if parts]
     cached, failures = sum(one is not None for one in results.values()), []
@@ -147,7 +149,37 @@ def run_items(
                 results |= found
                 if folder is not None:
                     for part in found:
-                        write_cached(folder / f"{part}.json", keys[part], found[part])
+                        _write_cached(folder / f"{part}.json", keys[part], found[part])
             if progress is not None:
                 progress(count, len(left))
     return ItemRun({part: one for part, one in results.items() if one is not None}, failures, cached)
+
+
+def _cache_key(paths: Iterable[Path], **settings: Any) -> str:
+    """Of what a result follows from: files, known by size and time; settings; and the version of this package."""
+    stats = [path.stat() if path.exists() else None for path in paths]
+    content = {
+        "version": version("millisight"),
+        "files": [(one.st_size, one.st_mtime_ns) if one else None for one in stats],
+        **settings,
+    }
+    return _checksum(content)
+
+
+def _write_cached(path: Path, key: str, result: Any) -> None:
+    """Write a result, and the key by which it is known to be still true."""
+    write_text(path, json.dumps({"key": key, "checksum": _checksum(result), "result": result}, indent=1))
+
+
+def _read_cached(path: Path, key: str) -> Any:
+    """The result of a file; None where there is none of this key, or the file is damaged."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        result = content["result"]
+        return result if (content["key"], content["checksum"]) == (key, _checksum(result)) else None
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def _checksum(content: Any) -> str:
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from millisight.core import read_toml, record, rotation_from_quaternion
-from millisight.core.errors import FileError, FormatError, InputError, UnknownNameError
+from millisight.core import check_known, read_toml, record, rotation_from_quaternion
+from millisight.core.errors import FileError, InputError
 from millisight.data import CameraFrame, CameraMask, Mask, SarImage
-from millisight.datasets._inventory import Dataset, Experiment, Item
+from millisight.datasets._dataset import Dataset, Experiment, Item, expect, read_item
 from millisight.datasets._manifest import read_manifest
 from millisight.evaluation import (
     HIGH,
@@ -23,19 +23,7 @@ from millisight.evaluation import (
     radar_from_camera,
 )
 from millisight.imaging import crop_slices
-from millisight.io import load, load_extras
-from millisight.io.mito import (
-    BASE_ORIGIN,
-    CAMERA_FRAME,
-    CAMERA_MASK,
-    IMAGE,
-    INFO,
-    RADAR_MASK,
-    SIGHTS,
-    TRUTH,
-    read_info,
-    read_published,
-)
+from millisight.io import load, load_extras, mito
 from millisight.meshes import CATALOGUE
 
 TRUTHS = ("camera", "exact")
@@ -126,24 +114,24 @@ class SceneFiles(SceneSource):
             The truth lies off an image's grid, or there is none of that kind.
         UnknownNameError
         """
-        if truth not in TRUTHS:
-            raise UnknownNameError("truth", truth, TRUTHS)
-        if transform not in TRANSFORMS:
-            raise UnknownNameError("camera-to-radar transform", transform, TRANSFORMS)
-        images = {band: _read(item, SarImage) for band, item in self.images.items()}
+        check_known("truth", truth, TRUTHS)
+        check_known("camera-to-radar transform", transform, TRANSFORMS)
+        images = {band: read_item(item, SarImage) for band, item in self.images.items()}
         turn = self._radar_turn() if transform == "published" and self.number == 1 else None
 
         def placed(pose: np.ndarray) -> np.ndarray:
             if transform == "published":
-                return published_radar_from_camera(self.number, pose, BASE_ORIGIN, turn)
-            return radar_from_camera(pose, BASE_ORIGIN)
+                return published_radar_from_camera(self.number, pose, mito.BASE_ORIGIN, turn)
+            return radar_from_camera(pose, mito.BASE_ORIGIN)
 
         if truth == "exact":
             masks = self._exact_masks()
         elif self.camera_mask is None or (self.camera_number != self.number and not self.physics()):
-            raise FileError(f"{self.name} has no camera mask of its object in line of sight, and so no truth")
+            raise FileError(
+                f"{self.name} has no camera mask of its object in line of sight, so the true mask is unknown"
+            )
         else:
-            camera: CameraMask = _read(self.camera_mask, CameraMask)
+            camera: CameraMask = read_item(self.camera_mask, CameraMask)
             masks = {band: camera_truth(camera, image.grid.xy, placed(camera.pose)) for band, image in images.items()}
         if HIGH in images:
             images[HIGH] = crop_slices(images[HIGH], low=crop[0], high=crop[1])
@@ -160,35 +148,35 @@ class SceneFiles(SceneSource):
         """The camera's picture, prompts to be drawn on what rises above the support."""
         if self.frame is None:
             return None
-        frame: CameraFrame = _read(self.frame, CameraFrame)
+        frame: CameraFrame = read_item(self.frame, CameraFrame)
         matrix = placed(frame.pose)
         if support is None:
             support = _SUPPORTS.get(self._info()["background"], _BLOCK)
         # At the depth d along the axis the height is T[2, 3] + d T[2, 2].
         if not matrix[2, 2] < 0:
-            raise InputError(f"{self.name}: the camera does not look down, by its pose; expected it above the object")
+            raise InputError(f"{self.name}: by its pose the camera does not look down; expected it above the object")
         farthest = (support + _MARGIN - matrix[2, 3]) / matrix[2, 2]
         return CameraView(frame=frame, T_radar_camera=matrix, farthest=farthest)
 
     def _exact_masks(self) -> dict[str, Mask]:
         if not self.physics():
-            raise InputError(f"{self.name} is not marked as simulated: its radar masks are no truth; use the camera's")
+            raise InputError(f"{self.name} is not marked as simulated: its radar masks are not exact; use the camera's")
         missing = [band for band in self.images if band not in self.masks]
         if missing:
             raise FileError(f"{self.name} has no radar mask at {missing[0]}; expected radar_masks.pkl beside the image")
-        return {band: _read(self.masks[band], Mask) for band in self.images}
+        return {band: read_item(self.masks[band], Mask) for band in self.images}
 
     def _info(self) -> dict[str, Any]:
         if self.info is None:
-            raise FileError(f"{self.name} has no experiment_info.json, which says how it was made")
-        return read_info(self.info.path)
+            raise FileError(f"{self.name} has no experiment_info.json, which describes how it was made")
+        return mito.read_info(self.info.path)
 
     def _radar_turn(self) -> np.ndarray | None:
         """(3, 3) of the tool at the radar's first place, where the 77 GHz image tells of it."""
         item = self.images.get(HIGH)
         if item is None or item.converted:
             return None
-        poses = read_published(item.path).extras.get("antenna_locs.tx_77_locs")
+        poses = mito.read_published(item.path).extras.get("antenna_locs.tx_77_locs")
         if poses is None or np.ndim(poses) != 2 or np.shape(poses)[1] != 7:
             return None
         return rotation_from_quaternion(np.asarray(poses)[0, 3:])
@@ -241,7 +229,7 @@ class DatasetFiles:
         """Simulated images of a band, by folder and angles of the object; where there are both parts."""
         found = {}
         for one in (part for entry in self.dataset.objects for part in entry.simulations):
-            images = [item for item in one.items if (item.kind, item.radar) == (IMAGE, _RADARS[band])]
+            images = [item for item in one.items if (item.kind, item.radar) == (mito.IMAGE, _RADARS[band])]
             items = {(band, item.ext[1:]): item for item in images if item.ext in ("_specular", "_edges")}
             if len(items) == 2:
                 found[one.object, one.angles] = SimulationFiles(items=items)
@@ -259,8 +247,8 @@ def find_scenes(dataset: Dataset, *, sight: str | None = None) -> tuple[SceneFil
     UnknownNameError
         No such sight.
     """
-    if sight is not None and sight not in SIGHTS:
-        raise UnknownNameError("sight", sight, SIGHTS)
+    if sight is not None:
+        check_known("sight", sight, mito.SIGHTS)
     found = []
     catalogued = {entry.ycb_id: name for name, entry in CATALOGUE.items()}
     for one in dataset.objects:
@@ -274,7 +262,7 @@ def _files(experiment: Experiment, name: str, others: tuple[Experiment, ...]) ->
     angles = "_".join(map(str, experiment.angles))
     open_view = [e for e in others if e.sight == "los" and e.angles == experiment.angles]
     open_view.sort(key=lambda e: (e.number != experiment.number, e.number))
-    masks = [(item, e.number) for e in open_view for item in e.items if item.kind == CAMERA_MASK]
+    masks = [(item, e.number) for e in open_view for item in e.items if item.kind == mito.CAMERA_MASK]
     camera_mask, camera_number = masks[0] if masks else (None, experiment.number)
 
     def by_band(kind: str) -> dict[str, Item]:
@@ -291,12 +279,12 @@ def _files(experiment: Experiment, name: str, others: tuple[Experiment, ...]) ->
         angles=experiment.angles,
         number=experiment.number,
         sight=experiment.sight,
-        images=by_band(IMAGE),
-        masks=by_band(RADAR_MASK),
+        images=by_band(mito.IMAGE),
+        masks=by_band(mito.RADAR_MASK),
         camera_mask=camera_mask,
         camera_number=camera_number,
-        frame=first(CAMERA_FRAME),
-        info=first(INFO),
+        frame=first(mito.CAMERA_FRAME),
+        info=first(mito.INFO),
     )
 
 
@@ -313,7 +301,7 @@ def origins(dataset: Dataset, scenes: Sequence[SceneFiles]) -> dict[str, Origin]
     found = {}
     for files in scenes:
         folder, turned, rest = files.name.split("/", 2)
-        places = sorted((dataset.root / TRUTH / folder / "robot_collected" / turned / rest).glob("*/world.toml"))
+        places = sorted((dataset.root / mito.TRUTH / folder / "robot_collected" / turned / rest).glob("*/world.toml"))
         worlds = [read_toml(path, "world") for path in places]
         found[files.name] = Origin(
             shape=_shape(worlds[0], files.object) if worlds else "unknown",
@@ -335,16 +323,6 @@ def _read_image(item: Item) -> tuple[SarImage, str]:
     if item.converted:
         image, extras = load(item.path), load_extras(item.path)
     else:
-        image, extras = read_published(item.path)
+        image, extras = mito.read_published(item.path)
     made_by = str(extras.get("physics", "simulated")) if extras.get("simulated") else ""
-    return _checked(image, SarImage, item), made_by
-
-
-def _read(item: Item, kind: type) -> Any:
-    return _checked(load(item.path) if item.converted else read_published(item.path).record, kind, item)
-
-
-def _checked(found: Any, kind: type, item: Item) -> Any:
-    if not isinstance(found, kind):
-        raise FormatError(f"{item.path} holds a {type(found).__name__}; expected a {kind.__name__}")
-    return found
+    return expect(image, SarImage, item), made_by

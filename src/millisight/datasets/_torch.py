@@ -10,7 +10,7 @@ from torch.utils.data import Dataset as TorchBase
 from millisight.io.mito import IMAGE, RADAR_MASK
 
 
-class TorchDataset(TorchBase):
+class TorchDataset(TorchBase[Any]):
     """A map-style dataset of radar images; loaders and samplers of torch take it.
 
     An item is a dictionary: "image", (X, Y, Z) complex64; "mask", (X, Y) bool, where masks are wanted; "x", "y", "z",

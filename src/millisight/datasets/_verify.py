@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from millisight.core import record
 from millisight.datasets import _mito
-from millisight.datasets._inventory import Dataset, Item
+from millisight.datasets._dataset import Dataset, Item
 from millisight.datasets._manifest import MANIFEST_NAME, Entry, checksum, read_manifest
 from millisight.datasets._workers import each
 from millisight.io import load, open_capture
@@ -17,20 +17,12 @@ from millisight.io.mito import INFO, RAW, read_experiment, read_info, read_publi
 
 @record
 class Checked:
-    """What was found of one item.
+    """What was found of one item."""
 
-    Attributes
-    ----------
-    path : relative to the dataset
-    kind : of the item, or "listed" of a file that only the manifest names
-    problems : what is lost, damaged or missing of it
-    notes : what is odd, and nothing is lost
-    """
-
-    path: str
-    kind: str
-    problems: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
+    path: str  # relative to the dataset
+    kind: str  # of the item, or "listed" of a file that only the manifest names
+    problems: tuple[str, ...] = ()  # what is lost, damaged or missing of it
+    notes: tuple[str, ...] = ()  # what is odd, and nothing is lost
 
     @property
     def ok(self) -> bool:
@@ -86,8 +78,8 @@ def verify(
             if progress is not None:
                 progress(count, len(jobs))
     folders = {one.folder.name for one in dataset.objects}
-    found += [
-        _check_listed(dataset.root, entry)
+    found += [  # files that the manifest names, and that are no items: missing, or what comes along with one
+        Checked(path=path, kind="listed", problems=tuple(_differences(dataset.root / path, entry)))
         for path, entry in entries.items()
         if path not in items and path.split("/")[0] in folders
     ]
@@ -116,17 +108,11 @@ def _check(job: _Job) -> tuple[list[str], list[str]]:
     return problems, notes
 
 
-def _check_listed(root: Path, entry: Entry) -> Checked:
-    """A file that the manifest names, and that is no item: missing, or what comes along with one."""
-    path = root / entry.path
-    return Checked(path=entry.path, kind="listed", problems=tuple(_differences(path, entry)))
-
-
 def _differences(path: Path, entry: Entry) -> list[str]:
     try:
         size = path.stat().st_size
         if size != entry.size:
             return [f"it has {size} bytes, by {MANIFEST_NAME} {entry.size}"]
-        return [] if checksum(path) == entry.sha256 else [f"its checksum is not that in {MANIFEST_NAME}"]
+        return [] if checksum(path) == entry.sha256 else [f"its checksum differs from that in {MANIFEST_NAME}"]
     except OSError:
-        return [f"it is in {MANIFEST_NAME}, but not there"]
+        return [f"it is listed in {MANIFEST_NAME}, but missing"]

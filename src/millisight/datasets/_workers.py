@@ -73,7 +73,7 @@ def each(
         died: list[tuple[int, T]] = []
         yield from _pooled(function, [item], 1, died)
         for number, _ in died:
-            yield Outcome(number, None, "the process that worked on it died; there may be too little memory")
+            yield Outcome(number, None, "the process that worked on it died, perhaps for lack of memory")
 
 
 def _pooled(

@@ -11,8 +11,6 @@ from ._answers import chosen as chosen
 from ._answers import confusion as confusion
 from ._answers import expected_calibration_error as expected_calibration_error
 from ._answers import reliability as reliability
-from ._f_score import FScore as FScore
-from ._f_score import f_score as f_score
 from ._leaks import SplitPlan as SplitPlan
 from ._leaks import TestImage as TestImage
 from ._leaks import Training as Training
@@ -26,6 +24,8 @@ from ._metrics import mask_metric as mask_metric
 from ._metrics import medians as medians
 from ._metrics import score_mask as score_mask
 from ._point_cloud import CLOUD_SUFFIXES as CLOUD_SUFFIXES
+from ._point_cloud import FScore as FScore
+from ._point_cloud import f_score as f_score
 from ._point_cloud import point_cloud as point_cloud
 from ._point_cloud import write_point_cloud as write_point_cloud
 from ._scenes import BOTH as BOTH

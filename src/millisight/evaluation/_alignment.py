@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from millisight.core import checked_array, checked_integer, checked_number, rotation_from_euler_deg
-from millisight.core.errors import InputError, UnknownNameError
+from millisight.core import check_known, checked_array, checked_integer, checked_number, rotation_from_euler_deg
+from millisight.core.errors import InputError
 
 MODES = ("translation", "rigid")
 
@@ -75,8 +75,7 @@ def align(
     UnknownNameError
         No such mode.
     """
-    if mode not in MODES:
-        raise UnknownNameError("mode of alignment", mode, MODES)
+    check_known("mode of alignment", mode, MODES)
     least = 1 if mode == "translation" else 3
     clouds = []
     for name, points in (("moving", moving), ("fixed", fixed)):
@@ -175,6 +174,8 @@ def _plane_step(
     at: Alignment, moved: np.ndarray, target: np.ndarray, normals: np.ndarray, weights: np.ndarray, rigid: bool
 ) -> tuple[np.ndarray, np.ndarray]:
     """One Gauss-Newton step of the weighted squared distances along the normals."""
+    from scipy.spatial.transform import Rotation
+
     middle = moved.mean(axis=0)
     rows = np.hstack([np.cross(moved - middle, normals), normals]) if rigid else normals
     away = ((target - moved) * normals).sum(axis=1)
@@ -182,16 +183,9 @@ def _plane_step(
     normal_matrix = scaled.T @ rows
     # Where nothing holds the cloud, as about a ball's middle or along a plane, it stays.
     step = np.linalg.lstsq(normal_matrix, scaled.T @ away, rcond=1e-5)[0]
-    turn = _rotation(step[:3]) if rigid else np.eye(3)
+    turn = Rotation.from_rotvec(step[:3]).as_matrix() if rigid else np.eye(3)
     translation = turn @ (at.translation - middle) + middle + step[-3:]
     return turn @ at.rotation, translation
-
-
-def _rotation(vector: np.ndarray) -> np.ndarray:
-    """(3, 3) about a (3,) axis by its length [rad] (Rodrigues)."""
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_rotvec(vector).as_matrix()
 
 
 def _normals(points: np.ndarray, tree: Any, neighbours: int = 9) -> np.ndarray:

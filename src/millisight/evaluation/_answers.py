@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from millisight.core import checked_integer, checked_record, record
-from millisight.core.errors import InputError, UnknownNameError
+from millisight.core import check_known, checked_integer, checked_record, record
+from millisight.core.errors import InputError
 from millisight.data import Prediction
 from millisight.evaluation._scenes import SIGHTS
 from millisight.evaluation._statistics import bootstrap_interval, mcnemar, sign_flip, wilson_interval
@@ -77,8 +77,7 @@ class ClassifierAnswer:
             ("split", self.split, SPLITS),
             ("masks", self.masks, MASKS),
         ):
-            if value not in known:
-                raise UnknownNameError(kind, value, known)
+            check_known(kind, value, known)
         if self.prediction is not None:
             checked_record(self.prediction, Prediction, name="prediction")
             if self.truth not in self.prediction.class_names:
@@ -110,20 +109,13 @@ def chosen(answers: Iterable[ClassifierAnswer], **wanted: Hashable) -> list[Clas
 
 
 class Accuracy(NamedTuple):
-    """How many of the images were named rightly.
-
-    Attributes
-    ----------
-    right, images, objects : counts
-    wilson : 95 % interval of the share, as if images were independent
-    by_object : 95 % bootstrap interval, objects drawn with all their images; None of a single object
-    """
+    """How many of the images were named rightly."""
 
     right: int
     images: int
     objects: int
-    wilson: tuple[float, float]
-    by_object: tuple[float, float] | None
+    wilson: tuple[float, float]  # 95 %, as if images were independent
+    by_object: tuple[float, float] | None  # 95 % bootstrap, objects drawn with all their images; None of a single one
 
     @property
     def share(self) -> float:
@@ -156,18 +148,11 @@ def by_object(answers: Iterable[ClassifierAnswer]) -> dict[str, list[ClassifierA
 
 
 class Confusion(NamedTuple):
-    """How often each class was taken for which.
+    """How often each class was taken for which."""
 
-    Attributes
-    ----------
-    truths : (T,) classes that there were, in the classifier's order
-    answers : (A,) classes that it knows, and NO_MASK where that occurred
-    counts : (T, A) images
-    """
-
-    truths: tuple[str, ...]
-    answers: tuple[str, ...]
-    counts: np.ndarray
+    truths: tuple[str, ...]  # (T,) classes that there were, in the classifier's order
+    answers: tuple[str, ...]  # (A,) classes that it knows, and NO_MASK where that occurred
+    counts: np.ndarray  # (T, A) images
 
 
 def confusion(answers: Sequence[ClassifierAnswer]) -> Confusion:
@@ -180,7 +165,9 @@ def confusion(answers: Sequence[ClassifierAnswer]) -> Confusion:
     """
     orders = {one.prediction.class_names for one in answers if one.prediction is not None}
     if len(orders) > 1:
-        raise InputError(f"answers are of classifiers that know other classes: {sorted(orders)}; take one at a time")
+        raise InputError(
+            f"the answers come from classifiers with different classes, {sorted(orders)}; pass one at a time"
+        )
     known = orders.pop() if orders else tuple(sorted({one.truth for one in answers}))
     names = (*known, *([NO_MASK] if any(one.prediction is None for one in answers) else []))
     truths = tuple(name for name in known if any(one.truth == name for one in answers))
@@ -191,20 +178,13 @@ def confusion(answers: Sequence[ClassifierAnswer]) -> Confusion:
 
 
 class Bin(NamedTuple):
-    """Answers of like confidence.
-
-    Attributes
-    ----------
-    low, high : it lies above the first, and up to the second
-    images, right : counts
-    confidence : their mean
-    """
+    """Answers of like confidence, above `low` and up to `high`."""
 
     low: float
     high: float
     images: int
     right: int
-    confidence: float
+    confidence: float  # their mean
 
 
 def reliability(answers: Iterable[ClassifierAnswer], *, bins: int = 10) -> list[Bin]:
@@ -241,37 +221,22 @@ def brier_score(answers: Iterable[ClassifierAnswer]) -> float | None:
 
 
 class PairedComparison(NamedTuple):
-    """Two variants on the same images.
-
-    Attributes
-    ----------
-    first, second : Variant
-    images, objects : that both were asked about
-    only_first, only_second : images that one of them alone named rightly (b and c)
-    p : of McNemar's exact test, images as if they were independent
-    p_by_object : of the sign-flip test, objects independent
-    """
+    """Two variants on the same images."""
 
     first: Variant
     second: Variant
     images: int
     objects: int
-    only_first: int
-    only_second: int
-    p: float
-    p_by_object: float
+    only_first: int  # images that it alone named rightly (b)
+    only_second: int  # (c)
+    p: float  # of McNemar's exact test, images as if they were independent
+    p_by_object: float  # of the sign-flip test, objects independent
 
 
 def compare_classifiers(
     first: Iterable[ClassifierAnswer], second: Iterable[ClassifierAnswer]
 ) -> PairedComparison | None:
-    """The answers of two variants, paired by scene; None where they have no image in common.
-
-    Raises
-    ------
-    InputError
-        One of them was asked about a scene twice: in other masks, or by several variants.
-    """
+    """The answers of two variants, paired by scene, each asked about once; None where they have no image in common."""
     one, other = (_by_scene(answers) for answers in (first, second))
     common = [scene for scene in one if scene in other]
     if not common:
@@ -297,6 +262,6 @@ def _by_scene(answers: Iterable[ClassifierAnswer]) -> dict[str, ClassifierAnswer
     found: dict[str, ClassifierAnswer] = {}
     for one in answers:
         if one.scene in found:
-            raise InputError(f"{one.scene} is there twice; expected the answers of one variant in one kind of masks")
+            raise InputError(f"{one.scene} occurs twice; expected the answers of one variant in one kind of masks")
         found[one.scene] = one
     return found

@@ -59,12 +59,12 @@ def training_of(name: str, description: Mapping[str, Any]) -> Training:
         seed, physics = int(description["seed"]), str(description["physics"])
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise InputError(
-            f"the description of {name} does not tell its training's objects, poses, seed and physics ({error!r}), and "
-            "so not whether test images are new to it; train anew"
+            f"the description of {name} does not state the objects, poses, seed and physics of its training "
+            f"({error!r}), so test images may not be new to it; train it again"
         ) from error
     unknown = sorted({*sides["training"], *sides["validation"]} - set(poses))
     if unknown:
-        raise InputError(f"the description of {name} tells no poses of {', '.join(unknown)}; train anew")
+        raise InputError(f"the description of {name} states no poses of {', '.join(unknown)}; train it again")
     return Training(
         name=name,
         training=frozenset(map(_known_as, sides["training"])),
@@ -91,12 +91,6 @@ def nearest_pose_deg(training: Training, name: str, angles_deg: ArrayLike) -> fl
     """The angle of the smallest rotation from a pose of that object in training to this one [degrees]; inf: none.
 
     Of the rotation Aᵀ B the angle is arccos((trace - 1) / 2), whatever the axis.
-
-    Parameters
-    ----------
-    training : Training
-    name : of the object
-    angles_deg : (3,) about the fixed axes x, y and z
     """
     turned = training.rotations.get(_known_as(name), np.zeros((0, 3, 3)))
     if not len(turned):
@@ -195,40 +189,24 @@ def side_of(training: Training, name: str, angles_deg: ArrayLike) -> str:
 
 
 def check_seeds(training: Training, seeds: Iterable[int]) -> None:
-    """No seed of the test images may be that of training.
-
-    Raises
-    ------
-    InputError
-    """
+    """No seed of the test images may be that of training."""
     if training.seed in set(seeds):
         raise InputError(
-            f"{training.name} was trained with the seed {training.seed}, with which the test images were made, too: "
+            f"{training.name} was trained with the seed {training.seed}, which the test images were made with, too: "
             "their random numbers may be the same; make test images with another seed"
         )
 
 
 def check_physics(training: Training, tested: Iterable[str]) -> None:
-    """What made the test images must be something else than what made those of training.
-
-    Parameters
-    ----------
-    training : Training
-    tested : what made the test images, such as "virtual rig: physical optics"; "" for real ones
-
-    Raises
-    ------
-    InputError
-        It is the same, or training does not say.
-    """
+    """Refuse test images made by what made those of training ("" of real ones), or training that does not say."""
     learned = _kind(training.physics)
     if not learned:
-        raise InputError(f"the description of {training.name} does not say by what physics its images were made")
+        raise InputError(f"the description of {training.name} does not state the physics of its images")
     same = sorted({physics for physics in tested if _kind(physics) == learned})
     if same:
         raise InputError(
-            f"{training.name} was trained on images of the physics of the test images, {same[0]!r}: no test of how it "
-            "takes to other physics; train on the simulator's images, or test on the rig's"
+            f"{training.name} was trained on images of the same physics as the test images, {same[0]!r}: this is no "
+            "test on other physics; train on images of the simulator, or test on images of the rig"
         )
 
 

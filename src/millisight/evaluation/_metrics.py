@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from millisight.core import Registry, checked_record, record
-from millisight.core.errors import InputError, UnknownNameError
+from millisight.core import Registry, check_known, checked_record, record
+from millisight.core.errors import InputError
 from millisight.data import Mask
 
 UNITS = {"%": 100.0, "mm": 1000.0, "": 1.0}
@@ -41,8 +41,7 @@ class Metric:
     paired: bool = False
 
     def __post_init__(self) -> None:
-        if self.unit not in UNITS:
-            raise UnknownNameError("unit of a metric", self.unit, UNITS)
+        check_known("unit of a metric", self.unit, UNITS)
 
     @property
     def column(self) -> str:
@@ -158,7 +157,7 @@ def medians(scores: Iterable[MaskScores]) -> MaskScores:
     """
     some = list(scores)
     if not some:
-        raise InputError("medians of no scores; expected one at least")
+        raise InputError("medians of no scores; expected at least one")
     return MaskScores({name: float(np.median([one[name] for one in some])) for name in some[0]})
 
 

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from millisight.core import put, record
-from millisight.core.errors import InputError, UnknownNameError
+from millisight.core import check_known, put, record
+from millisight.core.errors import InputError
 from millisight.data import CameraFrame, Mask, Picture, SarImage
 from millisight.evaluation._metrics import MaskScores, score_mask
 from millisight.evaluation._truth import pixels_on_grid
@@ -59,15 +59,13 @@ class LabelledScene:
     view: CameraView | None = None
 
     def __post_init__(self) -> None:
-        if self.sight not in SIGHTS:
-            raise UnknownNameError("kind of sight", self.sight, SIGHTS)
+        check_known("kind of sight", self.sight, SIGHTS)
         for name in (*self.images, *self.truth):
-            if name not in (LOW, HIGH):
-                raise UnknownNameError("radar image", name, (LOW, HIGH))
+            check_known("radar image", name, (LOW, HIGH))
         if not self.images or set(self.images) != set(self.truth):
             raise InputError(
                 f"scene {self.name} has images of {', '.join(self.images) or 'nothing'} and truth for "
-                f"{', '.join(self.truth) or 'nothing'}; expected a truth for each image, and one image at least"
+                f"{', '.join(self.truth) or 'nothing'}; expected a true mask for each image, and at least one image"
             )
         put(self, images=dict(self.images), truth=dict(self.truth))
 
@@ -82,14 +80,7 @@ class LabelledScene:
 
 
 def named_segmenter(name: str, options: Mapping[str, Any]) -> Segmenter:
-    """The segmenter of that name with its options; one for all scenes of a process.
-
-    Raises
-    ------
-    UnknownNameError
-    InputError
-        What it needs is not installed.
-    """
+    """The segmenter of that name with its options; one for all scenes of a process."""
     try:
         return _segmenter(name, json.dumps(dict(options), sort_keys=True))
     except ImportError as error:
@@ -157,7 +148,8 @@ class SegmenterEvaluator:
     """
 
     def __init__(self, by: Segmenter, scene: LabelledScene):
-        self.by, self.scene = by, scene
+        self.by: Segmenter = by
+        self.scene: LabelledScene = scene
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -224,5 +216,5 @@ class SegmenterEvaluator:
 
     def _view(self) -> CameraView:
         if self.scene.view is None:
-            raise InputError(f"scene {self.scene.name} has no picture of the camera's")
+            raise InputError(f"scene {self.scene.name} has no camera picture")
         return self.scene.view

@@ -8,12 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from millisight.core import checked_number, checked_numbers, put, record
-from millisight.core.errors import InputError, UnknownNameError
+from millisight.core import check_known, checked_number, checked_numbers, put, record
+from millisight.core.errors import InputError
 from millisight.data import PointCloud, SarImage
 from millisight.evaluation._alignment import MODES, Alignment, align
-from millisight.evaluation._f_score import FScore, f_score
-from millisight.evaluation._point_cloud import point_cloud
+from millisight.evaluation._point_cloud import FScore, f_score, point_cloud
 from millisight.imaging import combine
 
 SPECULAR, EDGE = (1.0, 0.0), (0.0, 1.0)
@@ -51,8 +50,7 @@ class CloudSettings:
         threshold = checked_number(self.threshold, name="threshold", minimum=0)
         if self.relative and not threshold < 1:
             raise InputError(f"threshold is {threshold:g}; expected less than 1, a share of the image's maximum")
-        if self.mode not in MODES:
-            raise UnknownNameError("mode of alignment", self.mode, MODES)
+        check_known("mode of alignment", self.mode, MODES)
         given = [checked_numbers(pair, name="weights", count=2, minimum=0) for pair in self.weights]
         if not all(a1 + a2 > 0 for a1, a2 in given):
             raise InputError("weights hold (0, 0); expected at least one of the two above zero")
@@ -70,37 +68,21 @@ class CloudSettings:
 
 
 class WeightTrial(NamedTuple):
-    """What one pair of weights scores.
+    """What one pair of weights scores."""
 
-    Attributes
-    ----------
-    weights : (a1, a2), their sum 1
-    score : FScore
-    points : of the simulated cloud
-    converged : whether the alignment did; False where there was none
-    translation : by which the simulated cloud was moved [m]; None where there was no alignment
-    problem : why there was none; "" otherwise
-    """
-
-    weights: tuple[float, float]
+    weights: tuple[float, float]  # (a1, a2), their sum 1
     score: FScore
-    points: int
-    converged: bool
-    translation: tuple[float, float, float] | None = None
-    problem: str = ""
+    points: int  # of the simulated cloud
+    converged: bool  # whether the alignment did; False where there was none
+    translation: tuple[float, float, float] | None = None  # of the simulated cloud [m]; None: not aligned
+    problem: str = ""  # why there was none; "" otherwise
 
 
 class SimulatorComparison(NamedTuple):
-    """A measured image against a specular and an edge image, for every weight.
+    """A measured image against a specular and an edge image, for every weight."""
 
-    Attributes
-    ----------
-    points : of the measured cloud
-    trials : one for each of W
-    """
-
-    points: int
-    trials: tuple[WeightTrial, ...]
+    points: int  # of the measured cloud
+    trials: tuple[WeightTrial, ...]  # one for each of W
 
     @property
     def best(self) -> WeightTrial:

@@ -107,37 +107,20 @@ class EvaluationData(Protocol):
 
 
 class Survey(NamedTuple):
-    """What a dataset's scenes say of themselves, and how to read them.
+    """What a dataset's scenes say of themselves, and how to read them."""
 
-    Attributes
-    ----------
-    data : what the data are, in words for titles
-    simulated : whether they are
-    physics : what made each scene, by its name; "" of real ones
-    failures : (name, reason) of scenes that do not say
-    reading : options of `SceneSource.read`
-    """
-
-    data: str
-    simulated: bool
-    physics: dict[str, str]
-    failures: tuple[tuple[str, str], ...]
-    reading: dict[str, Any]
+    data: str  # what the data are, in words for titles
+    simulated: bool  # whether they are
+    physics: dict[str, str]  # what made each scene, by its name; "" of real ones
+    failures: tuple[tuple[str, str], ...]  # (name, reason) of scenes that do not say
+    reading: dict[str, Any]  # options of `SceneSource.read`
 
 
 def survey(data: EvaluationData, *, transform: str | None, **reading: Any) -> Survey:
-    """What the scenes of a dataset are.
+    """What the scenes of a dataset are: all simulated, or all real.
 
-    Parameters
-    ----------
-    data : of which every scene is asked what made it
-    transform : camera to radar; None: "file" for simulated scenes, "published" for others
-    reading : other options of `SceneSource.read`
-
-    Raises
-    ------
-    InputError
-        There are no scenes; or some are simulated, and some are not.
+    `transform`, camera to radar, is "file" for simulated scenes by default, "published" for others; `reading` are the
+    other options of `SceneSource.read`.
     """
     if not data.scenes:
         raise InputError(f"{data.path} has no radar image of an object; expected processed_image.pkl in experiments")
@@ -149,7 +132,7 @@ def survey(data: EvaluationData, *, transform: str | None, **reading: Any) -> Su
             failures.append((scene.name, str(error)))
     kinds = set(physics.values())
     if len(kinds) > 1 and "" in kinds:
-        raise InputError(f"{data.path} has simulated scenes and others; evaluate them apart, by choosing objects")
+        raise InputError(f"{data.path} mixes simulated and other scenes; evaluate them separately, by choosing objects")
     made = ", ".join(sorted(kinds - {""}))
     if made and "virtual rig" not in made:  # scenes are of `robot_collected`, and no other robot is simulated
         made = f"virtual rig, {made}"

@@ -2,11 +2,12 @@
 
 import csv
 import io
+from collections.abc import Iterable, Sequence
 from html import escape
 from typing import Any
 
-from millisight.core import put, record
-from millisight.core.errors import InputError, UnknownNameError
+from millisight.core import check_known, put, record
+from millisight.core.errors import InputError
 
 Cell = str | float | None
 PLACES = ("summary", "page", "file")
@@ -34,8 +35,7 @@ class Table:
 
     def __post_init__(self) -> None:
         put(self, columns=tuple(self.columns), rows=tuple(map(tuple, self.rows)), notes=tuple(self.notes))
-        if self.place not in PLACES:
-            raise UnknownNameError("place of a table", self.place, PLACES)
+        check_known("place of a table", self.place, PLACES)
         for number, row in enumerate(self.rows):
             if len(row) != len(self.columns):
                 raise InputError(
@@ -92,6 +92,14 @@ class Table:
         return [
             bool(self.rows) and all(not isinstance(row[i], str) for row in self.rows) for i in range(len(self.columns))
         ]
+
+
+def table_of(
+    title: str, columns: str | Sequence[str], rows: Iterable[Sequence[Cell]], *notes: str, place: str = "page"
+) -> Table:
+    """A table; names of columns in one text are separated by |."""
+    names = columns.split("|") if isinstance(columns, str) else columns
+    return Table(title=title, columns=tuple(names), rows=tuple(map(tuple, rows)), notes=notes, place=place)
 
 
 def _shown(cell: Cell) -> str:

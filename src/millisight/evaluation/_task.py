@@ -74,8 +74,8 @@ class ReportFigure:
     heading: str
     caption: str
     plot: str | Callable[..., Any]
-    arguments: Mapping[str, Any] = field(default_factory=dict)
-    facts: Mapping[str, object] = field(default_factory=dict)
+    arguments: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    facts: Mapping[str, object] = field(default_factory=dict[str, object])
     suffixes: tuple[str, ...] = (".png",)
     dpi: float = 110
 

@@ -83,7 +83,7 @@ def published_radar_from_camera(
     if number != 1:
         raise InputError(f"experiment is {number}; the published transforms are of experiments 1 and 2")
     if radar_turn is None:
-        raise InputError("experiment 1 needs the tool's rotation at the radar's first place; its log has none")
+        raise InputError("experiment 1 needs the rotation of the tool at the first pose of the radar; its log has none")
     tool = checked_array(pose, name="pose", shape=(4, 4))
     turned = checked_array(radar_turn, name="radar_turn", shape=(3, 3))
     camera = tool[:3, 3] + tool[:3, :3] @ _FIRST_MOUNT.camera_in_tool
@@ -176,7 +176,7 @@ def _filled(pixels: np.ndarray, depth: np.ndarray) -> np.ndarray:
     known = pixels & (depth > 0)
     if not known.any():
         what = "none of its pixels has a depth" if np.any(pixels) else "it is empty"
-        raise InputError(f"the mask in the picture has no place: {what}; draw it where the camera saw the object")
+        raise InputError(f"the mask in the picture cannot be located: {what}; draw it where the camera saw the object")
     nearest = np.asarray(distance_transform_edt(~known, return_distances=False, return_indices=True))
     return np.asarray(depth)[tuple(nearest)].astype(float)
 
@@ -189,7 +189,7 @@ def _check_on_grid(points: np.ndarray, grid_xy: PixelGrid) -> None:
     if not ((seen >= lower) & (seen <= upper)).all(axis=1).any():
         (x0, y0), (x1, y1) = seen.min(axis=0), seen.max(axis=0)
         raise InputError(
-            f"the mask lies off the grid: it reaches over x {x0:.4g} to {x1:.4g} m and y {y0:.4g} to {y1:.4g} m, the "
-            f"grid over x {lower[0]:.4g} to {upper[0]:.4g} m and y {lower[1]:.4g} to {upper[1]:.4g} m; look at the "
+            f"the mask lies outside the grid: it covers x {x0:.4g} to {x1:.4g} m and y {y0:.4g} to {y1:.4g} m, the "
+            f"grid over x {lower[0]:.4g} to {upper[0]:.4g} m and y {lower[1]:.4g} to {upper[1]:.4g} m; check the "
             "camera's pose and the frame of the image"
         )

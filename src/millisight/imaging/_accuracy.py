@@ -41,10 +41,12 @@ def profile_error(capture: Capture, grid: VoxelGrid, picks: np.ndarray, window: 
         sums = np.zeros((2, len(points)), dtype=np.float32)
         kernels.backproject(
             compression.profiles(frames, slice(None)), compression.starts, compression.per_metre, carrier, tx, rx,
-            *np.ascontiguousarray(points.T, dtype=np.float32), sums[0], sums[1],
+            *np.ascontiguousarray(points.T, dtype=np.float32), sums[0], sums[1], compression.excess,
         )  # fmt: skip
         taper = range_weights(window_pair(window)[0], waveform.samples_per_chirp)
-        truth = image_at(frames * taper, tx, rx, waveform.frequencies, points, capture.radar.path_offset)
+        truth = image_at(
+            frames * taper, tx, rx, waveform.frequencies, points, capture.radar.path_offset, layers=capture.layers
+        )
         truth *= np.prod(frames.shape[:3])
         squares += [np.sum(np.abs(sums[0] + 1j * sums[1] - truth) ** 2), np.sum(np.abs(truth) ** 2)]
     return float(np.sqrt(squares[0] / squares[1]) if squares[1] > 0 else squares[0] > 0)

@@ -47,7 +47,7 @@ def grid_around(
     else:
         bounds = scene_bounds(scene)
         if bounds is None:
-            raise InputError("the capture does not say where its scene is; name a grid, such as VoxelGrid.regular(...)")
+            raise InputError("the capture does not say where its scene is; pass a grid, such as VoxelGrid.regular(...)")
         half = scene.radar.waveform.wavelength / 2
         lower, upper, steps = bounds[0] - margin, bounds[1] + margin, (half, half, 2 * half)
         steps = steps if spacing is None else spacing
@@ -55,7 +55,7 @@ def grid_around(
     if spacing is not None and max(grid.shape) <= 2:
         # Nobody wants eight voxels: a spacing of 2 was meant as millimetres.
         raise InputError(
-            f"voxels {np.max(spacing):g} m wide leave two along each axis at most; pass a spacing such as 0.002, 2 mm"
+            f"voxels {np.max(spacing):g} m wide leave at most two along each axis; pass a spacing such as 0.002, 2 mm"
         )
     return grid
 

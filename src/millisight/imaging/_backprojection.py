@@ -9,6 +9,7 @@ from jaxtyping import Complex, Float
 from millisight.core import SPEED_OF_LIGHT, check_device
 from millisight.data import Capture, VoxelGrid
 from millisight.imaging._lengths import boxes, grid_in
+from millisight.imaging._refraction import Excess, excess_over
 from millisight.imaging._windows import Window, aperture_weights, range_weights, window_pair
 
 OVERSAMPLING = 8
@@ -70,7 +71,7 @@ def _backproject_box(
     for block, frames in weighted_blocks(capture, step, window):
         kernels.backproject(
             compression.profiles(frames, block), compression.nearest(block), compression.per_metre, carrier,
-            tx[block], rx[block], *voxels, sums[0], sums[1],
+            tx[block], rx[block], *voxels, sums[0], sums[1], compression.excess,
         )  # fmt: skip
         if progress is not None:
             progress(block.stop, len(capture.trajectory))
@@ -88,6 +89,7 @@ class Compression(NamedTuple):
     starts : (P, T) and (P, R), the transmitters' and the receivers' parts of the path length of entry 0 [m]
     baseband : (N,) (f - f_c) / c of the samples [1/m]; None where all profiles start at one path length
     per_metre : entries per metre of path length
+    excess : what refraction adds to straight paths; None: nothing
     """
 
     kernels: Any
@@ -95,6 +97,7 @@ class Compression(NamedTuple):
     starts: tuple[np.ndarray, np.ndarray]
     baseband: np.ndarray | None
     per_metre: float
+    excess: Excess | None = None
 
     def profiles(self, frames: np.ndarray, block: slice) -> Any:
         """(P, T, R, M) complex64 range profiles of the frames of the poses `block`, on the device."""
@@ -117,23 +120,29 @@ def range_compression(
     oversampling: int,
     window: Window,
     kernels: Any,
+    order: tuple[int, ...] = (0, 1, 2),
 ) -> Compression:
     """Range compression for all paths over a box (2, 3).
 
     One span of path lengths serves all channels, unless it is much longer than what a single one sees of the box: then
-    every channel's profile has a start of its own, and the antennas' distances cost no memory.
+    every channel's profile has a start of its own, and the antennas' distances cost no memory. `order`: of the world's
+    axes in tx, rx and box.
     """
-    (near_tx, far_tx), (near_rx, far_rx) = (_reaches(antennas, box) for antennas in (tx, rx))
-    nearest, furthest = path_bounds(tx, rx, box)
+    excess = excess_over(capture, tx, rx, box, order)
+    more = 0.0 if excess is None else excess.most
+    (near_tx, far_tx), (near_rx, far_rx) = (
+        (near - more, far + more) for near, far in (_reaches(antennas, box) for antennas in (tx, rx))
+    )
+    nearest, furthest = np.add(path_bounds(tx, rx, box), (-2 * more, 2 * more)).tolist()
     span = float(((far_tx - near_tx).max(axis=1) + (far_rx - near_rx).max(axis=1)).max())
     if furthest - nearest <= _LONGER * span:
         steering, per_metre = range_steering(capture, nearest, furthest, oversampling, window)
         starts = np.full(tx.shape[:2], nearest / 2), np.full(rx.shape[:2], nearest / 2)
-        return Compression(kernels, kernels.to_device(steering), starts, None, per_metre)
+        return Compression(kernels, kernels.to_device(steering), starts, None, per_metre, excess)
     waveform = capture.radar.waveform
     steering, per_metre = range_steering(capture, 0.0, span, oversampling, window)
     baseband = (waveform.frequencies - waveform.center_frequency) / SPEED_OF_LIGHT
-    return Compression(kernels, kernels.to_device(steering), (near_tx, near_rx), baseband, per_metre)
+    return Compression(kernels, kernels.to_device(steering), (near_tx, near_rx), baseband, per_metre, excess)
 
 
 def relative_error(values: np.ndarray, truth: np.ndarray) -> float:

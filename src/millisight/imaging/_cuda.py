@@ -18,6 +18,8 @@ clock: 8.7e11). Sine and cosine by the special-function units would spare 9 inst
 Antennas more than EXACT_CYCLES waves off cost six instructions and a division more each.
 """
 
+import math
+
 import numpy as np
 
 from millisight.core.gpu import (
@@ -61,14 +63,36 @@ def _beyond(x, y, z, ends, i, exact):
 _beyond = inline(_beyond, fastmath=True)
 
 
-def _pose(profiles, p, per_metre, carrier, exact, tx, rx, x, y, z, removed):
+def _bent(x, y, z, ends, i, table, frame):
+    """What refraction adds to the path from a voxel to an antenna, from the table of an `Excess`; float32."""
+    dx, dy, dz = x - ends[i, 0], y - ends[i, 1], z - ends[i, 2]
+    depth = dx * frame[0] + dy * frame[1] + dz * frame[2]
+    zero = np.float32(0.0)
+    across = np.float32(math.sqrt(max(dx * dx + dy * dy + dz * dz - depth * depth, zero)))
+    row = min(max((depth - frame[3]) * frame[4], zero), np.float32(table.shape[0] - 1))
+    column = min(across * frame[5], np.float32(table.shape[1] - 1))
+    a, b = min(int(row), table.shape[0] - 2), min(int(column), table.shape[1] - 2)
+    down, right = row - np.float32(a), column - np.float32(b)
+    upper = table[a, b] + right * (table[a, b + 1] - table[a, b])
+    lower = table[a + 1, b] + right * (table[a + 1, b + 1] - table[a + 1, b])
+    return upper + down * (lower - upper)
+
+
+_bent = inline(_bent, fastmath=True)
+
+
+def _pose(profiles, p, per_metre, carrier, exact, tx, rx, table, frame, x, y, z, removed):
     """Sum over the antennas of pose p of P(d) exp(+i 2 pi carrier (d - removed)) at one voxel; float32."""
     total_re, total_im = np.float32(0.0), np.float32(0.0)
     last = np.float32(profiles.shape[3] - 2)
     for t in range(tx.shape[1]):
         to = _beyond(x, y, z, tx[p], t, exact)
+        if table is not None:
+            to += _bent(x, y, z, tx[p], t, table, frame)
         for r in range(rx.shape[1]):
             d = to + _beyond(x, y, z, rx[p], r, exact)
+            if table is not None:
+                d += _bent(x, y, z, rx[p], r, table, frame)
             place = tx[p, t, 4] + rx[p, r, 4] + d * per_metre
             # Nothing outside of a profile is read, whatever the rounding. Unsigned: a signed index would be checked
             # for counting from the end, at every read.
@@ -88,7 +112,7 @@ _pose = inline(_pose, fastmath=True)
 
 
 @kernel(fastmath=True)
-def _backproject(profiles, per_metre, carrier, exact, tx, rx, x, y, z, sum_re, sum_im):
+def _backproject(profiles, per_metre, carrier, exact, tx, rx, table, frame, x, y, z, sum_re, sum_im):
     v = cuda.grid(1)
     if v >= x.shape[0]:
         return
@@ -97,7 +121,7 @@ def _backproject(profiles, per_metre, carrier, exact, tx, rx, x, y, z, sum_re, s
     for first in range(0, profiles.shape[0], _CHUNK):
         part_re, part_im = np.float32(0.0), np.float32(0.0)
         for p in range(first, min(first + _CHUNK, profiles.shape[0])):
-            re, im = _pose(profiles, p, per_metre, carrier, exact, tx, rx, vx, vy, vz, np.float32(0.0))
+            re, im = _pose(profiles, p, per_metre, carrier, exact, tx, rx, table, frame, vx, vy, vz, np.float32(0.0))
             part_re += re
             part_im += im
         total_re += part_re
@@ -107,7 +131,9 @@ def _backproject(profiles, per_metre, carrier, exact, tx, rx, x, y, z, sum_re, s
 
 
 @kernel(fastmath=True)
-def _leaf_fields(profiles, per_metre, carrier, exact, tx, rx, members, starts, centers, x, y, z, out_re, out_im):
+def _leaf_fields(
+    profiles, per_metre, carrier, exact, tx, rx, table, frame, members, starts, centers, x, y, z, out_re, out_im
+):
     v = cuda.grid(1)
     if v >= x.shape[0]:
         return
@@ -116,7 +142,7 @@ def _leaf_fields(profiles, per_metre, carrier, exact, tx, rx, members, starts, c
         removed = np.float32(2.0) * _beyond(vx, vy, vz, centers, s, exact)
         total_re, total_im = np.float32(0.0), np.float32(0.0)
         for n in range(starts[s], starts[s + 1]):
-            re, im = _pose(profiles, members[n], per_metre, carrier, exact, tx, rx, vx, vy, vz, removed)
+            re, im = _pose(profiles, members[n], per_metre, carrier, exact, tx, rx, table, frame, vx, vy, vz, removed)
             total_re += re
             total_im += im
         out_re[s, v] = total_re
@@ -191,21 +217,26 @@ def _exact_within(carrier):
     return np.float32(EXACT_CYCLES / float(carrier))
 
 
-def backproject(profiles, nearest, per_metre, carrier, tx, rx, x, y, z, sum_re, sum_im):
+def backproject(profiles, nearest, per_metre, carrier, tx, rx, x, y, z, sum_re, sum_im, excess=None):
     """See `_kernels.backproject`."""
     tx, rx = rows_of_pairs(tx, rx, nearest, per_metre, carrier)
     launch(
         _backproject, (x.shape[0], 1), profiles, np.float32(per_metre), np.float32(carrier), _exact_within(carrier),
-        tx, rx, x, y, z, out=(sum_re, sum_im),
+        tx, rx, *_tables(excess), x, y, z, out=(sum_re, sum_im),
     )  # fmt: skip
 
 
-def leaf_fields(profiles, per_metre, carrier, tx, rx, members, starts, centers, x, y, z, out_re, out_im):
+def leaf_fields(profiles, per_metre, carrier, tx, rx, members, starts, centers, x, y, z, out_re, out_im, excess=None):
     """See `_kernels.leaf_fields`."""
     launch(
         _leaf_fields, (x.shape[0], starts.shape[0] - 1), profiles, per_metre, carrier, _exact_within(carrier),
-        tx, rx, members, starts, centers, x, y, z, out=(out_re, out_im),
+        tx, rx, *_tables(excess), members, starts, centers, x, y, z, out=(out_re, out_im),
     )  # fmt: skip
+
+
+def _tables(excess):
+    """The arrays of an `Excess`; None twice, for which a kernel of its own is compiled, without refraction."""
+    return (None, None) if excess is None else tuple(excess[:2])
 
 
 def interpolate_middle(field, base, weights, out):

@@ -6,7 +6,9 @@ import numpy as np
 from jaxtyping import Complex
 from numpy.typing import ArrayLike, DTypeLike
 
-from millisight.core import SPEED_OF_LIGHT, as_array, checked_number
+from millisight.core import SPEED_OF_LIGHT, as_array, checked_number, checked_record
+from millisight.data import Layers
+from millisight.imaging._refraction import exact_layers
 
 
 def image_at(
@@ -17,6 +19,7 @@ def image_at(
     points: ArrayLike,
     path_offset: float = 0.0,
     *,
+    layers: Layers | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Complex[np.ndarray, " V"]:
     """The image at any points, in float64 (paper Eq. 1, primer 4).
@@ -30,6 +33,7 @@ def image_at(
     frequencies : (N,) of the samples [Hz]; they need not be evenly spaced
     points : (V, 3) [m]
     path_offset : constant extra path [m]
+    layers : of the capture that the antennas are from (`Capture.layers`); None: paths are straight
     progress : called with (poses done, poses in all)
 
     Returns
@@ -61,6 +65,7 @@ def image_at(
     wavenumbers = _ready(frequencies, "frequencies", (samples,), unit="Hz") / SPEED_OF_LIGHT
     points = _ready(points, "points", ("V", 3), unit="m")
     path_offset = checked_number(path_offset, name="path_offset", unit="m")
+    bent = None if layers is None else tuple(exact_layers(checked_record(layers, Layers, name="layers")))
     even = np.ptp(np.diff(wavenumbers)) <= 1e-12 * wavenumbers[-1] if len(wavenumbers) > 2 else True
     sums = np.zeros(len(points), dtype=np.complex128)
     # So many poses at a time that progress shows and Ctrl-C is heard within about a second.
@@ -68,7 +73,7 @@ def image_at(
     for start in range(0, len(frames), step):
         block = slice(start, min(start + step, len(frames)))
         kernel = _kernels.exact_even if even else _kernels.exact_any
-        kernel(frames[block], tx_positions[block], rx_positions[block], wavenumbers, points, path_offset, sums)
+        kernel(frames[block], tx_positions[block], rx_positions[block], wavenumbers, points, path_offset, bent, sums)
         if progress is not None:
             progress(block.stop, len(frames))
     return sums / frames.size

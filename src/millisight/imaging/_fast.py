@@ -28,6 +28,7 @@ from millisight.imaging._backprojection import (
 )
 from millisight.imaging._lengths import antenna_rows, boxes, grid_in, rows_of_pairs
 from millisight.imaging._plan import TAPS, Plan, axis_weights, cells_of, make_plan, means_of, middles
+from millisight.imaging._refraction import Excess
 from millisight.imaging._windows import Window
 
 # Range profiles are held for so many poses at a time [bytes].
@@ -131,7 +132,7 @@ def _factorise(
     both = zip((first, second, fine[2]), fine, strict=True)
     box = np.array([[min(coarse[0], axis[0]), max(coarse[-1], axis[-1])] for coarse, axis in both]).T
     tx, rx = tx[..., turn], rx[..., turn]
-    compression = range_compression(capture, tx, rx, box, oversampling, window, kernels)
+    compression = range_compression(capture, tx, rx, box, oversampling, window, kernels, plan.order)
     carrier = capture.radar.waveform.center_frequency / SPEED_OF_LIGHT
 
     shape = tuple(map(len, fine))
@@ -145,7 +146,15 @@ def _factorise(
         profiles = _range_profiles(kernels, capture, some, compression, window)
         nearest = compression.nearest(some)
         rows = rows_of_pairs(tx[some], rx[some], nearest, compression.per_metre, carrier)
-        scan = _Scan(profiles, tx[some], rx[some], *rows, np.float32(compression.per_metre), np.float32(carrier))
+        scan = _Scan(
+            profiles,
+            tx[some],
+            rx[some],
+            *rows,
+            np.float32(compression.per_metre),
+            np.float32(carrier),
+            compression.excess,
+        )
         for done, total in _add_sub_apertures(kernels, scan, plan, fine, image):
             if progress is not None:
                 progress(start + (some.stop - start) * done // total, poses)
@@ -175,7 +184,16 @@ class _Check:
         places = np.unravel_index(self.picks, self.shape)
         points = [_f32(axis[place]) for axis, place in zip(self.axes, places, strict=True)]
         self.kernels.backproject(
-            scan.profiles, nearest, scan.per_metre, carrier, scan.tx, scan.rx, *points, self.sums[0], self.sums[1]
+            scan.profiles,
+            nearest,
+            scan.per_metre,
+            carrier,
+            scan.tx,
+            scan.rx,
+            *points,
+            self.sums[0],
+            self.sums[1],
+            scan.excess,
         )
 
     def errors(self, image: Any) -> tuple[float, float]:
@@ -197,6 +215,7 @@ class _Scan(NamedTuple):
     rx_rows: np.ndarray
     per_metre: np.float32
     carrier: np.float32
+    excess: Excess | None
 
 
 def _range_profiles(kernels: Any, capture: Capture, some: slice, compression: Compression, window: Window) -> Any:
@@ -233,7 +252,7 @@ def _add_sub_apertures(
         flat = fields.reshape(2, len(centers[0]), len(points[0]))
         kernels.leaf_fields(
             scan.profiles, scan.per_metre, scan.carrier, tx, rx, members[order], _starts(cells[0]), centers[0],
-            *points, flat[0], flat[1],
+            *points, flat[0], flat[1], scan.excess,
         )  # fmt: skip
         for n, (target, (along, across)) in enumerate(zip(targets, weights, strict=True)):
             last = n == len(levels) - 1

@@ -19,6 +19,7 @@ from millisight.imaging._accuracy import (
 from millisight.imaging._backprojection import OVERSAMPLING, backproject, weighted_blocks
 from millisight.imaging._exact import image_at
 from millisight.imaging._fast import fast
+from millisight.imaging._refraction import check_behind
 from millisight.imaging._windows import Window, range_weights, window_pair
 
 METHODS = ("fast", "backprojection", "exact", "sparse")
@@ -91,11 +92,12 @@ def form_image(
     checked_record(grid, VoxelGrid, name="grid")
     if method not in METHODS:
         raise UnknownNameError("imaging method", method, METHODS)
-    if method == "exact" and device == "cuda":
-        raise InputError('method="exact" is float64 on the CPU alone; leave device="cuda" out')
+    if method in ("exact", "sparse") and device == "cuda":
+        raise InputError(f'method="{method}" runs on the CPU alone; leave device="cuda" out')
     if method in ("exact", "sparse") and tolerance is not None:
         raise InputError(f'method="{method}" has no tolerance; leave tolerance out, or use "fast"')
     check_device(device)
+    check_behind(capture, grid)
     if oversampling is not None and (int(oversampling) != oversampling or oversampling < 1):
         raise InputError(f"oversampling is {oversampling}; expected a whole number of at least 1")
     if oversampling is not None and tolerance is not None:
@@ -104,11 +106,16 @@ def form_image(
     if method == "exact":
         values = _exact(capture, grid, window, progress)
     elif method == "sparse":
+        if capture.layers is not None and capture.layers.error > capture.radar.waveform.wavelength / 20:
+            raise InputError(
+                f'method="sparse" approximates refracted paths as straight, with an error of '
+                f"{capture.layers.error * 1e3:.2g} mm here, more than a twentieth of the wavelength; use another method"
+            )
         from millisight.imaging._sparse import sparse  # Numba and SciPy: not for --help
 
         settings["oversampling"] = OVERSAMPLING if oversampling is None else int(oversampling)
         values, settings["solver"] = sparse(
-            capture, grid, window=window, oversampling=settings["oversampling"], device=device, progress=progress
+            capture, grid, window=window, oversampling=settings["oversampling"], progress=progress
         )
     else:
         wanted = TOLERANCE if tolerance is None else _checked_tolerance(tolerance)
@@ -183,8 +190,9 @@ def _exact(
     for block, frames in weighted_blocks(capture, max(1, poses // 64), window):
         share = (block.stop - block.start) / poses
         values = image_at(
-            frames * taper, tx[block], rx[block], waveform.frequencies, grid.points, capture.radar.path_offset
-        )
+            frames * taper, tx[block], rx[block], waveform.frequencies, grid.points, capture.radar.path_offset,
+            layers=capture.layers,
+        )  # fmt: skip
         total += share * values
         if progress is not None:
             progress(block.stop, poses)

@@ -16,6 +16,7 @@ from millisight.imaging._lengths import EXACT_CYCLES, rows_of_pairs
 
 _distance = inline(phase.distance)
 _distance32 = inline(phase.distance, fastmath=True)
+_refracted = inline(phase.refracted)
 _wrapped = inline(phase.wrapped, fastmath=True)
 _cosine = inline(phase.cosine, fastmath=True)
 _sine = inline(phase.sine, fastmath=True)
@@ -31,16 +32,19 @@ _TILE = 256
 
 
 @kernel()
-def exact_any(frames, tx, rx, wavenumbers, points, path_offset, sums):
-    """sums[v] += sum over channels and samples of S exp(+i 2 pi f d / c), float64; any frequencies."""
+def exact_any(frames, tx, rx, wavenumbers, points, path_offset, layers, sums):
+    """sums[v] += sum over channels and samples of S exp(+i 2 pi f d / c), float64; any frequencies.
+
+    layers : None, or the fields of `ExactLayers`
+    """
     poses, transmitters, receivers, samples = frames.shape
     for v in prange(len(points)):
         total = 0.0 + 0.0j
         for p in range(poses):
             for t in range(transmitters):
-                to = _path(points, v, tx, p, t)
+                to = _path(points, v, tx, p, t, layers)
                 for r in range(receivers):
-                    cycles = to + _path(points, v, rx, p, r) + path_offset
+                    cycles = to + _path(points, v, rx, p, r, layers) + path_offset
                     for j in range(samples):
                         angle = phase.TAU * (wavenumbers[j] * cycles)
                         total += frames[p, t, r, j] * complex(math.cos(angle), math.sin(angle))
@@ -48,7 +52,7 @@ def exact_any(frames, tx, rx, wavenumbers, points, path_offset, sums):
 
 
 @kernel()
-def exact_even(frames, tx, rx, wavenumbers, points, path_offset, sums):
+def exact_even(frames, tx, rx, wavenumbers, points, path_offset, layers, sums):
     """As `exact_any` for evenly spaced frequencies: Horner's rule in exp(+i 2 pi step d), one sine a channel.
 
     A product of N unit phasors in float64 is good to N roundings, 1e-13.
@@ -66,7 +70,8 @@ def exact_even(frames, tx, rx, wavenumbers, points, path_offset, sums):
             for t in range(transmitters):
                 for r in range(receivers):
                     for i in range(count):
-                        path[i] = _path(points, first + i, tx, p, t) + _path(points, first + i, rx, p, r) + path_offset
+                        path[i] = _path(points, first + i, tx, p, t, layers) + path_offset
+                        path[i] += _path(points, first + i, rx, p, r, layers)
                         angle = phase.TAU * (step * path[i])
                         turn_re[i], turn_im[i] = math.cos(angle), math.sin(angle)
                         sum_re[i] = frames[p, t, r, samples - 1].real
@@ -82,11 +87,31 @@ def exact_even(frames, tx, rx, wavenumbers, points, path_offset, sums):
                         sums[first + i] += complex(sum_re[i], sum_im[i]) * complex(math.cos(angle), math.sin(angle))
 
 
+@serial()
+def refraction_table(across, depths, thicknesses, indices, frame, out):
+    """out[i, j] = what refraction adds to a path of depths[i] along the normal and across[j] along layers [m]."""
+    for i in range(len(depths)):
+        for j in range(len(across)):
+            out[i, j] = _excess(across[j], depths[i], thicknesses, indices, frame)
+
+
 @inline
-def _path(points, v, antennas, p, a):
-    return _distance(
-        points[v, 0] - antennas[p, a, 0], points[v, 1] - antennas[p, a, 1], points[v, 2] - antennas[p, a, 2]
-    )
+def _excess(across, depth, thicknesses, indices, frame):
+    bent = _refracted(across, depth + frame[3], thicknesses, indices)
+    return bent - math.sqrt(across * across + depth * depth) - frame[4]
+
+
+@inline
+def _path(points, v, antennas, p, a, layers):
+    dx, dy, dz = points[v, 0] - antennas[p, a, 0], points[v, 1] - antennas[p, a, 1], points[v, 2] - antennas[p, a, 2]
+    way = _distance(dx, dy, dz)
+    if layers is not None:
+        thicknesses, indices, frame = layers
+        depth = dx * frame[0] + dy * frame[1] + dz * frame[2]
+        across = math.sqrt(max(way * way - depth * depth, 0.0))
+        depth = max(depth, thicknesses.sum() - frame[3])
+        way += _excess(across, depth, thicknesses, indices, frame)
+    return way
 
 
 @subroutine
@@ -108,7 +133,25 @@ def _beyond(x, y, z, end, exact, out):
 
 
 @subroutine
-def _gather(profiles, per_metre, carrier, tx, rx, poses, x, y, z, removed, total_re, total_im):
+def _bend(x, y, z, end, table, frame, out):
+    """out[i] += what refraction adds to the path from voxel i to an antenna, from the table of an `Excess`; float32."""
+    rows, columns = np.float32(table.shape[0] - 1), np.float32(table.shape[1] - 1)
+    zero = np.float32(0)
+    for i in range(len(x)):
+        dx, dy, dz = x[i] - end[0], y[i] - end[1], z[i] - end[2]
+        depth = dx * frame[0] + dy * frame[1] + dz * frame[2]
+        across = np.sqrt(max(dx * dx + dy * dy + dz * dz - depth * depth, zero))
+        row = min(max((depth - frame[3]) * frame[4], zero), rows)
+        column = min(across * frame[5], columns)
+        a, b = min(np.int32(row), table.shape[0] - 2), min(np.int32(column), table.shape[1] - 2)
+        down, right = row - np.float32(a), column - np.float32(b)
+        upper = table[a, b] + right * (table[a, b + 1] - table[a, b])
+        lower = table[a + 1, b] + right * (table[a + 1, b + 1] - table[a + 1, b])
+        out[i] += upper + down * (lower - upper)
+
+
+@subroutine
+def _gather(profiles, per_metre, carrier, tx, rx, table, frame, poses, x, y, z, removed, total_re, total_im):
     """total[v] += sum over `poses` and antennas of P(d) exp(+i 2 pi carrier (d - removed[v])), for one tile.
 
     Everything is float32; d counts from the path over the origin, whose place in the profile and whose phase the
@@ -125,8 +168,12 @@ def _gather(profiles, per_metre, carrier, tx, rx, poses, x, y, z, removed, total
     for p in poses:
         for t in range(tx.shape[1]):
             _beyond(x, y, z, tx[p, t], exact, to)
+            if table is not None:
+                _bend(x, y, z, tx[p, t], table, frame, to)
             for r in range(rx.shape[1]):
                 _beyond(x, y, z, rx[p, r], exact, back)
+                if table is not None:
+                    _bend(x, y, z, rx[p, r], table, frame, back)
                 start, turned = tx[p, t, 4] + rx[p, r, 4], tx[p, t, 5] + rx[p, r, 5]
                 for i in range(count):
                     d = to[i] + back[i]
@@ -148,7 +195,7 @@ def _gather(profiles, per_metre, carrier, tx, rx, poses, x, y, z, removed, total
                     total_im[i] += real * sine + imag * cosine
 
 
-def backproject(profiles, nearest, per_metre, carrier, tx, rx, x, y, z, sum_re, sum_im):
+def backproject(profiles, nearest, per_metre, carrier, tx, rx, x, y, z, sum_re, sum_im, excess=None):
     """sum[v] += sum over channels of P_k(d_k(v)) exp(+i 2 pi carrier d_k(v)) (primer 8).
 
     Parameters
@@ -160,20 +207,22 @@ def backproject(profiles, nearest, per_metre, carrier, tx, rx, x, y, z, sum_re, 
     tx, rx : (P, T, 3), (P, R, 3) [m]; as float64 where they are far off
     x, y, z : (V,) float32 voxel centres [m], counted from near their middle: lengths beyond it are float32
     sum_re, sum_im : (V,) float32, added to
+    excess : what refraction adds, an `Excess` in the frame of the voxels; None: nothing
     """
     tx, rx = rows_of_pairs(tx, rx, nearest, per_metre, carrier)
-    _backproject(profiles, np.float32(per_metre), np.float32(carrier), tx, rx, x, y, z, sum_re, sum_im)
+    table, frame = (None, None) if excess is None else excess[:2]
+    _backproject(profiles, np.float32(per_metre), np.float32(carrier), tx, rx, table, frame, x, y, z, sum_re, sum_im)
 
 
 @kernel(fastmath=True, error_model="numpy")
-def _backproject(profiles, per_metre, carrier, tx, rx, x, y, z, sum_re, sum_im):
+def _backproject(profiles, per_metre, carrier, tx, rx, table, frame, x, y, z, sum_re, sum_im):
     poses = np.arange(len(profiles))
     for tile in prange((len(x) + _TILE - 1) // _TILE):
         first = tile * _TILE
         last = min(first + _TILE, len(x))
         total_re, total_im = np.zeros(_TILE, np.float32), np.zeros(_TILE, np.float32)
         _gather(
-            profiles, per_metre, carrier, tx, rx, poses, x[first:last], y[first:last], z[first:last],
+            profiles, per_metre, carrier, tx, rx, table, frame, poses, x[first:last], y[first:last], z[first:last],
             np.zeros(_TILE, np.float32), total_re, total_im,
         )  # fmt: skip
         for i in range(last - first):
@@ -181,14 +230,19 @@ def _backproject(profiles, per_metre, carrier, tx, rx, x, y, z, sum_re, sum_im):
             sum_im[first + i] += total_im[i]
 
 
-@kernel(fastmath=True, error_model="numpy")
-def leaf_fields(profiles, per_metre, carrier, tx, rx, members, starts, centers, x, y, z, out_re, out_im):
+def leaf_fields(profiles, per_metre, carrier, tx, rx, members, starts, centers, x, y, z, out_re, out_im, excess=None):
     """The field of each smallest sub-aperture on its coarse grid, less the phase of its centre (primer 16).
 
     out[s, v] = sum over the channels of poses members[starts[s]:starts[s + 1]] of
     P(d) exp(+i 2 pi carrier (d - 2 (|v - c_s| - |c_s|))), over the grid's points v = (x, y, z)[v], as they lie in
-    memory. tx, rx and the centres (S, 6) are rows of `antenna_rows`.
+    memory. tx, rx and the centres (S, 6) are rows of `antenna_rows`; `excess` as of `backproject`.
     """
+    bent = (None, None) if excess is None else excess[:2]
+    _leaf_fields(profiles, per_metre, carrier, tx, rx, *bent, members, starts, centers, x, y, z, out_re, out_im)
+
+
+@kernel(fastmath=True, error_model="numpy")
+def _leaf_fields(profiles, per_metre, carrier, tx, rx, table, frame, members, starts, centers, x, y, z, out_re, out_im):
     tiles = (len(x) + _TILE - 1) // _TILE
     exact = np.float32(EXACT_CYCLES) / carrier
     for job in prange((len(starts) - 1) * tiles):
@@ -201,8 +255,8 @@ def leaf_fields(profiles, per_metre, carrier, tx, rx, members, starts, centers, 
             removed[i] *= np.float32(2.0)
         total_re, total_im = np.zeros(_TILE, np.float32), np.zeros(_TILE, np.float32)
         _gather(
-            profiles, per_metre, carrier, tx, rx, members[starts[s] : starts[s + 1]], vx, vy, vz, removed,
-            total_re, total_im,
+            profiles, per_metre, carrier, tx, rx, table, frame, members[starts[s] : starts[s + 1]], vx, vy, vz,
+            removed, total_re, total_im,
         )  # fmt: skip
         out_re[s, first:last] = total_re[: last - first]
         out_im[s, first:last] = total_im[: last - first]

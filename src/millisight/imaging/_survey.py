@@ -63,7 +63,7 @@ def survey(capture: Capture, log: Trajectory, max_offset: float, max_drift: floa
     # Where the arm went before and after is nothing to the search.
     cut = (log.times >= times.min() - 2 * reach) & (log.times <= times.max() + 2 * reach)
     if cut.sum() < 2:
-        raise InputError(f"frames and log do not meet: {spans(times, log)}")
+        raise InputError(f"frames and log do not overlap in time: {spans(times, log)}")
     log = Trajectory(
         times=log.times[cut],
         positions=log.positions[cut],
@@ -104,8 +104,8 @@ def check_way(scan: Scan, wavelength: float) -> None:
         raise Unobservable(f"the scan has {len(scan.rows)} rows; expected {_LEAST_ROWS} at least, to and fro")
     if scan.against < _LEAST_AGAINST:
         raise Unobservable(
-            f"the rows all run one way ({100 * scan.against:.0f} % of the way against it), so that an offset only "
-            "shifts the image"
+            f"all rows run in one direction ({100 * scan.against:.0f} % of the path against it), so that an offset "
+            "only shifts the image"
         )
 
 

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from millisight.core import checked_number, checked_record, record
-from millisight.data import Capture, ClockCorrection, Trajectory, VoxelGrid, check_log
+from millisight.data import Capture, ClockCorrection, Trajectory, VoxelGrid, check_follows_log, check_log
 from millisight.imaging import _focus as _focus
 from millisight.imaging._focus import Focus, Scene
 from millisight.imaging._row_turns import Guess, Pattern, guess_from_rows, pattern_of, peak
@@ -92,7 +92,7 @@ def estimate_clock(
     InputError
         An argument cannot be right, or frames and log do not meet in time.
     """
-    checked_record(capture, Capture, name="capture")
+    check_follows_log(checked_record(capture, Capture, name="capture"))
     check_log(log)
     if grid is not None:
         checked_record(grid, VoxelGrid, name="grid")
@@ -148,7 +148,7 @@ def _estimate(capture, log, grid, limits, rng, step_done, found) -> tuple[ClockC
         pattern, scan.rows, wavelength=wavelength, max_offset=limits[0], max_late=longest_late, rng=rng
     )
     if guess is None:
-        raise Unobservable("nothing in what the radar hears changes along the rows")
+        raise Unobservable("the echoes do not change along the rows")
     found["coarse_offset"] = guess.offset
     step_done()
 
@@ -238,7 +238,7 @@ def _refined(
         if top is not None:
             best = best + np.clip(top, -width * step, width * step)
     if top is None or move.any():
-        raise Unobservable("the image has no clock at which it is sharpest: the scene is too faint, or too large")
+        raise Unobservable("no clock makes the image sharpest: the scene is too faint, or too large")
     without_set = [_fourth(whole - images[:, :, k]).sum(axis=-1) for k in range(_SUBSETS)]
     without_group = [_fourth(whole[..., groups != k]).sum(axis=-1) for k in np.unique(groups)]
     errors = [np.full(2, _FLOOR * step), _jackknife(nodes, without_set)]

@@ -19,39 +19,22 @@ from typing import Any
 
 import numpy as np
 
+from millisight import data
 from millisight.core import atomic_path, check_readable, printable
 from millisight.core.errors import DamagedFileError, FileError, FormatError, InputError
-from millisight.data import (
-    PHASE_SIGN,
-    AntennaArray,
-    CameraFrame,
-    CameraMask,
-    Capture,
-    Intrinsics,
-    Mask,
-    Material,
-    PixelGrid,
-    Prediction,
-    Radar,
-    SarImage,
-    Scene,
-    SceneObject,
-    Trajectory,
-    TriangleMesh,
-    VoxelGrid,
-    Waveform,
-)
+from millisight.data import PHASE_SIGN, Capture
 from millisight.io._seal import chunk_extents, seal_holds, write_seal
 from millisight.io._sink import Sink
 
 SCHEMA_VERSION = 2  # 1 had no seal
-_PLACED_VERSION = 3  # of captures with antennas at places of their own, which an older reader would pass over
+_PLACED_VERSION = 3  # of captures with antennas at their own places, or layers, which an older reader would pass over
 
 RECORDS = {
     cls.__name__: cls
     for cls in (
-        Waveform, AntennaArray, Radar, Trajectory, Capture, VoxelGrid, PixelGrid, SarImage, Mask, Prediction,
-        TriangleMesh, Material, SceneObject, Scene, Intrinsics, CameraFrame, CameraMask,
+        data.Waveform, data.AntennaArray, data.Radar, data.Trajectory, data.Layers, Capture, data.VoxelGrid,
+        data.PixelGrid, data.SarImage, data.Mask, data.Prediction, data.TriangleMesh, data.Material,
+        data.SceneObject, data.Scene, data.Intrinsics, data.CameraFrame, data.CameraMask,
     )
 }  # fmt: skip
 
@@ -80,6 +63,10 @@ _ABOUT = {
     "intrinsics": {"fx_unit": "pixels", "fy_unit": "pixels", "cx_unit": "pixels", "cy_unit": "pixels"},
     "waveform": {"start_frequency_unit": "Hz", "slope_unit": "Hz/s", "sample_rate_unit": "Hz"},
     "radar": {"path_offset_unit": "m"},
+    "layers": {"moved_unit": "m", "offset_unit": "m", "error_unit": "m"},
+    "thicknesses": {"unit": "m", "axes": "layer"},
+    "indices": {"axes": "layer"},
+    "normal": {"axes": "(x y z)", "frame": "world"},
 }
 _CHUNK_BYTES = 1 << 20
 _MESHES = (".stl", ".obj", ".ply", ".off", ".glb")
@@ -119,7 +106,8 @@ def save(
     with atomic_path(path) as temporary, open(temporary, "w+b") as raw:
         with Sink(raw) as sink, h5py.File(sink, "w") as file:
             file.attrs["format"] = "millisight"
-            placed = isinstance(record, Capture) and not record.tx_points is record.rx_points is None
+            newer = ("tx_points", "rx_points", "layers")
+            placed = isinstance(record, Capture) and any(getattr(record, name) is not None for name in newer)
             file.attrs["schema_version"] = _PLACED_VERSION if placed else SCHEMA_VERSION
             file.attrs["code_version"] = importlib.metadata.version("millisight")
             if not reproducible:
@@ -202,7 +190,7 @@ def _opened(path: str | os.PathLike[str]) -> Iterator[Any]:
     if start != b"\x89HDF\r\n\x1a\n":
         raise FormatError(f"{path} {_instead(path, start)}")
     if sealed is False:
-        raise DamagedFileError(f"{path} is damaged: it differs from its seal; make or copy it again")
+        raise DamagedFileError(f"{path} is damaged: its checksum differs; make or copy it again")
     try:
         file = h5py.File(path, "r")
     except OSError as error:
@@ -221,7 +209,7 @@ def _opened(path: str | os.PathLike[str]) -> Iterator[Any]:
             )
         if sealed is None and version > 1:
             raise DamagedFileError(
-                f"{path} has lost its seal: it is damaged, or another program changed it; make or copy it again"
+                f"{path} has no checksum: it is damaged, or another program changed it; make or copy it again"
             )
         yield file
 

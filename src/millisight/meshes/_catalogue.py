@@ -27,14 +27,14 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from millisight.core import checked_number, checked_record, printable, put, record
-from millisight.core.errors import FileError, InputError, UnknownNameError
-from millisight.data import MATERIALS, Material, TriangleMesh
+from millisight.core import check_known, checked_number, printable, put, record
+from millisight.core.errors import FileError, InputError
+from millisight.data import MATERIALS, Material, SceneObject, TriangleMesh
+from millisight.meshes._shape_classes import SHAPE_CLASSES
 
 if TYPE_CHECKING:
     from manifold3d import Manifold
 
-SHAPE_CLASSES = ("can", "handle", "box", "sphere", "other")
 CATEGORIES = ("food", "kitchen", "tool", "shape", "task")
 SOURCES = ("scan", "reported", "table", "nominal")
 
@@ -43,7 +43,7 @@ _TABLE = Path(__file__).with_name("catalogue.toml")
 
 
 @record
-class ObjectPart:
+class ObjectPart(SceneObject):
     """A part of one material, in the frame of its whole object [m]; what touches it was cut from it.
 
     Attributes
@@ -52,15 +52,6 @@ class ObjectPart:
     mesh : closed and outward-wound, perhaps of several pieces
     material : what it is made of
     """
-
-    name: str
-    mesh: TriangleMesh
-    material: Material
-
-    def __post_init__(self) -> None:
-        checked_record(self.name, str, name="name")
-        checked_record(self.mesh, TriangleMesh, name="mesh")
-        checked_record(self.material, Material, name="material")
 
 
 @record
@@ -102,8 +93,7 @@ class CatalogueObject:
             ("source of dimensions", (self.source,), SOURCES),
         ):
             for value in values:
-                if value not in known:
-                    raise UnknownNameError(kind, value, known)
+                check_known(kind, value, known)
         named = f"a dimension of {self.name}"
         x, y, z = (checked_number(size, name=named, unit="m", above=0) for size in self.dimensions)
         put(self, parts=parts, dimensions=(x, y, z))
@@ -173,11 +163,6 @@ CATALOGUE: Mapping[str, CatalogueObject] = MappingProxyType({entry.name: entry f
 """Every object by its name, in the order of the YCB numbers."""
 
 
-def object_names() -> tuple[str, ...]:
-    """The names of all objects in the catalogue, in the order of the YCB numbers."""
-    return tuple(CATALOGUE)
-
-
 def build_object(name: str) -> TriangleMesh:
     """The mesh of one object [m]: closed, outward-wound, its bounding box centred at the origin.
 
@@ -214,8 +199,7 @@ def build_parts(name: str) -> tuple[ObjectPart, ...]:
 
 
 def _entry(name: str) -> CatalogueObject:
-    if name not in CATALOGUE:
-        raise UnknownNameError("catalogue object", name, CATALOGUE)
+    check_known("catalogue object", name, CATALOGUE)
     return CATALOGUE[name]
 
 

@@ -14,8 +14,8 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from millisight.core import printable
-from millisight.core.errors import FileError, MeshError, UnknownNameError
+from millisight.core import check_known, printable
+from millisight.core.errors import FileError, MeshError
 from millisight.data import TriangleMesh, check_reach
 
 if TYPE_CHECKING:
@@ -56,8 +56,8 @@ def load_mesh(
     MeshError
         The file cannot be parsed; the mesh is empty, flat to nothing, not finite, or branches; its unit is unclear.
     """
-    if unit is not None and unit not in UNITS:
-        raise UnknownNameError("unit of length", unit, UNITS)
+    if unit is not None:
+        check_known("unit of length", unit, UNITS)
     if isinstance(source, str | os.PathLike):
         path = Path(source)
         name, scene = printable(path.name), _read(path)
@@ -78,8 +78,7 @@ def _read(path: Path) -> Any:
         kind = "is a folder" if os.path.isdir(path) else "does not exist"
         raise FileError(f"{printable(path)} {kind}; expected a mesh file ({', '.join(FORMATS)})")
     suffix = path.suffix.lower().removeprefix(".")
-    if suffix not in FORMATS:
-        raise UnknownNameError("mesh format", suffix, FORMATS)
+    check_known("mesh format", suffix, FORMATS)
     if (size := path.stat().st_size) > _LARGEST_FILE:
         raise MeshError(
             f"{printable(path.name)} has {size / 1e9:.1f} GB; expected a mesh of at most {_LARGEST_FILE / 1e9:.1f} GB: "
@@ -216,7 +215,7 @@ def _mended(vertices: np.ndarray, faces: np.ndarray, name: str) -> tuple[np.ndar
     faces, turned = _wound(vertices, faces, name)
     _note(done, turned, "turned {} face{s} to wind all alike and outward")
     if done:
-        logger.warning("%s was mended: %s", name, ", ".join(done))
+        logger.warning("%s was repaired: %s", name, ", ".join(done))
     used, faces = np.unique(faces, return_inverse=True)
     return vertices[used], faces.reshape(-1, 3)
 
@@ -251,14 +250,9 @@ def _sides(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _unbranched(vertices: np.ndarray, faces: np.ndarray, name: str) -> tuple[np.ndarray, int]:
-    """Faces without those that make an edge branch, and how many were removed.
+    """Faces without those that make an edge branch, and how many were removed; an error if over 1 % of edges branch.
 
     Where three or more faces share an edge, a flap (a face that ends in the open) goes first, then the smallest.
-
-    Raises
-    ------
-    MeshError
-        More than 1 % of the edges branch.
     """
     before = len(faces)
     while True:

@@ -278,7 +278,7 @@ def _stretch(solid: "Manifold", size: Triple) -> np.ndarray:
     if (np.abs(scale - 1) > MOST_STRETCH).any():
         drawn, wanted = (" x ".join(f"{v:.1f}" for v in values) for values in (upper - lower, size))
         raise InputError(
-            f"the solid is drawn {drawn} mm large; expected {wanted} mm within 10 %: redraw it, or mend the size"
+            f"the solid is drawn {drawn} mm large; expected {wanted} mm within 10 %: redraw it, or correct the size"
         )
     return scale
 
@@ -292,18 +292,9 @@ def apart(parts: "Mapping[str, Manifold]") -> "dict[str, Manifold]":
 
 
 def mesh_of(solid: "Manifold", *, centre: ArrayLike | None = None, pieces: bool = False) -> TriangleMesh:
-    """The solid in metres, its bounding box, or the given `centre` [mm], at the origin.
+    """The solid [mm] as a mesh [m], its bounding box, or the given `centre` [mm], at the origin.
 
-    Parameters
-    ----------
-    solid : what was drawn [mm]
-    centre : (3,) the point that goes to the origin [mm]
-    pieces : allow several pieces that do not touch; otherwise they are taken for a mistake
-
-    Raises
-    ------
-    MeshError
-        The solid is empty, broken, or in several pieces where one is expected.
+    Several pieces that do not touch are taken for a mistake, unless `pieces`.
     """
     from manifold3d import Error
 

@@ -51,7 +51,7 @@ def read_description(path: str | os.PathLike[str], *keys: str) -> dict[str, Any]
             held[key]
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise DamagedFileError(
-            f"{printable(path)} describes no weights: {error!r}; train anew, or reinstall"
+            f"{printable(path)} does not describe weights: {error!r}; train again, or reinstall"
         ) from error
     if not isinstance(held["sha256"], str):
         raise DamagedFileError(f"{printable(path)}: sha256 is {held['sha256']!r}; expected the weights' as text")
@@ -89,8 +89,8 @@ def open_network(path: str | os.PathLike[str], sha256: str, *, needed_by: str, c
     content = path.read_bytes()
     if hashlib.sha256(content).hexdigest() != sha256:
         raise DamagedFileError(
-            f"{printable(path)} is not the file that {printable(path.stem)}.json describes: its SHA-256 differs; "
-            "copy both anew"
+            f"{printable(path)} is not the file that {printable(path.stem)}.json describes: its SHA-256 differs; copy "
+            "both again"
         )
     options = onnxruntime.SessionOptions()
     options.log_severity_level = 3
@@ -99,12 +99,12 @@ def open_network(path: str | os.PathLike[str], sha256: str, *, needed_by: str, c
     try:
         session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
     except Exception as error:  # of ONNX Runtime's own kinds, which have no common public base
-        raise FormatError(f"{printable(path)} is no network that ONNX Runtime can run: {error}") from error
+        raise FormatError(f"{printable(path)} is not a network that ONNX Runtime can run: {error}") from error
     if channels is not None and not _takes(session, channels):
         inputs = ", ".join(f"{one.name} {one.type} {one.shape}" for one in session.get_inputs())
         raise FormatError(
             f"{printable(path)} takes {printable(inputs)[:200]}; expected one float32 array with {channels} channels, "
-            f"which becomes one other; it is no network of {needed_by}"
+            f"which becomes one other; it is not a network for {needed_by}"
         )
     return session
 

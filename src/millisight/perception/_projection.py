@@ -7,8 +7,8 @@ column.
 
 import numpy as np
 
-from millisight.core import PUBLISHED_COLORMAP, as_array, checked_colormap, checked_record
-from millisight.core.errors import InputError, UnknownNameError
+from millisight.core import PUBLISHED_COLORMAP, as_array, check_known, checked_colormap, checked_record
+from millisight.core.errors import InputError
 from millisight.data import CameraFrame, Picture, SarImage
 
 VALUES = ("mean", "max", "rms")
@@ -40,8 +40,7 @@ def project(
         No such `values`.
     """
     checked_record(image, SarImage, name="image")
-    if values not in VALUES:
-        raise UnknownNameError("projection", values, VALUES)
+    check_known("projection", values, VALUES)
     magnitude = image.magnitude
     seen = np.sqrt((magnitude**2).mean(axis=2)) if values == "rms" else image.project(reduce=values)
     peak = float(seen.max())
@@ -80,7 +79,7 @@ def power_on(other: Picture, picture: Picture) -> np.ndarray:
     along_x, along_y = _interpolation(grid.x, wanted.x), _interpolation(grid.y, wanted.y)
     if not (along_x.any() and along_y.any()):
         raise InputError(
-            f"the pictures have no place in common: x {wanted.x[0]:.4g} to {wanted.x[-1]:.4g} m and y "
+            f"the pictures do not overlap: x {wanted.x[0]:.4g} to {wanted.x[-1]:.4g} m and y "
             f"{wanted.y[0]:.4g} to {wanted.y[-1]:.4g} m here, x {grid.x[0]:.4g} to {grid.x[-1]:.4g} m and y "
             f"{grid.y[0]:.4g} to {grid.y[-1]:.4g} m in the other; image both bands on one grid"
         )

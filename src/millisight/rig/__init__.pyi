@@ -1,4 +1,3 @@
-from ._plan import ScanPlan as ScanPlan
 from ._protocols import NOT_TURNED as NOT_TURNED
 from ._protocols import Arm as Arm
 from ._protocols import ArmPose as ArmPose
@@ -9,4 +8,5 @@ from ._protocols import ScanWriter as ScanWriter
 from ._published import CAPTURE_NAME as CAPTURE_NAME
 from ._published import LOG_NAME as LOG_NAME
 from ._published import PublishedWriter as PublishedWriter
+from ._recorder import ScanPlan as ScanPlan
 from ._recorder import record_scan as record_scan

@@ -13,19 +13,7 @@ import numpy as np
 from millisight.core import checked_path, make_folder, printable
 from millisight.core.errors import FileError, InputError
 from millisight.data import CameraFrame, Trajectory
-from millisight.io import save
-from millisight.io.mito import (
-    BASE_ORIGIN,
-    INFO_NAME,
-    RecordedRow,
-    checked_radar,
-    place_of,
-    radar_folder,
-    read_experiment,
-    read_info,
-    write_published,
-    write_raw_experiment,
-)
+from millisight.io import mito, save
 from millisight.rig._protocols import RadarDevice, Recording
 
 CAPTURE_NAME, LOG_NAME = "recorded.capture.h5", "recorded.log.h5"
@@ -49,7 +37,7 @@ class PublishedWriter:
     """
 
     def __init__(self, out: str | os.PathLike[str], *, info: Mapping[str, Any], hdf5: bool = True):
-        self.path = Path(os.path.abspath(checked_path(out)))
+        self.path: Path = Path(os.path.abspath(checked_path(out)))
         self._info, self._hdf5 = info, hdf5
         self._spools: dict[str, _Spool] = {}
         self._radars: Sequence[RadarDevice] = ()
@@ -67,7 +55,7 @@ class PublishedWriter:
         FileError
             The folder's name is none of the layout's, or something cannot be written.
         """
-        self._radars = [radar for radar in radars if checked_radar(radar.name)]
+        self._radars = [radar for radar in radars if mito.checked_radar(radar.name)]
         self._check()
         out = self.path
         self._part = make_folder(out.parent.with_name(f".{out.parent.name}.{secrets.token_hex(4)}.part"))
@@ -84,7 +72,7 @@ class PublishedWriter:
 
     def add_picture(self, frame: CameraFrame) -> None:
         folder = make_folder(self._part / self.path.name / "unprocessed" / "camera")
-        write_published(folder / "continuous.pkl", frame)
+        mito.write_published(folder / "continuous.pkl", frame)
 
     def add_row(self, radar: RadarDevice, recording: Recording) -> None:
         self._spools[radar.name].add(recording)
@@ -92,30 +80,30 @@ class PublishedWriter:
     def finish(self, log: Trajectory) -> None:
         for radar in self._radars:
             # From the arm's base frame to the radar's transmitter in the radar frame.
-            positions = log.positions - BASE_ORIGIN + radar.mount
+            positions = log.positions - mito.BASE_ORIGIN + radar.mount
             mounted = Trajectory(times=log.times, positions=positions, orientations=log.orientations)
-            write_raw_experiment(
+            mito.write_raw_experiment(
                 self._part / self.path.name, radar.name, self._spools[radar.name], mounted, info=self._info
             )
-        os.replace(self._part / INFO_NAME, self.path.parent / INFO_NAME)
+        os.replace(self._part / mito.INFO_NAME, self.path.parent / mito.INFO_NAME)
         os.replace(self._part / self.path.name, self.path)
         shutil.rmtree(self._part, ignore_errors=True)
         for radar in self._radars if self._hdf5 else ():
-            raw = radar_folder(self.path, radar.name, processed=False)
-            scan = read_experiment(self.path, radar.name)
+            raw = mito.radar_folder(self.path, radar.name, processed=False)
+            scan = mito.read_experiment(self.path, radar.name)
             save(raw / CAPTURE_NAME, scan.to_capture(), reproducible=True)
             save(raw / LOG_NAME, scan.log, reproducible=True)
 
     def _check(self) -> None:
         out = self.path
-        place_of(out)
+        mito.place_of(out)
         if out.exists():
-            raise InputError(f"{printable(out)} is there already; remove it, or record under another number")
-        other = out.parent / INFO_NAME
-        if other.exists() and read_info(other) != dict(self._info):
+            raise InputError(f"{printable(out)} already exists; remove it, or record under another number")
+        other = out.parent / mito.INFO_NAME
+        if other.exists() and mito.read_info(other) != dict(self._info):
             raise InputError(
-                f"{printable(other)} says {read_info(other)}; expected {dict(self._info)}: line of sight and not of "
-                "one experiment are set up alike, record under another number"
+                f"{printable(other)} says {mito.read_info(other)}; expected {dict(self._info)}: los and nlos of an "
+                "experiment need the same set-up, record under another number"
             )
         make_folder(out.parent)
 
@@ -141,7 +129,7 @@ class _Spool(Sequence):
     def __getitem__(self, index: Any) -> Any:
         number, created = self._rows[index]
         frames = np.load(self._path(index % len(self)), mmap_mode="r")
-        return RecordedRow(number=number, created=created, frames=frames)
+        return mito.RecordedRow(number=number, created=created, frames=frames)
 
     def _path(self, index: int) -> Path:
         return self._folder / f"{index}.npy"

@@ -1,3 +1,5 @@
+# Callers without types are checked, too.
+# pyright: reportUnnecessaryIsInstance=false
 """Scattering models: how strongly each vertex of a mesh answers to each pair of antennas (primer 10 to 12, primer 17).
 
 A model is one file of `millisight.simulation.models`, or an entry point "millisight.scattering" of another package.
@@ -70,7 +72,7 @@ def parameter(default: Any, about: str) -> Any:
     return dataclasses.field(default=default, metadata={"about": about})
 
 
-def parameters_of(model: Any) -> Mapping[str, dataclasses.Field]:
+def parameters_of(model: Any) -> Mapping[str, dataclasses.Field[Any]]:
     """The parameters of a model or of its class, by name."""
     return {field.name: field for field in dataclasses.fields(model)} if dataclasses.is_dataclass(model) else {}
 

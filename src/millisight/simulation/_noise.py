@@ -27,7 +27,7 @@ def add_noise(capture: Capture, *, snr_db: float, rng: int | np.random.Generator
     # Squared in float32 and summed in float64: no second array of the frames' size.
     power = sum(float(np.sum(f.real**2 + f.imag**2, dtype=np.float64)) for f in capture.frames) / capture.frames.size
     if not power > 0:
-        raise InputError("snr_db asks for noise relative to a signal, but no vertex is lit: the capture is empty")
+        raise InputError("snr_db sets noise relative to the signal, but there is none: no vertex is lit")
     seed = int(rng.integers(2**63) if isinstance(rng, np.random.Generator) else rng)  # type: ignore[arg-type]
     generator = np.random.default_rng(seed)
     scale = np.float32(np.sqrt(power / 10 ** (snr_db / 10) / 2))
@@ -46,7 +46,7 @@ def check_noise(snr_db: float, rng: object) -> float:
     if abs(number) > 300:
         raise InputError(f"snr_db is {number:g} dB; expected between -300 and 300 dB")
     if rng is None:
-        raise InputError("snr_db adds noise, which needs a seed: pass rng=0, say")
+        raise InputError("snr_db adds noise, which needs a seed: pass rng=0, for example")
     if isinstance(rng, np.random.Generator):
         return number
     if isinstance(rng, bool) or not isinstance(rng, int | np.integer) or rng < 0:

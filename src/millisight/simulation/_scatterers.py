@@ -22,14 +22,7 @@ _CELLS = 32
 
 
 class Scatterers:
-    """The vertices of a mesh that can answer under a model, ready to be asked from many antennas.
-
-    Attributes
-    ----------
-    mesh : TriangleMesh, whose faces also occlude
-    model : ScatteringModel
-    indices : (V,) the vertices that can answer from somewhere, as numbers in `mesh.vertices`
-    """
+    """The vertices of a mesh that can answer under a model (`indices`), ready to be asked from many antennas."""
 
     def __init__(self, mesh: TriangleMesh, model: ScatteringModel):
         candidates = np.zeros(len(mesh.vertices), dtype=bool)
@@ -49,18 +42,7 @@ class Scatterers:
         return self.mesh.vertices[self.indices]
 
     def weights(self, tx_positions: np.ndarray, rx_positions: np.ndarray) -> np.ndarray:
-        """(P, T, R, V) bool or float32: how strongly each of `indices` answers to each pair of antennas, hidden ones 0.
-
-        Parameters
-        ----------
-        tx_positions : (P, T, 3) [m]
-        rx_positions : (P, R, 3) [m]
-
-        Raises
-        ------
-        InputError
-            The model's weights are of another shape or type.
-        """
+        """(P, T, R, V) how strongly `indices` answer to antennas (P, T, 3), (P, R, 3) [m]; hidden: 0."""
         poses, transmitters = tx_positions.shape[:2]
         receivers = rx_positions.shape[1]
         weights = self.model.weights(tx_positions, rx_positions, self.points, self._normals)

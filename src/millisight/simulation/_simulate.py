@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from millisight.core import SPEED_OF_LIGHT, check_device, checked_record, with_step
-from millisight.core.errors import CoverageError, UnknownNameError
+from millisight.core import SPEED_OF_LIGHT, check_device, check_known, checked_record, with_step
+from millisight.core.errors import CoverageError
 from millisight.data import PHASE_SIGN, Capture, Radar, Scene, Trajectory
 from millisight.simulation._models import ScatteringModel, parameters_of, scattering_model
 from millisight.simulation._noise import add_noise, check_noise
@@ -70,8 +70,7 @@ def simulate(
     checked_record(scene, Scene, name="scene")
     checked_record(radar, Radar, name="radar")
     checked_record(trajectory, Trajectory, name="trajectory")
-    if spreading not in SPREADINGS:
-        raise UnknownNameError("spreading law", spreading, SPREADINGS)
+    check_known("spreading law", spreading, SPREADINGS)
     kernels = _kernels_on(device)
     if snr_db is not None:
         check_noise(snr_db, rng)

@@ -11,17 +11,9 @@ from matplotlib.patches import Rectangle
 from millisight.core import SPEED_OF_LIGHT, checked_colormap
 from millisight.core.errors import InputError
 from millisight.data import Capture, TriangleMesh, VoxelGrid
+from millisight.viz import _panels
 from millisight.viz._outline import PLANE
-from millisight.viz._style import (
-    ORDER,
-    NotebookFigure,
-    Panel,
-    Scale,
-    add_colour_bar,
-    draw_outline,
-    place_panels,
-    styled,
-)
+from millisight.viz._panels import ORDER, NotebookFigure, Panel, Scale, styled
 
 _MOST_POSES = 1500  # read for one figure
 _MOST_DOTS = 20_000
@@ -105,7 +97,7 @@ def plot_capture(capture: Capture, *, dynamic_range_db: float = 60, title: str |
         profiles = range_profiles(capture)
         shown = where_something_is(profiles, capture)
         _draw_profiles(what, profiles, shown, total, scale, profiles.magnitude[:, shown].max())
-        add_colour_bar(bar, scale, None, "|profile|  [dB re max]")
+        _panels.add_colour_bar(bar, scale, None, "|profile|  [dB re max]")
         what.set_title("range profiles")
     else:
         numbers = np.arange(total)[:: -(-total // _MOST_POSES)]
@@ -176,7 +168,7 @@ def plot_range_profiles(
     else:
         upper.legend(loc="upper right", frameon=True, framealpha=0.85, facecolor="white", edgecolor="none")
     _draw_profiles(lower, profiles, shown, total, scale, maximum)
-    add_colour_bar(bar, scale, None, "|profile|  [dB re max]")
+    _panels.add_colour_bar(bar, scale, None, "|profile|  [dB re max]")
     if title:
         figure.text(0.095, 0.985, title, fontsize=11.5, fontweight="bold", va="top")
     return figure
@@ -248,11 +240,11 @@ def plot_aperture(
     bounds = np.array([bounds.min(axis=0) - margin, bounds.max(axis=0) + margin])
     views = {"z": "from above", "y": "from the side"}
     panels = [[Panel.around(bounds[:, PLANE[axis][0]], bounds[:, PLANE[axis][1]])] for axis in views]
-    figure, (row,), (bar,) = place_panels([panels], title=title, height=6.0)
+    figure, (row,), (bar,) = _panels.place_panels([panels], title=title, height=6.0)
     for axes, (axis, seen_from) in zip(row, views.items(), strict=True):
         dots = _draw_positions(axes, capture, axis)
         if scene_mesh is not None:
-            draw_outline(axes, scene_mesh, axis, color="black")
+            _panels.draw_outline(axes, scene_mesh, axis, color="black")
         if grid is not None:
             plane = list(PLANE[axis])
             low, size = grid.bounds[0, plane], np.ptp(grid.bounds, axis=0)[plane]

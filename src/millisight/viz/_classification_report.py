@@ -6,26 +6,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from millisight.evaluation import (
-    PAPER,
-    PARTS,
-    PREDICTED,
-    SIGHT_GROUPS,
-    TRUE,
-    ClassifierAnswer,
-    Mistake,
-    Variant,
-    accuracy,
-    chosen,
-    confusion,
-    expected_calibration_error,
-    of_papers_classes,
-    reliability,
-    variants_of,
-    wilson_interval,
-)
+from millisight import evaluation
+from millisight.evaluation import PREDICTED, SIGHT_GROUPS, ClassifierAnswer, Mistake, Variant, chosen
 from millisight.perception import project
-from millisight.viz._style import borders, checked_colormap, styled
+from millisight.viz._panels import borders, checked_colormap, styled
 
 # Okabe and Ito's, told apart by everybody; markers beside, for print.
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "black")
@@ -44,7 +28,7 @@ def plot_accuracy(answers: Sequence[ClassifierAnswer], split: str, *, data: str)
     split : "disjoint" or "closed", see `ClassifierAnswer`
     data : words on where the images come from, for the title
     """
-    variants = variants_of(chosen(answers, split=split))
+    variants = evaluation.variants_of(chosen(answers, split=split))
     height = 1.35 + 0.72 * len(variants)  # [inches], of which 0.8 above and 0.55 below
     figure = Figure(figsize=(9.6, height))
     axes = figure.add_axes((0.2, 0.55 / height, 0.77, 1 - 1.35 / height), facecolor="white")
@@ -64,7 +48,7 @@ def plot_accuracy(answers: Sequence[ClassifierAnswer], split: str, *, data: str)
 def _draw_bar(
     axes: Axes, at: float, answers: list[ClassifierAnswer], sight: str, variant: Variant, *, label: bool
 ) -> None:
-    found = accuracy(chosen(answers, sight=sight, masks=PREDICTED))
+    found = evaluation.accuracy(chosen(answers, sight=sight, masks=PREDICTED))
     if found is None:
         return
     colour = _SIGHT_COLOURS[sight]
@@ -78,12 +62,12 @@ def _draw_bar(
         axes.plot(edges, [at, at], "|-", color="0.2", linewidth=0.8, markersize=6, label=named("by objects"))
     edges = [100 * edge for edge in found.wilson]
     axes.plot(edges, [at, at], color="0.2", linewidth=2.6, solid_capstyle="butt", label=named("Wilson"))
-    true = accuracy(chosen(answers, sight=sight, masks=TRUE))
+    true = evaluation.accuracy(chosen(answers, sight=sight, masks=evaluation.TRUE))
     if true is not None:
         axes.plot([100 * true.share], [at], "D", mfc="white", mec="black", markersize=4.5, label=named("true masks"))
-    if variant.parts in PAPER and of_papers_classes(answers):
+    if variant.parts in evaluation.PAPER and evaluation.of_papers_classes(answers):
         style = {"color": "#D55E00", "markersize": 9, "markeredgewidth": 2.4}
-        axes.plot([PAPER[variant.parts][sight][0]], [at], "|", label=named("paper, real data"), **style)
+        axes.plot([evaluation.PAPER[variant.parts][sight][0]], [at], "|", label=named("paper, real data"), **style)
 
 
 def _axes(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:
@@ -93,7 +77,7 @@ def _axes(figure: Figure, left: float, bottom: float, width: float, height: floa
 
 
 def _kind(variant: Variant) -> str:
-    return ", ".join(text for text in (variant.network, PARTS.get(variant.parts, variant.parts)) if text)
+    return ", ".join(text for text in (variant.network, evaluation.PARTS.get(variant.parts, variant.parts)) if text)
 
 
 @styled
@@ -108,7 +92,7 @@ def plot_confusion(answers: Sequence[ClassifierAnswer], split: str, variant: Var
     data : words on where the images come from, for the title
     """
     mine = chosen(answers, split=split, variant=variant, masks=PREDICTED)
-    whole = confusion(mine)
+    whole = evaluation.confusion(mine)
     wide, tall = 0.52 * len(whole.answers), 0.52 * len(whole.truths)  # of a matrix [inches]
     size = (1.15 + 3 * (wide + 0.35), 1.65 + tall)
     figure = Figure(figsize=size)
@@ -146,24 +130,24 @@ def plot_reliability(answers: Sequence[ClassifierAnswer], split: str, *, data: s
     figure = Figure(figsize=(6.6, 6.2))
     axes = figure.add_axes((0.11, 0.36, 0.85, 0.44), facecolor="white")
     below = figure.add_axes((0.11, 0.09, 0.85, 0.2), facecolor="white")
-    axes.plot([0, 1], [0, 1], color="0.6", linewidth=0.8, linestyle="--", label="as sure as right")
-    variants = variants_of(mine)
+    axes.plot([0, 1], [0, 1], color="0.6", linewidth=0.8, linestyle="--", label="perfect calibration")
+    variants = evaluation.variants_of(mine)
     for number, variant in enumerate(variants):
-        bins = reliability(chosen(mine, variant=variant))
+        bins = evaluation.reliability(chosen(mine, variant=variant))
         colour, marker = _COLOURS[number % len(_COLOURS)], _MARKERS[number % len(_MARKERS)]
-        error = expected_calibration_error(bins)
+        error = evaluation.expected_calibration_error(bins)
         if error is None:
             continue
         places = [one.confidence for one in bins]
         axes.plot(places, [one.right / one.images for one in bins], color=colour, marker=marker, markersize=5,
                   linewidth=1.1, label=f"{variant.name}: error {error:.3f}")  # fmt: skip
         for one in bins:
-            low, high = wilson_interval(one.right, one.images)
+            low, high = evaluation.wilson_interval(one.right, one.images)
             axes.plot([one.confidence] * 2, [low, high], color=colour, linewidth=0.8, alpha=0.7)
         width = 0.09 / len(variants)
         middles = [(one.low + one.high) / 2 + (number - (len(variants) - 1) / 2) * width for one in bins]
         below.bar(middles, [one.images for one in bins], width=width, color=colour)
-    axes.set(xlim=(0, 1), ylim=(0, 1.02), ylabel="share that is right")
+    axes.set(xlim=(0, 1), ylim=(0, 1.02), ylabel="share of right answers")
     below.set(xlim=(0, 1), xlabel="confidence", ylabel="images")
     axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2)
     for one in (axes, below):

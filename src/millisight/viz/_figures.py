@@ -16,17 +16,9 @@ from millisight.core import check_shape
 from millisight.core.errors import InputError
 from millisight.data import PixelGrid, SarImage, TriangleMesh
 from millisight.imaging import combine
+from millisight.viz import _panels
 from millisight.viz._outline import LIGHT, PLANE, TOWARDS_VIEWER, checked_axis, outline_of
-from millisight.viz._style import (
-    NotebookFigure,
-    Panel,
-    Scale,
-    borders,
-    checked_colormap,
-    draw_outline,
-    show_pixels,
-    styled,
-)
+from millisight.viz._panels import NotebookFigure, Scale, checked_colormap, panel_of, styled
 
 BLUE, ORANGE, GREEN, VERMILION, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#6b7378"
 """Colours that everybody can tell apart (Okabe and Ito 2008, "Color Universal Design"), and a grey."""
@@ -198,7 +190,7 @@ def plot_hidden(
     show_photo(shut, closed_view)
     show_image(through, image, shades, colours)
     if mesh is not None:
-        draw_outline(through, outline_of(mesh, "z"), "z", inner=False, alpha=0.7)
+        _panels.draw_outline(through, outline_of(mesh, "z"), "z", inner=False, alpha=0.7)
     titles = ("the camera, box open", "the camera, box shut", "the radar, box shut")
     for place, title in zip((seen, shut, through), titles, strict=True):
         place.set_title(title)
@@ -246,10 +238,6 @@ def taken_axes(
     """`axes` as a list if they are `rows` x `columns`; of None those of a new figure.
 
     Its panels are `size` inches wide and `tall` times as high, which may differ from row to row.
-
-    Raises
-    ------
-    InputError
     """
     if axes is None:
         heights = np.broadcast_to(tall, rows).tolist()
@@ -267,11 +255,6 @@ def lettered(panels: Sequence[tuple[str, T]]) -> Iterator[tuple[str, T]]:
         yield f"{chr(ord('a') + number)}) {title}", thing
 
 
-def panel_of(grid: PixelGrid) -> Panel:
-    """What is shown of an image seen along z."""
-    return Panel.around(borders(grid.x, 1e-3), borders(grid.y, 1e-3))
-
-
 def tallness(grid: PixelGrid) -> float:
     """Height over width of an image seen along z, as it is shown."""
     width, height = panel_of(grid).size
@@ -282,7 +265,7 @@ def show_image(ax: Axes, image: SarImage, shades: Scale, colours: Colormap) -> N
     """The mean of |I| along z over its own maximum, with a scale bar in place of ticks."""
     panel = panel_of(image.grid.xy)
     ax.set(xlim=panel.u, ylim=panel.v)
-    show_pixels(ax, image.grid.x, image.grid.y, shades(image.project("z")), shades, colours)
+    _panels.show_pixels(ax, image.grid.x, image.grid.y, shades(image.project("z")), shades, colours)
     ax.set(xticks=[], yticks=[])
     scale_bar(ax)
 
@@ -298,12 +281,7 @@ def scale_bar(ax: Axes, *, color: str = "white") -> None:
 
 
 def show_photo(ax: Axes, photo: np.ndarray) -> None:
-    """A photo (H, W, 3) without ticks.
-
-    Raises
-    ------
-    InputError
-    """
+    """A photo (H, W, 3) without ticks."""
     check_shape(np.shape(photo), name="photo", shape=("H", "W", 3))
     ax.imshow(photo)
     ax.set(xticks=[], yticks=[], facecolor="white")

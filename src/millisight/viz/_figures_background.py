@@ -10,7 +10,7 @@ from matplotlib.patches import Arc
 from millisight.core import SPEED_OF_LIGHT, checked_number
 from millisight.data import PHASE_SIGN
 from millisight.viz._figures import BLUE, GREY, VERMILION, taken_axes
-from millisight.viz._style import Scale, checked_colormap, show_pixels, styled
+from millisight.viz._panels import Scale, checked_colormap, show_pixels, styled
 
 _REFLECTORS = np.array([[-0.06, 0.0, -0.30], [0.05, 0.0, -0.25], [0.02, 0.0, -0.36]])  # in the plane y = 0 [m]
 _FREQUENCIES = np.linspace(77.5e9, 80.5e9, 16)  # [Hz]
@@ -83,7 +83,7 @@ def _sketch_aperture(ax: Axes, positions: np.ndarray) -> None:
     ax.annotate("aperture", (0, 0), (0, 7), textcoords="offset points", ha="center", color=GREY)
     ax.annotate("reflector", reflector[[0, 2]], (-3, -15), textcoords="offset points", ha="right", color=VERMILION)
     ax.set(xlim=(-0.24, 0.24), ylim=(-0.42, 0.06), aspect="equal", facecolor="white")
-    ax.set(title="a) distances from four places", xlabel="x [m]", ylabel="z [m]")
+    ax.set(title="a) distances from four positions", xlabel="x [m]", ylabel="z [m]")
 
 
 @styled

@@ -13,7 +13,7 @@ from millisight.perception import canvas_axis, projected_levels, resampled_power
 from millisight.perception.classification import CLASSIFIER_CHANNELS, masked_channels
 from millisight.perception.training import SceneParts
 from millisight.viz._figures import draw_mesh
-from millisight.viz._style import checked_colormap, styled
+from millisight.viz._panels import checked_colormap, styled
 
 _COLUMNS = 7
 _PANEL = 1.25  # inches
@@ -165,7 +165,7 @@ def _show_masks(places: Sequence[Axes], scene: SceneParts, band: str, rng: np.ra
     for index, place in enumerate(places):
         hidden = index > len(places) // 2
         mask = truth if index == 0 else training.erring_mask(truth, power.max(axis=2), rng, hidden=hidden)
-        title = "the same, in a box" if hidden else "a mask that errs"
+        title = "the same, in a box" if hidden else "a mask with errors"
         _show(place, seen, title if index else "true mask")
         place.contour(mask.T, levels=[0.5], colors="white", linewidths=1.2)
 

@@ -6,23 +6,12 @@ import numpy as np
 from matplotlib.colors import Colormap
 from matplotlib.figure import Figure
 
-from millisight.core import checked_array, checked_colormap, checked_number
-from millisight.core.errors import InputError, UnknownNameError
+from millisight.core import check_known, checked_array, checked_colormap, checked_number
+from millisight.core.errors import InputError
 from millisight.data import SarImage, TriangleMesh, VoxelGrid
+from millisight.viz import _panels
 from millisight.viz._outline import PLANE, cross_section, outline_of
-from millisight.viz._style import (
-    Panel,
-    Scale,
-    add_colour_bar,
-    borders,
-    draw_lines,
-    draw_outline,
-    grid_box,
-    label_view,
-    place_panels,
-    show_pixels,
-    styled,
-)
+from millisight.viz._panels import Panel, Scale, styled
 
 
 @styled
@@ -57,14 +46,14 @@ def plot_image(
         raise InputError("colormap is empty; expected at least one name, such as 'inferno'")
     maps = [checked_colormap(name) for name in names]
     outlines = {axis: outline_of(mesh, axis) for axis in PLANE} if mesh is not None else {}
-    figure, rows, bars = place_panels([Panel.views_of(grid_box(image.grid))] * len(maps), title=title)
+    figure, rows, bars = _panels.place_panels([Panel.views_of(_panels.grid_box(image.grid))] * len(maps), title=title)
     for row, bar, colours in zip(rows, bars, maps, strict=True):
         for axes, axis in zip(row, PLANE, strict=True):
-            show_pixels(axes, *_coordinates(image.grid, axis), shades(image.project(axis)), shades, colours)
+            _panels.show_pixels(axes, *_coordinates(image.grid, axis), shades(image.project(axis)), shades, colours)
             if mesh is not None:
-                draw_outline(axes, outlines[axis], axis)
-            label_view(axes, axis)
-        add_colour_bar(bar, shades, colours, f"mean {shades.unit}")
+                _panels.draw_outline(axes, outlines[axis], axis)
+            _panels.label_view(axes, axis)
+        _panels.add_colour_bar(bar, shades, colours, f"mean {shades.unit}")
     return figure
 
 
@@ -101,19 +90,19 @@ def plot_slices(
     index = _nearest_voxel(image.grid, wanted)
     point = [float(getattr(image.grid, axis)[i]) for axis, i in zip("xyz", index, strict=True)]
     magnitude = image.magnitude
-    figure, (row,), (bar,) = place_panels([Panel.views_of(grid_box(image.grid))], title=title)
+    figure, (row,), (bar,) = _panels.place_panels([Panel.views_of(_panels.grid_box(image.grid))], title=title)
     for axes, axis in zip(row, PLANE, strict=True):
         number = "xyz".index(axis)
         values = shades(magnitude.take(index[number], axis=number), magnitude.max())
-        show_pixels(axes, *_coordinates(image.grid, axis), values, shades, colours)
+        _panels.show_pixels(axes, *_coordinates(image.grid, axis), values, shades, colours)
         right, up = (point[i] for i in PLANE[axis])
         axes.axvline(right, color="white", linewidth=0.5, linestyle=(0, (4, 4)), alpha=0.55)
         axes.axhline(up, color="white", linewidth=0.5, linestyle=(0, (4, 4)), alpha=0.55)
         if mesh is not None:
-            draw_outline(axes, mesh, axis, inner=False, alpha=0.45)
-            draw_lines(axes, cross_section(mesh, axis, point[number]), color="white", width=0.8, zorder=5)
-        label_view(axes, axis, f"{axis} = {1e3 * point[number]:.4g} mm".replace("-", "\u2212"))
-    add_colour_bar(bar, shades, colours)
+            _panels.draw_outline(axes, mesh, axis, inner=False, alpha=0.45)
+            _panels.draw_lines(axes, cross_section(mesh, axis, point[number]), color="white", width=0.8, zorder=5)
+        _panels.label_view(axes, axis, f"{axis} = {1e3 * point[number]:.4g} mm".replace("-", "\u2212"))
+    _panels.add_colour_bar(bar, shades, colours)
     return figure
 
 
@@ -149,27 +138,26 @@ def plot_sheet(
         raise InputError("a sheet of no images; expected at least one")
     meshes = dict(meshes or {})
     for name in meshes:
-        if name not in images:
-            raise UnknownNameError("image", name, images)
+        check_known("image", name, images)
     shades, colours = Scale.checked(scale, dynamic_range_db), checked_colormap(colormap)
     if columns is None:
         columns = min(6, int(np.ceil(np.sqrt(1.5 * len(images)))))
     columns = min(int(checked_number(columns, name="columns", minimum=1)), len(images))
-    own = [Panel.around(borders(i.grid.x, 1e-3), borders(i.grid.y, 1e-3)) for i in images.values()]
+    own = [_panels.panel_of(image.grid) for image in images.values()]
     # Every picture shows as much as the widest and the highest need, about its own middle.
     shown = np.array([[-0.5, 0.5]]).T * [max(p.size[k] for p in own) for k in (0, 1)]
     panels = [Panel(*map(tuple, (np.mean([p.u, p.v], axis=1) + shown).T)) for p in own]
     alike = all(np.allclose(np.ravel(p), np.ravel(panels[0])) for p in panels)
     rows = [[[panel] for panel in panels[i : i + columns]] for i in range(0, len(panels), columns)]
     gaps = (0.16, 0.34) if alike else (0.5, 0.6)
-    figure, axes_rows, bars = place_panels(
+    figure, axes_rows, bars = _panels.place_panels(
         rows, title=title, width=1.8 + 2.6 * columns, height=1.2 + 3.2 * len(rows), gaps=gaps
     )
     all_axes = [axes for row in axes_rows for axes in row]
     for number, (axes, (name, image)) in enumerate(zip(all_axes, images.items(), strict=True)):
-        show_pixels(axes, image.grid.x, image.grid.y, shades(image.project("z")), shades, colours)
+        _panels.show_pixels(axes, image.grid.x, image.grid.y, shades(image.project("z")), shades, colours)
         if name in meshes:
-            draw_outline(axes, meshes[name], "z")
+            _panels.draw_outline(axes, meshes[name], "z")
         axes.set_title(name, fontsize=9, pad=4)
         lowest, leftmost = number + columns >= len(panels), number % columns == 0
         axes.set(xlabel="x [m]" if lowest else "", ylabel="y [m]" if leftmost else "")
@@ -180,7 +168,7 @@ def plot_sheet(
     low, high = min(p.y0 for p in places), max(p.y1 for p in places)
     tall = min(high - low, 3.2 / figure.get_size_inches()[1])
     bars[0].set_position((places[0].x0, high - tall, places[0].width, tall))
-    add_colour_bar(bars[0], shades, colours, f"mean {shades.unit}")
+    _panels.add_colour_bar(bars[0], shades, colours, f"mean {shades.unit}")
     return figure
 
 
@@ -194,7 +182,7 @@ def _nearest_voxel(grid: VoxelGrid, point: np.ndarray) -> list[int]:
     index = []
     for name, value in zip("xyz", point, strict=True):
         coordinates = getattr(grid, name)
-        edge = borders(coordinates, np.inf)
+        edge = _panels.borders(coordinates, np.inf)
         if not edge[0] <= value <= edge[-1]:
             raise InputError(
                 f"at has {name} = {value:g} m, outside the image, which reaches from {coordinates[0]:g} to "

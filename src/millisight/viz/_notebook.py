@@ -18,7 +18,7 @@ from millisight.viz._captures import range_profiles, where_something_is
 from millisight.viz._facts import facts_of
 from millisight.viz._figures import BLUE, GREEN, ORANGE, VERMILION, draw_mesh
 from millisight.viz._outline import PLANE, relief
-from millisight.viz._style import Panel, Scale, borders, label_view, place_panels, styled
+from millisight.viz._panels import Panel, Scale, borders, label_view, place_panels, styled
 
 _SOLID = "#c9ced3"
 _OBJECTS = (_SOLID, ORANGE, "#56B4E9", GREEN, "#F0E442", BLUE, VERMILION, "#CC79A7")  # Okabe and Ito's

@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from millisight.core import record
-from millisight.core.errors import UnknownNameError
+from millisight.core import check_known, record
 from millisight.data import TriangleMesh
 
 PLANE = {"z": (0, 1), "y": (0, 2), "x": (1, 2)}
@@ -31,27 +30,15 @@ _BLOCK = 2_000_000  # pixels looked at together
 
 @record
 class Outline:
-    """A mesh seen along an axis.
+    """A mesh seen along an axis."""
 
-    Attributes
-    ----------
-    silhouette : closed curves (n, 2) around what the mesh covers, and around its holes [m]
-    inner : (m, 2, 2) visible segments inside: where a part hides another, and creases [m]
-    """
-
-    silhouette: tuple[np.ndarray, ...]
-    inner: np.ndarray
+    silhouette: tuple[np.ndarray, ...]  # (n, 2) closed, around what the mesh covers, and around holes [m]
+    inner: np.ndarray  # (m, 2, 2) visible segments inside: where a part hides another, and creases [m]
 
 
 def checked_axis(axis: str) -> str:
-    """`axis` if it is "x", "y" or "z".
-
-    Raises
-    ------
-    UnknownNameError
-    """
-    if axis not in PLANE:
-        raise UnknownNameError("axis", axis, PLANE)
+    """`axis` if it is "x", "y" or "z"."""
+    check_known("axis", axis, PLANE)
     return axis
 
 

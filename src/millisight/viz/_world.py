@@ -12,7 +12,7 @@ from matplotlib.patches import Patch, Rectangle
 from millisight.data import CameraFrame, TriangleMesh
 from millisight.rig.virtual import World, WorldLayout, appearance_of, image_grid
 from millisight.viz._outline import PLANE
-from millisight.viz._style import ORDER, Panel, checked_colormap, draw_lines, label_view, place_panels, styled
+from millisight.viz._panels import ORDER, Panel, checked_colormap, draw_lines, label_view, place_panels, styled
 
 _APERTURE, _GRID, _HIDES, _BEHIND = "#1f5fa8", "#8a8a8a", "#9a6a2f", "#dcdcdc"
 _ROWS = 40  # drawn at most
@@ -57,7 +57,7 @@ def plot_world(layout: WorldLayout, frame: CameraFrame, masks: list[np.ndarray])
     bar.set_position((beside.x1 + 0.01, beside.y0, place.width, beside.height))
     figure.colorbar(image, cax=bar, extend="max").set_label("[m]")
     depth.set_facecolor("#5a1f1f")
-    for axes, title in ((rgb, "camera; objects outlined"), (depth, "its depth; dark red: none")):
+    for axes, title in ((rgb, "camera; objects outlined"), (depth, "depth; dark red: missing")):
         axes.set(xlim=(-0.5, 639.5), ylim=(479.5, -0.5), xticks=[], yticks=[], title=title)
     for mask in masks:
         if mask.any() and not mask.all():

@@ -10,13 +10,15 @@ from helpers.some_answers import BOTH, EDGE, answer, several
 from millisight.evaluation import PAPER, PREDICTED, TRUE, SplitPlan, chosen, training_of
 from millisight.evaluation._answers import CLOSED, DISJOINT
 from millisight.evaluation._leaks import SAME_POSE
-from millisight.evaluation.tasks._classification_files import answer_table, bin_table, confusion_table
 from millisight.evaluation.tasks._classification_tables import (
     PAPER_IMAGES,
     accuracy_table,
     all_tables,
+    answer_table,
+    bin_table,
     calibration_table,
     classifier_table,
+    confusion_table,
     mistake_table,
     object_table,
     pair_table,
@@ -40,7 +42,7 @@ def share(cell):
 class TestAccuracy:
     def test_rows_are_variants_and_below_them_the_papers(self):
         table = accuracy_table(ANSWERS, DISJOINT, PREDICTED, data=DATA)
-        assert column(table, "classifier") == ["shipped", "edges", *["paper: real data, theirs"] * 3]
+        assert column(table, "classifier") == ["shipped", "edges", *["paper: its real data"] * 3]
         assert [share(cell) for cell in column(table, "LOS [%]")] == [100, 50, 61.1, 77.7, 88.8]
         assert [share(cell) for cell in column(table, "NLOS [%]")] == [75, 50, 75, 75, 81.2]
         assert [share(cell) for cell in column(table, "overall [%]")] == [87.5, 50, 67.6, 76.4, 85.2]
@@ -49,13 +51,13 @@ class TestAccuracy:
         assert column(table, "NLOS [%]")[0] == "75.0 (46.8 to 91.1) [25.0 to 100.0]"
         assert column(table, "overall [%]")[-1] == "85.2 (69.9 to 93.6)"
         assert DATA in table.title
-        assert "met none of these objects" in table.notes[0]
+        assert "none of these objects was used in training" in table.notes[0]
 
     def test_of_other_classes_the_paper_has_no_rows(self):
         fruit = dataclasses.replace(chosen(ANSWERS, split=DISJOINT)[0], truth="fruit", prediction=None, failure="none")
         table = accuracy_table([*ANSWERS, fruit], fruit.split, PREDICTED, data=DATA)
         assert len(table.rows) >= 1
-        assert "paper: real data, theirs" not in column(table, "classifier")
+        assert "paper: its real data" not in column(table, "classifier")
         assert not any("paper" in note for note in table.notes)
 
     def test_true_masks_are_ours_alone(self):
@@ -145,7 +147,7 @@ def test_classifiers_say_what_they_learned_from():
     evaluated = [(EDGE, training_of("edges", told), places)]
     table = classifier_table(evaluated, objects, data=DATA, notes=["All of it is made up."])
     assert table.rows == (("edges", "small", "edge only", "paper's simulator", "5", 2, 1, 1, 2, 0, 1, 0),)
-    assert table.notes == ("All of it is made up.", "edges saw siblings of c_cups: b_cups.")
+    assert table.notes == ("All of it is made up.", "edges was trained on siblings of c_cups: b_cups.")
 
 
 def test_other_programs_get_every_answer_every_confusion_and_every_bin():

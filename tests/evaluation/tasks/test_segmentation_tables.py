@@ -51,7 +51,7 @@ def test_values_by_scene_are_in_the_order_of_seeds():
     trials = [trial("t", "a", HIGH, 1, 0.2), trial("s", "a", HIGH, 0, 0.3), trial("t", "a", HIGH, 0, 0.1)]
     assert by_scene(trials, TableRow("a", HIGH), "nlos", "f1") == {"s": [0.3], "t": [0.1, 0.2]}
     assert by_scene(trials, TableRow("a", HIGH), "los", "f1") == {}
-    with pytest.raises(InputError, match="as many each"):
+    with pytest.raises(InputError, match="expected equal numbers"):
         interval_of_median(by_scene(trials, TableRow("a", HIGH), "nlos", "f1"))
 
 

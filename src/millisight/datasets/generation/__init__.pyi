@@ -11,7 +11,7 @@ from ._recipe import MeshFile as MeshFile
 from ._recipe import Recipe as Recipe
 from ._recipe import Shares as Shares
 from ._recipe import catalogue_name as catalogue_name
-from ._recipefile import read_recipe as read_recipe
-from ._recipefile import recipe_from_table as recipe_from_table
-from ._recipefile import record_from_file as record_from_file
+from ._recipe import read_recipe as read_recipe
+from ._recipe import recipe_from_table as recipe_from_table
+from ._recipe import record_from_file as record_from_file
 from ._rig_job import RigJob as RigJob

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from millisight.core import write_text
-from millisight.datasets._dataset_objects import MESH_NAME, DatasetObject
+from millisight.datasets._generated_objects import MESH_NAME, DatasetObject
 from millisight.datasets._manifest import MANIFEST_NAME, Manifest
 from millisight.datasets.generation._jobs import EMPTY_FOLDERS, Job
 from millisight.datasets.generation._recipe import Recipe
@@ -15,15 +15,16 @@ from millisight.io.mito import SPLITS_NAME, TRUTH
 CARD_NAME = "README.md"
 
 _RIG = """\
-- **The virtual rig** (`robot_collected/`): physical optics over finely cut surfaces, with complex permittivities,
-  edges, and layered cartons and cloths; a moving arm that strays and logs with noise; radars with leakage, phase noise,
-  thermal noise and a 16-bit converter; a ray-cast camera. It was not fitted to measurements. Not in it: two
-  polarisations, waves within and through objects, creeping waves, more than {bounces}; the room but for the support and
-  what the recipe names.
+- **The virtual rig** (`robot_collected/`): physical optics over finely meshed surfaces, with complex permittivities,
+  edges, and layered cartons and cloths; a moving arm with path errors and a noisy log; radars with leakage, phase
+  noise, thermal noise and a 16-bit converter; a ray-cast camera. It was not fitted to measurements. Not modelled: two
+  polarisations, waves within and through objects, creeping waves, more than {bounces}; of the room, only the support
+  and what the recipe names is there.
 """
 _SIMULATOR = """\
-- **The paper's simulator** (`simulation/`): every lit vertex of a mesh is a point reflector, of specular, edge or
-  diffuse kind; no material but one amplitude, no noise, nothing around the object. For training, not for judging.
+- **The paper's simulator** (`simulation/`): every lit vertex of a mesh is a point reflector, specular, edge or diffuse.
+  The material is a single amplitude; there is no noise, and nothing around the object. For training, not for
+  evaluation.
 """
 
 
@@ -36,21 +37,23 @@ def write_card(
 
 def _card(recipe: Recipe, things: list[DatasetObject], jobs: Sequence[Job], manifest: Manifest) -> str:
     scans = [job for job in jobs if isinstance(job, RigJob)]
-    sources = Counter(thing.source for thing in things)
+    bounces = max((scan.world.optics.bounces for scan in scans), default=0)
+    sources, classes = Counter(thing.source for thing in things), Counter(thing.shape_class for thing in things)
     sections = [
         f"# {recipe.name}\n",
         f"{recipe.about.strip()}\n" if recipe.about.strip() else "",
         "**Everything here is simulated. Nothing was measured.** Made by millisight from a recipe; the same recipe and "
         "seed give the same bytes.\n",
-        "## What is in it\n",
+        "## Contents\n",
         _table(jobs, manifest),
         f"Objects: {len(things)}, of which {sources['built']} are shapes drawn in code, {sources['scan']} real scans, "
-        f"{sources['file']} mesh files of the recipe's own. By class: {_counted(t.shape_class for t in things)}.\n",
+        f"{sources['file']} mesh files named in the recipe. By class: "
+        f"{', '.join(f'{name} {count}' for name, count in sorted(classes.items()))}.\n",
         _objects(things),
         "## How it was made\n",
-        _RIG.format(bounces=_bounces(scans)) if scans else "",
+        _RIG.format(bounces="one reflection" if bounces == 1 else "two reflections") if scans else "",
         _SIMULATOR if len(scans) < len(jobs) else "",
-        "## Where things are\n",
+        "## Files\n",
         _places(recipe),
         "## Licence\n",
         _licence(sources),
@@ -82,38 +85,31 @@ def _objects(things: list[DatasetObject]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _bounces(scans: list[RigJob]) -> str:
-    return "one reflection" if max(scan.world.optics.bounces for scan in scans) == 1 else "two reflections"
-
-
 def _places(recipe: Recipe) -> str:
     raw, image = (folder.format("<background>") for folder in EMPTY_FOLDERS)
     lines = [
         "- `<id>_<name>/robot_collected/<angles>/exp<N>/{los,nlos}` and `<id>_<name>/simulation/<angles>`: the layout "
-        "of the published MITO dataset. `nlos` is the same object, unmoved, behind what `experiment_info.json` says "
-        "under `conditions`; its `los`, of this experiment or of the first condition's, shows it to the camera.",
-        "- `processed/radars/*/radar_masks*.pkl`: **exact** masks: the image's pixels over which the objects lie.",
-        f"- `{raw}`, `{image}`: the empty scene, raw and as an image; its first frame is subtracted from what became "
-        "24 GHz images here.",
+        "of the published MITO dataset. In `nlos` the same object, unmoved, is hidden as `experiment_info.json` "
+        "states under `conditions`. The `los` of this experiment, or of that with the first condition, holds the "
+        "camera picture.",
+        "- `processed/radars/*/radar_masks*.pkl`: **exact** masks: the pixels of the image that the objects cover.",
+        f"- `{raw}`, `{image}`: the empty scene, raw and as an image; its first frame was subtracted from the "
+        "captures of the 24 GHz images.",
         f"- `<id>_<name>/{MESH_NAME}`: the mesh at the angles 0_0_0, in metres.",
-        f"- `{TRUTH}/`: what no real rig could tell: the true path, each object's pixels in the picture, the world as "
-        "WORLD.toml, and `job.json`, from which the files follow.",
-        f"- `{SPLITS_NAME}`: by object and by pose, disjoint. `{MANIFEST_NAME}`: every file and its SHA-256.",
+        f"- `{TRUTH}/`: what only a virtual rig knows: the true path, the pixels of each object in the picture, the "
+        "world as WORLD.toml, and `job.json`, from which the files can be made again.",
+        f"- `{SPLITS_NAME}`: disjoint splits by object and by pose. `{MANIFEST_NAME}`: every file and its SHA-256.",
     ]
     return "\n".join(lines) + f"\n\nSeed {recipe.seed}.\n"
 
 
 def _licence(sources: Counter[str]) -> str:
-    lines = ["What was computed here carries no terms of millisight's: say what it is, and that it is simulated."]
+    lines = ["millisight sets no terms for the computed data; when you share it, state that it is simulated."]
     if sources["scan"]:
         lines.append(
-            "The real scans came from a folder that the maker named, and are under its terms, as is what was made of "
-            "them; those of the YCB Object and Model Set (Calli et al. 2015) are under CC BY 4.0: credit it."
+            "The real scans, and all data made from them, are under the terms of their source; those of the YCB "
+            "Object and Model Set (Calli et al. 2015) are under CC BY 4.0: credit it."
         )
     if sources["file"]:
-        lines.append("The recipe's own mesh files are under whatever terms their makers chose.")
+        lines.append("Mesh files named in the recipe are under the terms of their authors.")
     return "\n".join(lines) + "\n"
-
-
-def _counted(values: Iterable[str]) -> str:
-    return ", ".join(f"{value} {count}" for value, count in sorted(Counter(values).items()))

@@ -30,36 +30,21 @@ _PLACE_BYTES = 32  # of a frame in the files of paths
 
 
 class Cost(NamedTuple):
-    """Of a job.
+    """Of a job."""
 
-    Attributes
-    ----------
-    seconds : of one core
-    kept : bytes that stay
-    spool : bytes on disk while it runs
-    """
-
-    seconds: float
-    kept: float
-    spool: float
+    seconds: float  # of one core
+    kept: float  # bytes that stay
+    spool: float  # bytes on disk while it runs
 
 
 class Total(NamedTuple):
-    """Of all jobs.
+    """Of all jobs."""
 
-    Attributes
-    ----------
-    jobs : how many
-    core_seconds, kept : sums [s], [bytes]
-    spool : most bytes on disk besides, with so many workers
-    wall : how long they take with so many workers [s]
-    """
-
-    jobs: int
-    core_seconds: float
-    kept: float
-    spool: float
-    wall: float
+    jobs: int  # how many
+    core_seconds: float  # sum
+    kept: float  # sum, in bytes
+    spool: float  # most bytes on disk besides, with so many workers
+    wall: float  # how long they take with so many workers [s]
 
 
 def total(costs: Iterable[Cost], workers: int) -> Total:

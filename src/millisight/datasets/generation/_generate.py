@@ -10,6 +10,7 @@ import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from functools import partial
+from operator import methodcaller
 from pathlib import Path
 from typing import Any
 
@@ -69,21 +70,13 @@ class Plan:
 
 @record
 class Generated:
-    """What came of a plan.
+    """What came of a plan."""
 
-    Attributes
-    ----------
-    manifest : of all that is in the dataset now
-    made, kept : how many jobs were done, and how many were already
-    failures : (job, why it was not done)
-    others : jobs of an earlier recipe whose files are there still
-    """
-
-    manifest: Manifest
-    made: int
-    kept: int
-    failures: tuple[tuple[str, str], ...]
-    others: tuple[str, ...]
+    manifest: Manifest  # of all that is in the dataset now
+    made: int  # jobs
+    kept: int  # jobs that were done already
+    failures: tuple[tuple[str, str], ...]  # (job, why it was not done)
+    others: tuple[str, ...]  # jobs of an earlier recipe whose files are there still
 
 
 def plan_dataset(
@@ -124,7 +117,7 @@ def plan_dataset(
         costs, problems = _checked(todo, Path(workspace), here, progress)
     if problems:
         more = f"; and {len(problems) - _SHOWN} more" if len(problems) > _SHOWN else ""
-        raise InputError(f"{recipe.source}: impossible: {'; '.join(problems[:_SHOWN])}{more}")
+        raise InputError(f"{recipe.source}: cannot be generated: {'; '.join(problems[:_SHOWN])}{more}")
     return Plan(
         recipe=recipe, out=out, things=things, jobs=jobs, todo=todo, costs=costs, texts=texts, ledger=ledger,
         slowness=slowness() if any(isinstance(job, RigJob) for job in todo) else 1.0,
@@ -137,7 +130,7 @@ def _checked(
     """What each job will cost; and why some are impossible."""
     costs: dict[int, Cost] = {}
     problems: dict[int, str] = {}
-    with closing(engine.run(partial(_check, root), jobs)) as outcomes:
+    with closing(engine.run(methodcaller("check", root), jobs)) as outcomes:
         for count, outcome in enumerate(outcomes, 1):
             if outcome.failure:
                 problems[outcome.number] = f"{jobs[outcome.number].key}: {outcome.failure}"
@@ -146,10 +139,6 @@ def _checked(
             if progress is not None:
                 progress(count, len(jobs))
     return tuple(costs[i] for i in sorted(costs)), [problems[i] for i in sorted(problems)]
-
-
-def _check(root: Path, job: Job) -> Cost:
-    return job.check(root)
 
 
 def run_plan(plan: Plan, engine: Engine, *, progress: Progress | None = None) -> Generated:
@@ -217,7 +206,8 @@ def check_room(plan: Plan, workers: int) -> None:
     if free < needed.kept + needed.spool:
         raise FileError(
             f"{printable(plan.out)}: the disk has {free / 1e9:.1f} GB left; the dataset needs {needed.kept / 1e9:.1f} "
-            f"GB, and {needed.spool / 1e9:.1f} GB besides while it is made: free some, or keep less (rig.keep)"
+            f"GB, and {needed.spool / 1e9:.1f} GB more while it is made: free some space, or keep fewer files "
+            "(rig.keep)"
         )
 
 
@@ -280,7 +270,10 @@ def _make(root: Path, version: str, item: tuple[Job, str]) -> tuple[Entry, ...]:
     if version != _version():
         raise InputError(f"this worker has millisight {_version()}, the run {version}; install the same everywhere")
     if not (root / _PARTIAL_NAME).is_dir():
-        raise FileError(f"{printable(root)} is not there; a cluster's workers must see the dataset under the same path")
+        raise FileError(
+            f"{printable(root)} does not exist on this worker; the workers of a cluster must see the "
+            "dataset under the same path"
+        )
     stage = make_folder(root / _PARTIAL_NAME / secrets.token_hex(6))
     try:
         job.make(root, stage, json.loads(text)["made_by"])

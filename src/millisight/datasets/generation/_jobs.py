@@ -38,20 +38,12 @@ class Pose(NamedTuple):
 
 
 class Subject(NamedTuple):
-    """What one experiment looks at.
+    """What one experiment looks at."""
 
-    Attributes
-    ----------
-    folder : `<id>_<name>` in the dataset; of several things their names, one after the other
-    number : of the pose among the object's
-    things : one, or several
-    poses : of each
-    """
-
-    folder: str
-    number: int
-    things: tuple[DatasetObject, ...]
-    poses: tuple[Pose, ...]
+    folder: str  # `<id>_<name>` in the dataset; of several things their names, one after the other
+    number: int  # of the pose among the object's
+    things: tuple[DatasetObject, ...]  # one, or several
+    poses: tuple[Pose, ...]  # of each
 
     @property
     def sources(self) -> dict[str, str]:
@@ -70,14 +62,7 @@ class Subject(NamedTuple):
 def jobs_of(recipe: Recipe, things: Mapping[str, DatasetObject]) -> tuple[Job, ...]:
     """All jobs of a recipe: those of empty scenes first, since others subtract what they make.
 
-    Parameters
-    ----------
-    things : the recipe's objects by name, as `prepare` gives them
-
-    Raises
-    ------
-    FormatError
-        The recipe's tables of WORLD.toml cannot be right.
+    `things` are the recipe's objects by name, as `prepare` gives them.
     """
     subjects = tuple(_subjects(recipe, things))
     jobs: list[Job] = []
@@ -88,7 +73,8 @@ def jobs_of(recipe: Recipe, things: Mapping[str, DatasetObject]) -> tuple[Job, .
     for job, count in Counter(job.key for job in jobs).items():
         if count > 1:
             raise FormatError(
-                f"{recipe.source}: scenes: {job} would be made {count} times; give scenes of equal objects other angles"
+                f"{recipe.source}: scenes: {job} would be made {count} times; use different angles for scenes of the "
+                "same objects"
             )
     return tuple(jobs)
 
@@ -133,7 +119,7 @@ class _Scans:
         for name, table in {"rig.world": rig.world, **{f"rig.scans[{i}]": t for i, t in enumerate(rig.scans)}}.items():
             for key in ("seed", "objects"):
                 if key in table:
-                    raise FormatError(f"{recipe.source}: {name}.{key}: the recipe has its own; leave it out here")
+                    raise FormatError(f"{recipe.source}: {name}.{key}: the recipe sets it itself; leave it out here")
         self._worlds = [
             {background: self._world(i, background) for background in rig.backgrounds}
             for i in range(max(1, len(rig.scans)))

@@ -14,23 +14,16 @@ from typing import Any
 from millisight.core import make_folder, printable
 from millisight.core.errors import FileError, InputError
 from millisight.datasets import MANIFEST_NAME, Entry, Manifest, Source, checksum, read_manifest, write_manifest
+from millisight.datasets._manifest import size_of
 
 JOURNAL_NAME = ".journal.jsonl"
 _LOCK_NAME = ".lock"
 
 
 class Ledger:
-    """The jobs that are done, by the path of their description `job.json`.
+    """The jobs that are done, by the path of their description `job.json`, in the dataset's folder `out`.
 
-    Parameters
-    ----------
-    out : the dataset's folder; it need not be there
-    settings : of the manifest: another dataset's is refused
-
-    Raises
-    ------
-    InputError
-        The folder holds something else.
+    `settings` are the manifest's: a folder with another dataset's is refused.
     """
 
     def __init__(self, out: Path, settings: Mapping[str, Any]):
@@ -38,7 +31,7 @@ class Ledger:
         self._done: dict[str, tuple[str, tuple[Entry, ...]]] = {}
         before = read_manifest(out)
         if before is None and out.is_dir() and any(not entry.name.startswith(".") for entry in out.iterdir()):
-            raise InputError(f"{printable(out)} is not empty, and no dataset of this recipe; choose another folder")
+            raise InputError(f"{printable(out)} is not empty, and not a dataset of this recipe; choose another folder")
         if before is not None and dict(before.settings) != self._settings:
             raise InputError(
                 f"{printable(out)} holds another dataset: its {MANIFEST_NAME} says {dict(before.settings)}, this one "
@@ -52,7 +45,7 @@ class Ledger:
     def kept(self, job: str, sha256: str) -> bool:
         """Whether the job of this description is done, and its files are there still, as large as they were."""
         told = self._done.get(job)
-        return told is not None and told[0] == sha256 and all(_size(self._out / e.path) == e.size for e in told[1])
+        return told is not None and told[0] == sha256 and all(size_of(self._out / e.path) == e.size for e in told[1])
 
     def files(self, jobs: Iterable[str]) -> list[Entry]:
         """The files of some jobs."""
@@ -64,13 +57,7 @@ class Ledger:
 
     @contextmanager
     def writing(self) -> Iterator[None]:
-        """Only in such a block jobs can be added, and only one at a time can have it.
-
-        Raises
-        ------
-        FileError
-            Another run is at work in the folder.
-        """
+        """Only in such a block jobs can be added, and only one at a time can have it."""
         make_folder(self._out)
         with _alone(self._out):
             if read_manifest(self._out) is None:
@@ -129,14 +116,6 @@ def _journal(out: Path) -> Iterator[list[Entry]]:
             continue
 
 
-def _size(path: Path) -> int:
-    """In bytes; -1 where there is no such file."""
-    try:
-        return path.stat().st_size
-    except OSError:
-        return -1
-
-
 @contextmanager
 def _alone(out: Path) -> Iterator[None]:
     """A lock on the folder, which goes with the process that holds it; none where the file system has no locks."""
@@ -149,7 +128,7 @@ def _alone(out: Path) -> Iterator[None]:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
-            raise FileError(f"another run is at work in {printable(out)}; wait for it, or stop it") from error
+            raise FileError(f"another run is using {printable(out)}; wait for it, or stop it") from error
         except OSError:
             pass
         yield

@@ -1,16 +1,29 @@
-"""A recipe: what a generated dataset is to hold, as records that check every value; `recipefile` reads RECIPE.toml.
+"""A recipe: what a generated dataset is to hold, as records that check every value, and RECIPE.toml.
 
 Lengths in metres, in the radar frame: antennas move about z = 0, what they look at lies below.
 """
 
-from collections.abc import Mapping
+import os
+from collections.abc import Collection, Mapping
 from dataclasses import field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from millisight.core import checked_integer, checked_number, checked_numbers, checked_record, put, record
+from millisight.core import (
+    check_known,
+    checked_integer,
+    checked_number,
+    checked_numbers,
+    checked_record,
+    printable,
+    put,
+    read_toml,
+    record,
+    record_from_table,
+)
+from millisight.core import record_from_file as record_from_file
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.data import material_named
 from millisight.io.mito import RADARS
@@ -19,6 +32,7 @@ from millisight.simulation import SCATTERING_MODELS
 
 KEEPS = ("raw", "captures", "images")
 BACKGROUNDS = ("tripod", "styrofoam")
+CONDITIONS = ("los", "carton", "cloth", "carton+cloth")
 
 
 def image_suffix(model: str) -> str:
@@ -43,22 +57,13 @@ def catalogue_name(name: str) -> str:
 
 @record
 class Objects:
-    """Which objects of the catalogue: all that any of these names; each once, in the order of the YCB numbers.
+    """Which objects of the catalogue: all that any of these names; each once, in the order of the YCB numbers."""
 
-    Attributes
-    ----------
-    names : "mug" or "025_mug"
-    categories : "food", "kitchen", "tool", "shape", "task"
-    classes : "can", "handle", "box", "sphere", "other"
-    all : every one
-    without : names of those that are left out after all
-    """
-
-    names: tuple[str, ...] = ()
-    categories: tuple[str, ...] = ()
-    classes: tuple[str, ...] = ()
-    all: bool = False
-    without: tuple[str, ...] = ()
+    names: tuple[str, ...] = ()  # "mug" or "025_mug"
+    categories: tuple[str, ...] = ()  # "food", "kitchen", "tool", "shape", "task"
+    classes: tuple[str, ...] = ()  # "can", "handle", "box", "sphere", "other"
+    all: bool = False  # every one
+    without: tuple[str, ...] = ()  # names of those that are left out after all
 
     def __post_init__(self) -> None:
         put(
@@ -66,13 +71,11 @@ class Objects:
             names=tuple(catalogue_name(name) for name in self.names),
             without=tuple(catalogue_name(name) for name in self.without),
         )
-        for kind, values, known in (("category", self.categories, CATEGORIES), ("class", self.classes, SHAPE_CLASSES)):
-            for value in values:
-                if value not in known:
-                    raise UnknownNameError(kind, value, known)
+        _check_all("category", self.categories, CATEGORIES)
+        _check_all("class", self.classes, SHAPE_CLASSES)
         checked_record(self.all, bool, name="all")
         if not self.chosen and (self.all or self.names or self.categories or self.classes):
-            raise InputError("without leaves no object; name some to keep")
+            raise InputError("without removes every object; keep at least one")
 
     @property
     def chosen(self) -> tuple[str, ...]:
@@ -107,8 +110,7 @@ class MeshFile:
     def __post_init__(self) -> None:
         checked_record(self.path, str, name="path")
         material_named(self.material)
-        if self.shape_class not in SHAPE_CLASSES:
-            raise UnknownNameError("class", self.shape_class, SHAPE_CLASSES)
+        check_known("class", self.shape_class, SHAPE_CLASSES)
 
     @property
     def name(self) -> str:
@@ -117,18 +119,11 @@ class MeshFile:
 
 @record
 class Placed:
-    """An object of a scene of several.
+    """An object of a scene of several."""
 
-    Attributes
-    ----------
-    object : a name of the catalogue, or of one of the recipe's files
-    offset : x and y of its middle from the aperture's middle [m]
-    angles_deg : about the fixed x, then y, then z axis, whole [degrees]
-    """
-
-    object: str
-    offset: tuple[float, float] = (0.0, 0.0)
-    angles_deg: tuple[int, int, int] = (0, 0, 0)
+    object: str  # a name of the catalogue, or of one of the recipe's files
+    offset: tuple[float, float] = (0.0, 0.0)  # x and y of its middle from the aperture's middle [m]
+    angles_deg: tuple[int, int, int] = (0, 0, 0)  # about the fixed x, y, then z axis, whole
 
     def __post_init__(self) -> None:
         checked_record(self.object, str, name="object")
@@ -148,28 +143,20 @@ class SceneRecipe:
     def __post_init__(self) -> None:
         if len(self.objects) < 2:
             raise InputError(
-                f"objects has {len(self.objects)} entries; expected two at least, a single one is an object"
+                f"objects has {len(self.objects)} entries; expected at least two; for a single one use object"
             )
 
 
 @record
 class Poses:
-    """How every object lies: the stated angles, then drawn ones, other ones for each object.
+    """How every object lies: the stated angles, then drawn ones, other ones for each object."""
 
-    Attributes
-    ----------
-    angles_deg : about the fixed x, then y, then z axis, whole [degrees]
-    count : how many more are drawn, no two alike
-    x_deg, y_deg, z_deg : from which ranges, ends included
-    shift : how far from the aperture's middle each lies, along x and along y, at most [m]
-    """
-
-    angles_deg: tuple[tuple[int, int, int], ...] | None = None
-    count: int = 0
-    x_deg: tuple[int, int] = (0, 0)
+    angles_deg: tuple[tuple[int, int, int], ...] | None = None  # about the fixed x, y, then z axis, whole
+    count: int = 0  # how many more are drawn, no two alike
+    x_deg: tuple[int, int] = (0, 0)  # from which range, ends included
     y_deg: tuple[int, int] = (0, 0)
     z_deg: tuple[int, int] = (0, 359)
-    shift: float = 0.0
+    shift: float = 0.0  # how far from the aperture's middle each lies, along x and along y, at most [m]
 
     def __post_init__(self) -> None:
         count = checked_integer(self.count, name="count", minimum=0)
@@ -182,7 +169,7 @@ class Poses:
         ranges = {name: _range(getattr(self, name), name) for name in ("x_deg", "y_deg", "z_deg")}
         room = int(np.prod([high - low + 1 for low, high in ranges.values()])) - len(angles)
         if count > room:
-            raise InputError(f"count is {count}, but the ranges hold no more than {max(room, 0)} other whole angles")
+            raise InputError(f"count is {count}, but the ranges hold only {max(room, 0)} other whole angles")
         shift = checked_number(self.shift, name="shift", unit="m", minimum=0)
         put(self, angles_deg=angles, count=count, shift=shift, **ranges)
 
@@ -193,94 +180,59 @@ class Poses:
 
 @record
 class Voxels:
-    """The voxels of the images: the box that is published of this kind of image, finer, coarser, or a part of it.
+    """The voxels of the images: the box that is published of this kind of image, finer, coarser, or a part of it."""
 
-    Attributes
-    ----------
-    spacing : along x, y and z [m]
-    margin : how much is kept around the objects [m]; None: the whole box
-    """
-
-    spacing: tuple[float, float, float] = (0.0025, 0.0025, 0.01)
-    margin: float | None = None
+    spacing: tuple[float, float, float] = (0.0025, 0.0025, 0.01)  # along x, y and z [m]
+    margin: float | None = None  # how much is kept around the objects [m]; None: the whole box
 
     def __post_init__(self) -> None:
-        put(self, spacing=checked_numbers(self.spacing, name="spacing", count=3, unit="m", above=0))
-        if self.margin is not None:
-            put(self, margin=checked_number(self.margin, name="margin", unit="m", minimum=0))
+        spacing = checked_numbers(self.spacing, name="spacing", count=3, unit="m", above=0)
+        put(self, spacing=spacing, margin=_margin(self.margin))
 
 
 @record
 class Rig:
     """Captures like real ones, made by the virtual rig.
 
-    Attributes
-    ----------
-    conditions : "los" and what may hide the objects: "carton", "cloth", "carton+cloth"; the latter are paired with the
-        line of sight of the same object, unmoved
-    backgrounds : "tripod", "styrofoam"
-    keep : "raw": the published raw files; "captures": frames and poses in HDF5 in their place; "images": neither
-    empty : radars of which the empty scene is captured too; of "24_ghz" it is subtracted, as published
-    margin : the aperture reaches this far beyond the objects and no further than the world's scan [m]; None: it is the
-        world's scan
-    image : of which voxels the images are
-    world : tables of WORLD.toml: scan, arm, radars, ...; the cloth has four layers where nothing is said
-    scans : tables that take the place of the world's, one of each scan of an experiment; none: one scan as the world's
+    The conditions behind "los" hide the objects, and are paired with the line of sight of the same object, unmoved. A
+    `margin` lets the aperture reach this far beyond the objects and no further than the world's scan, its default. The
+    `scans` are tables that take the place of the world's, one for each scan of an experiment.
     """
 
-    conditions: tuple[str, ...] = ("los",)
+    conditions: tuple[str, ...] = ("los",)  # of `CONDITIONS`, "los" first
     backgrounds: tuple[str, ...] = ("tripod",)
-    keep: str = "raw"
-    empty: tuple[str, ...] = ("24_ghz",)
-    margin: float | None = None
+    keep: str = "raw"  # the published raw files; "captures": frames and poses in HDF5 in their place; "images": neither
+    empty: tuple[str, ...] = ("24_ghz",)  # radars of which the empty scene is captured; of "24_ghz" it is subtracted
+    margin: float | None = None  # [m]
     image: Voxels = field(default_factory=Voxels)
-    world: Mapping[str, Any] = field(default_factory=dict)
+    world: Mapping[str, Any] = field(default_factory=dict)  # tables of WORLD.toml; the cloth has four layers by default
     scans: tuple[Mapping[str, Any], ...] = ()
 
     def __post_init__(self) -> None:
         if not self.conditions or self.conditions[0] != "los":
             raise InputError(f"conditions are {list(self.conditions)}; expected the line of sight, 'los', as the first")
-        for condition in self.conditions[1:]:
-            if condition not in ("carton", "cloth", "carton+cloth"):
-                raise UnknownNameError("condition", condition, ("los", "carton", "cloth", "carton+cloth"))
+        _check_all("condition", self.conditions, CONDITIONS)
         for name in ("conditions", "backgrounds", "empty"):
             _check_once(getattr(self, name), name)
         _check_names(self.backgrounds, "background", BACKGROUNDS)
-        for radar in self.empty:
-            if radar not in RADARS:
-                raise UnknownNameError("radar", radar, RADARS)
-        if self.keep not in KEEPS:
-            raise UnknownNameError("keep", self.keep, KEEPS)
-        if self.margin is not None:
-            put(self, margin=checked_number(self.margin, name="margin", unit="m", minimum=0))
+        _check_all("radar", self.empty, RADARS)
+        check_known("keep", self.keep, KEEPS)
+        put(self, margin=_margin(self.margin))
 
 
 @record
 class Simulator:
-    """Images by the paper's simulator, for training.
-
-    Attributes
-    ----------
-    radars : "77_ghz", "24_ghz"
-    models : names of `SCATTERING_MODELS`: "specular", "edge", "diffuse", "rough"
-    vertices : to which the meshes are resampled
-    size : of the aperture along x and y [m]
-    margin : the aperture reaches this far beyond the object and no further than `size` [m]; None: it is of that size
-    step : between positions [wavelengths at the start of the band]
-    height : of the aperture over the object's middle [m]
-    tau_deg, edge_deg : of "specular" and "edge", see `simulate`; other models have their defaults
-    image : of which voxels the images are
-    """
+    """Images by the paper's simulator, for training."""
 
     radars: tuple[str, ...] = RADARS
-    models: tuple[str, ...] = ("specular", "edge")
-    vertices: int = 10_000
-    size: tuple[float, float] = (0.222, 0.55)
-    margin: float | None = None
-    step: float = 0.25
-    height: float = 0.2
-    tau_deg: float = 5.0
-    edge_deg: float = 20.0
+    models: tuple[str, ...] = ("specular", "edge")  # of `SCATTERING_MODELS`
+    vertices: int = 10_000  # to which the meshes are resampled
+    size: tuple[float, float] = (0.222, 0.55)  # of the aperture along x and y [m]
+    margin: float | None = None  # as of `Rig`; None: the aperture is of `size` [m]
+    step: float = 0.25  # between positions [wavelengths at the start of the band]
+    height: float = 0.2  # of the aperture over the object's middle [m]
+    tau_deg: float = 5.0  # of "specular", see `simulate`
+    edge_deg: float = 20.0  # of "edge"; other models have their defaults
     image: Voxels = field(default_factory=Voxels)
 
     def __post_init__(self) -> None:
@@ -295,9 +247,8 @@ class Simulator:
             height=checked_number(self.height, name="height", unit="m", above=0),
             tau_deg=checked_number(self.tau_deg, name="tau_deg", unit="deg", above=0),
             edge_deg=checked_number(self.edge_deg, name="edge_deg", unit="deg", above=0),
+            margin=_margin(self.margin),
         )
-        if self.margin is not None:
-            put(self, margin=checked_number(self.margin, name="margin", unit="m", minimum=0))
 
 
 @record
@@ -353,13 +304,11 @@ class Recipe:
         put(self, seed=checked_integer(self.seed, name="seed", minimum=0))
         if not self.objects.chosen and not self.files and not self.scenes:
             raise InputError(
-                "there is no object; name some in [objects], by names, categories or classes, or all = true; or give "
-                "[[files]] or [[scenes]]"
+                "the recipe has no object; list some in [objects], by names, categories or classes, or all = true; or "
+                "add [[files]] or [[scenes]]"
             )
         if self.rig is None and self.simulator is None:
-            raise InputError(
-                "nothing is to be made; add [rig] for captures like real ones, [simulator] for training images"
-            )
+            raise InputError("nothing to generate; add [rig] for realistic captures, [simulator] for training images")
         own = [file.name for file in self.files]
         for name in own:
             if own.count(name) > 1 or name in CATALOGUE:
@@ -371,6 +320,41 @@ class Recipe:
                         catalogue_name(placed.object)
                     except UnknownNameError as error:
                         raise InputError(f"scenes[{i}].objects[{j}]: {error}") from error
+
+
+def read_recipe(path: str | os.PathLike[str]) -> Recipe:
+    """The recipe that a TOML file holds; relative paths in it start at its own folder.
+
+    Raises
+    ------
+    FormatError
+        The file is no TOML, or holds a key or a value that cannot be right; the message names the place.
+    FileError
+        It cannot be read.
+    """
+    table = read_toml(path, "a recipe")
+    return recipe_from_table(table, folder=str(Path(path).parent), source=printable(path))
+
+
+def recipe_from_table(table: Mapping[str, Any], *, folder: str = ".", source: str = "recipe") -> Recipe:
+    """The recipe that a table describes, as RECIPE.toml does.
+
+    Parameters
+    ----------
+    table : keys as in RECIPE.toml
+    folder : where relative paths start
+    source : name of the table for messages
+
+    Raises
+    ------
+    FormatError
+        A key or a value cannot be right; the message names the place.
+    """
+    return record_from_table(Recipe, table, source, folder=folder, source=source)
+
+
+def _margin(value: float | None) -> float | None:
+    return None if value is None else checked_number(value, name="margin", unit="m", minimum=0)
 
 
 def _angles(value: Any, name: str) -> tuple[int, int, int]:
@@ -388,9 +372,12 @@ def _range(value: Any, name: str) -> tuple[int, int]:
 def _check_names(names: tuple[str, ...], kind: str, known: tuple[str, ...]) -> None:
     if not names:
         raise InputError(f"no {kind} is named; expected at least one of {', '.join(known)}")
+    _check_all(kind, names, known)
+
+
+def _check_all(kind: str, names: tuple[str, ...], known: Collection[str]) -> None:
     for name in names:
-        if name not in known:
-            raise UnknownNameError(kind, name, known)
+        check_known(kind, name, known)
 
 
 def _check_once(names: tuple[str, ...], name: str) -> None:

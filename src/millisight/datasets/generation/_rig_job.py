@@ -10,23 +10,12 @@ from typing import Any
 import numpy as np
 
 from millisight.calibration import subtract_background
-from millisight.core import atomic_path, make_folder, record
-from millisight.data import Capture, VoxelGrid
+from millisight.core import make_folder, record
+from millisight.data import Capture, PixelGrid, VoxelGrid
 from millisight.datasets.generation._cost import Cost, rig_cost
 from millisight.datasets.generation._recipe import Voxels
 from millisight.imaging import form_image
-from millisight.io import open_capture, save
-from millisight.io.mito import (
-    INFO_NAME,
-    RAW_CAPTURE,
-    RAW_LOG,
-    TRUTH,
-    published_box,
-    radar_folder,
-    read_experiment,
-    read_published,
-    write_published,
-)
+from millisight.io import mito, open_capture, save
 from millisight.rig import CAPTURE_NAME, PublishedWriter, record_scan
 from millisight.rig.virtual import (
     VirtualRig,
@@ -35,8 +24,8 @@ from millisight.rig.virtual import (
     build_layout,
     camera_mask,
     footprint,
-    object_pixels,
     visible_pixels,
+    write_object_masks,
 )
 
 PHYSICS = "virtual rig: physical optics"
@@ -83,7 +72,7 @@ class RigJob:
     @property
     def truth(self) -> str:
         """Where what only the rig knows goes, relative to the dataset."""
-        return f"{TRUTH}/{self.key}"
+        return f"{mito.TRUTH}/{self.key}"
 
     @property
     def owned(self) -> tuple[str, ...]:
@@ -142,31 +131,30 @@ class RigJob:
         return dataclasses.replace(self.world, folder=str(root))
 
     def _grid(self, stage: WorldLayout, radar: str) -> VoxelGrid:
-        box = published_box(radar, self.world.support.kind)
+        box = mito.published_box(radar, self.world.support.kind)
         bounds = [thing.bounds for thing in stage.objects]
         around = (np.min(bounds, axis=0)[0], np.max(bounds, axis=0)[1]) if bounds else None
         return cut_grid(box["lower"], box["upper"], self.voxels, around)
 
     def _image(self, root: Path, to: Path, stage: WorldLayout, radar: str, made_by: Mapping[str, Any]) -> None:
-        scan = read_experiment(to / self.folder, radar)
+        scan = mito.read_experiment(to / self.folder, radar)
         capture = with_provenance(scan.to_capture(), made_by)
         image = form_image(self._without_empty(capture, root, radar), self._grid(stage, radar))
-        folder = make_folder(radar_folder(to / (self.image_folder or self.folder), radar, processed=True))
-        write_published(folder / "processed_image.pkl", image, made_by)
+        folder = make_folder(mito.radar_folder(to / (self.image_folder or self.folder), radar, processed=True))
+        mito.write_published(folder / "processed_image.pkl", image, made_by)
         if self.image_folder is not None:
             shutil.copyfile(
-                (to / self.folder).parent / INFO_NAME, make_folder((to / self.image_folder).parent) / INFO_NAME
+                (to / self.folder).parent / mito.INFO_NAME,
+                make_folder((to / self.image_folder).parent) / mito.INFO_NAME,
             )
-        several = stage.objects if len(stage.objects) > 1 else ()
-        for number, ext in [(None, ""), *((thing.number, f"_{thing.number}_{thing.name}") for thing in several)]:
-            if stage.objects:
-                write_published(folder / f"radar_masks{ext}.pkl", footprint(stage, image.grid.xy, number), made_by)
-        raw = radar_folder(to / self.folder, radar, processed=False)
+        if stage.objects:
+            write_masks(folder, "", stage, image.grid.xy, made_by)
+        raw = mito.radar_folder(to / self.folder, radar, processed=False)
         if self.keep != "raw":
             shutil.rmtree(raw)
         if self.keep == "captures":
-            save(make_folder(raw) / RAW_CAPTURE, capture, reproducible=True)
-            save(raw / RAW_LOG, scan.log, extras=made_by, reproducible=True)
+            save(make_folder(raw) / mito.RAW_CAPTURE, capture, reproducible=True)
+            save(raw / mito.RAW_LOG, scan.log, extras=made_by, reproducible=True)
         if not stage.objects:
             save(raw / CAPTURE_NAME, capture, reproducible=True)
 
@@ -174,7 +162,7 @@ class RigJob:
         """The capture less the first frame of the empty scene's, as the published 24 GHz images were made."""
         if radar not in self.empty:
             return capture
-        with open_capture(radar_folder(root / self.empty[radar], radar, processed=False) / CAPTURE_NAME) as empty:
+        with open_capture(mito.radar_folder(root / self.empty[radar], radar, processed=False) / CAPTURE_NAME) as empty:
             return subtract_background(capture, empty, frame="first")
 
     def _write_truth(self, rig: VirtualRig, to: Path, made_by: Mapping[str, Any]) -> None:
@@ -183,25 +171,26 @@ class RigJob:
         for radar in self.radars:
             save(folder / f"{radar}.path.h5", rig.truth(radar), extras=made_by, reproducible=True)
         if self.camera and rig.layout.objects:
-            masks = {}
-            for thing in rig.layout.objects:
-                name = f"{thing.number}_{thing.name}"
-                masks[f"{name}.amodal"] = object_pixels(rig.layout, rig.camera.pose, thing.number)
-                masks[f"{name}.visible"] = visible_pixels(rig.layout, rig.camera.pose, thing.number)
-            with atomic_path(folder / "camera.masks.npz") as temporary, open(temporary, "wb") as file:
-                np.savez_compressed(file, **masks)
+            write_object_masks(rig, folder)
         # As if the mesh files were under `to`: so are they called from the world's place in the dataset.
         dataclasses.replace(self.world, folder=str(to)).seen_from(folder).to_toml(folder / "world.toml")
+
+
+def write_masks(folder: Path, suffix: str, stage: WorldLayout, grid: PixelGrid, made_by: Mapping[str, Any]) -> None:
+    """The mask of all objects together and, where there are several, of each."""
+    several = stage.objects if len(stage.objects) > 1 else ()
+    for number, ext in [(None, ""), *((thing.number, f"_{thing.number}_{thing.name}") for thing in several)]:
+        mito.write_published(folder / f"radar_masks{suffix}{ext}.pkl", footprint(stage, grid, number), made_by)
 
 
 def _finish_camera(folder: Path, stage: WorldLayout, pose: np.ndarray, made_by: Mapping[str, Any]) -> None:
     """Provenance into the picture's file, and in line of sight the objects' mask beside it."""
     picture = folder / "unprocessed" / "camera" / "continuous.pkl"
-    frame, extras = read_published(picture)
-    write_published(picture, frame, {**extras, **made_by})
+    frame, extras = mito.read_published(picture)
+    mito.write_published(picture, frame, {**extras, **made_by})
     if stage.objects and not stage.panels:
         mask = camera_mask(frame, visible_pixels(stage, pose))
-        write_published(make_folder(folder / "processed" / "camera") / "camera_masks.pkl", mask, made_by)
+        mito.write_published(make_folder(folder / "processed" / "camera") / "camera_masks.pkl", mask, made_by)
 
 
 def with_provenance(capture: Capture, made_by: Mapping[str, Any]) -> Capture:

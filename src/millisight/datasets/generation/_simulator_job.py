@@ -13,11 +13,11 @@ from millisight.core.errors import CoverageError, InputError
 from millisight.data import Radar, Scene, Trajectory, VoxelGrid
 from millisight.datasets.generation._cost import Cost, simulator_cost
 from millisight.datasets.generation._recipe import Simulator, image_suffix
-from millisight.datasets.generation._rig_job import cut_grid, with_provenance
+from millisight.datasets.generation._rig_job import cut_grid, with_provenance, write_masks
 from millisight.imaging import form_image
 from millisight.io.mito import TRUTH, radar_folder, write_published
 from millisight.meshes import ObjectPart
-from millisight.rig.virtual import PlacedObject, World, WorldLayout, footprint
+from millisight.rig.virtual import PlacedObject, World, WorldLayout
 from millisight.simulation import simulate
 
 PHYSICS = "simulator of the paper: point reflectors"
@@ -28,42 +28,24 @@ _BELOW, _ABOVE = 0.17, 0.05  # the published images reach so far under and over 
 
 
 class Seen(NamedTuple):
-    """An object before the simulator.
+    """An object before the simulator."""
 
-    Attributes
-    ----------
-    name : of the catalogue, or of its file
-    mesh : its file, relative to the dataset; "" for the catalogue's shape
-    material : of a mesh file
-    angles_deg : about the fixed x, then y, then z axis
-    offset : x and y of its middle from the aperture's [m]
-    """
-
-    name: str
-    mesh: str
-    material: str
-    angles_deg: tuple[int, int, int]
-    offset: tuple[float, float]
+    name: str  # of the catalogue, or of its file
+    mesh: str  # its file, relative to the dataset; "" for the catalogue's shape
+    material: str  # of a mesh file
+    angles_deg: tuple[int, int, int]  # about the fixed x, then y, then z axis
+    offset: tuple[float, float]  # x and y of its middle from the aperture's [m]
 
 
 @record
 class SimulatorJob:
-    """Simulated images of a scene by one radar, one image a model.
+    """Simulated images of a scene by one radar, one image a model."""
 
-    Attributes
-    ----------
-    folder : of the simulation, relative to the dataset
-    radar : "77_ghz" or "24_ghz"
-    objects : what is looked at
-    settings : how
-    sources : checksums of the mesh files, by their paths relative to the dataset
-    """
-
-    folder: str
-    radar: str
+    folder: str  # of the simulation, relative to the dataset
+    radar: str  # "77_ghz" or "24_ghz"
     objects: tuple[Seen, ...]
     settings: Simulator
-    sources: Mapping[str, str]
+    sources: Mapping[str, str]  # checksums of the mesh files, by their paths relative to the dataset
 
     @property
     def key(self) -> str:
@@ -93,13 +75,7 @@ class SimulatorJob:
         }
 
     def check(self, root: Path) -> Cost:
-        """What it will cost.
-
-        Raises
-        ------
-        InputError, CoverageError, MeshError, FileError
-            The aperture does not cover the objects, or these reach up to it.
-        """
+        """What it will cost; an error if the aperture does not cover the objects, or these reach up to it."""
         scene = self._scene(root, vertices=None)
         lower, upper = scene.mesh.bounds
         trajectory = self._trajectory(scene)
@@ -108,12 +84,12 @@ class SimulatorJob:
             if wide > covered:
                 raise CoverageError(
                     f"{names}: {wide * 100:.1f} cm wide along {axis}, the aperture only {covered * 100:.1f} cm; "
-                    "enlarge simulator.size, or turn it with angles_deg"
+                    "enlarge simulator.size, or rotate it with angles_deg"
                 )
         if upper[2] > -0.01:
             raise InputError(
                 f"{names}: reaches {(upper[2] - lower[2]) * 50:.1f} cm above its middle, the aperture hangs "
-                f"{self.settings.height * 100:.1f} cm above that; raise simulator.height, or turn it with angles_deg"
+                f"{self.settings.height * 100:.1f} cm above that; raise simulator.height, or rotate it with angles_deg"
             )
         return simulator_cost(scene, trajectory, self._grid(scene), self.settings)
 
@@ -124,16 +100,13 @@ class SimulatorJob:
         radar, trajectory, grid = Radar.preset(_PRESETS[self.radar]), self._trajectory(scene), self._grid(scene)
         stage = _staged(scene)
         folder = make_folder(radar_folder(to / self.folder, self.radar, processed=True))
-        several = stage.objects if len(stage.objects) > 1 else ()
         for model in settings.models:
             capture = simulate(
                 scene, radar, trajectory, model=model, tau_deg=settings.tau_deg, edge_deg=settings.edge_deg
             )
             image = form_image(with_provenance(capture, made_by), grid)
             write_published(folder / f"processed_image{image_suffix(model)}.pkl", image, made_by)
-            for number, ext in [(None, ""), *((thing.number, f"_{thing.number}_{thing.name}") for thing in several)]:
-                mask = footprint(stage, grid.xy, number)
-                write_published(folder / f"radar_masks{image_suffix(model)}{ext}.pkl", mask, made_by)
+            write_masks(folder, image_suffix(model), stage, grid.xy, made_by)
 
     @property
     def _middle(self) -> np.ndarray:

@@ -24,24 +24,14 @@ _NAMED = 5  # objects in a message
 
 
 class Candidate(NamedTuple):
-    """A classifier that is evaluated.
+    """A classifier that is evaluated."""
 
-    Attributes
-    ----------
-    weights : file; None: the shipped one
-    checksum : of the weights
-    variant : its name among the others
-    class_names : classes that it knows
-    training : what it learned from
-    splits : where each scene stands
-    """
-
-    weights: str | None
-    checksum: str
+    weights: str | None  # file; None: the shipped one
+    checksum: str  # of the weights
     variant: Variant
-    class_names: tuple[str, ...]
-    training: Training
-    splits: SplitPlan
+    class_names: tuple[str, ...]  # classes that it knows
+    training: Training  # what it learned from
+    splits: SplitPlan  # where each scene stands
 
     def part(self, scene: str) -> str:
         """Name of the result about a scene; copies of the same weights share it."""
@@ -60,14 +50,7 @@ def candidates_of(
     physics: Mapping[str, str],
     origins: Mapping[str, Origin],
 ) -> list[Candidate]:
-    """The classifiers, each with the scenes that test it.
-
-    Raises
-    ------
-    InputError
-        Training and test share what they must not, a description does not tell of training, or what a classifier needs
-        is not installed.
-    """
+    """The classifiers, each with the scenes that test it; an error if training and test share what they must not."""
     try:
         loaded = [load_classifier(path) for path in weights]
     except ImportError as error:
@@ -104,7 +87,7 @@ def why_none(candidates: Sequence[Candidate], scenes: Mapping[str, SceneSource])
         )
         told.append(f"{one.training.name}, which knows {', '.join(one.class_names)}: {', '.join(left_out)}")
     if any(NO_CLASS in one.splits.left_out for one in candidates):
-        told[-1] += "; name an object in `classes` and in `tests` of the recipe of training to tell its class"
+        told[-1] += "; add the object to `classes` and `tests` of the training recipe to state its class"
     return f"Left out of {'; of '.join(told)}"
 
 

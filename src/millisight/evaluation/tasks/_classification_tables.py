@@ -1,6 +1,7 @@
 """Tables of classifiers: accuracies, objects, mistakes, calibration, pairs; the paper's figures beside.
 
-Every table is of one split: of objects that a classifier was trained on, or of objects that it never met.
+Every table is of one split: of objects that a classifier was trained on, or of objects that it never met. The last
+three, for other programs, hold every answer, every confusion, every bin of the reliability curves.
 """
 
 from collections import Counter
@@ -26,12 +27,13 @@ from millisight.evaluation._answers import (
     by_object,
     chosen,
     compare_classifiers,
+    confusion,
     expected_calibration_error,
     reliability,
 )
 from millisight.evaluation._leaks import LEFT_OUT, SplitPlan, Training, siblings
 from millisight.evaluation._statistics import wilson_interval
-from millisight.evaluation._tables import Cell, Table
+from millisight.evaluation._tables import Cell, Table, table_of
 
 Rows = list[tuple[Cell, ...]]
 
@@ -47,17 +49,17 @@ PAPER = {
 """The paper's Table 3: accuracy [%] as printed, and of its PAPER_IMAGES how many that must have been."""
 
 _SAW = {
-    CLOSED: "the classifier was trained on these objects, in other poses and by other physics",
-    DISJOINT: "the classifier met none of these objects, in training or validation",
+    CLOSED: "the classifier was trained on these objects, in other poses and with other physics",
+    DISJOINT: "none of these objects was used in training or validation of the classifier",
 }
 _INTERVALS = (
-    "In round brackets 95 % Wilson intervals, as if images were independent; in square brackets 95 % bootstrap "
-    "intervals over objects, which are drawn with all their images; where objects do not differ, these say nothing."
+    "Round brackets: 95 % Wilson intervals, which treat images as independent. Square brackets: 95 % bootstrap "
+    "intervals over objects, resampled with all their images; they have no width where all objects score the same."
 )
 
 _PAPER_NOTE = (
-    "The paper's rows are of its own real data, as printed; it gives no intervals, and those here follow from its "
-    "numbers of images. Of its 26 test objects 24 were in training, as meshes."
+    "The paper's rows are as printed, for its own real data; their intervals were computed here from its numbers of "
+    "images. The meshes of 24 of its 26 test objects were used in its training."
 )
 
 
@@ -85,11 +87,6 @@ def all_tables(answers: Sequence[ClassifierAnswer], *, data: str) -> dict[str, T
     return tables
 
 
-def _table(title: str, columns: str, rows: Rows, *notes: str, place: str = "page") -> Table:
-    """A table; its columns are separated by |."""
-    return Table(title=title, columns=tuple(columns.split("|")), rows=tuple(rows), notes=notes, place=place)
-
-
 def _groups(answers: Sequence[ClassifierAnswer]) -> Iterator[tuple[Variant, str, list[ClassifierAnswer]]]:
     """Every variant and sight, and the answers of both."""
     for variant in variants_of(answers):
@@ -104,14 +101,7 @@ def classifier_table(
     data: str,
     notes: Sequence[str] = (),
 ) -> Table:
-    """What each classifier learned from, and how many of the images test it on what.
-
-    Parameters
-    ----------
-    evaluated : each variant, with its training and where the images stand for it
-    objects : by scene
-    data, notes : what the images are, for the title; said below
-    """
+    """What each classifier learned from, and how many of the images test it on what; `objects` are by scene."""
     rows: Rows = []
     near = []
     for variant, training, placed in evaluated:
@@ -121,11 +111,11 @@ def classifier_table(
         kinds = (variant.network, PARTS.get(variant.parts, variant.parts))
         rows.append((variant.name, *kinds, training.physics, str(training.seed), *seen, *counts))
         for name, others in siblings(training, {objects[scene] for scene in tests[DISJOINT]}).items():
-            near.append(f"{variant.name} saw siblings of {name}: {', '.join(others)}.")
+            near.append(f"{variant.name} was trained on siblings of {name}: {', '.join(others)}.")
     columns = "classifier|network|trained on|physics of training|seed|objects in training|in validation|" + "|".join(
         [*(f"{split} images" for split in SPLITS), *(f"left out: {why}" for why in LEFT_OUT)]
     )
-    return _table(f"The classifiers: {data}", columns, rows, *notes, *near, place="summary")
+    return table_of(f"The classifiers: {data}", columns, rows, *notes, *near, place="summary")
 
 
 def accuracy_table(answers: Sequence[ClassifierAnswer], split: str, masks: str, *, data: str) -> Table:
@@ -145,7 +135,7 @@ def accuracy_table(answers: Sequence[ClassifierAnswer], split: str, masks: str, 
     headings = "|".join(f"{_short(sight)} [%]|{_short(sight)} images" for sight in SIGHT_GROUPS)
     notes = [f"Here {_SAW[split]}. {_INTERVALS}", *([_PAPER_NOTE] if beside_paper else [])]
     title, columns = f"Accuracy, {split}, {masks} masks: {data}", f"classifier|network|trained on|{headings}|objects"
-    return _table(title, columns, rows, *notes, place="summary" if masks == PREDICTED else "page")
+    return table_of(title, columns, rows, *notes, place="summary" if masks == PREDICTED else "page")
 
 
 def of_papers_classes(answers: Sequence[ClassifierAnswer]) -> bool:
@@ -158,7 +148,7 @@ def _paper_row(parts: str) -> tuple[Cell, ...]:
     for sight, images in PAPER_IMAGES.items():
         printed, right = PAPER[parts][sight]
         cells += [f"{printed:.1f} {_span(wilson_interval(right, images))}", images]
-    return ("paper: real data, theirs", "the paper's", PARTS[parts], *cells, None)
+    return ("paper: its real data", "the paper's", PARTS[parts], *cells, None)
 
 
 def _short(sight: str) -> str:
@@ -187,11 +177,11 @@ def shape_table(answers: Sequence[ClassifierAnswer], split: str, *, data: str) -
                 if some:
                     cells = [_percent(accuracy(chosen(some, sight=sight))) for sight in SIGHT_GROUPS]
                     rows.append((kind, value, variant.name, *cells, len(some), len(by_object(some))))
-    return _table(
-        f"By where the shape is from, and by class, {split}: {data}",
+    return table_of(
+        f"By source of the shape, and by class, {split}: {data}",
         f"by|which|classifier|{'|'.join(f'{_short(sight)} [%]' for sight in SIGHT_GROUPS)}|images|objects",
         rows,
-        f"In predicted masks. Shapes are built by the catalogue, or real scans. {_INTERVALS}",
+        f"In predicted masks. Shapes are built by the catalogue, or are real scans. {_INTERVALS}",
     )
 
 
@@ -202,17 +192,14 @@ def object_table(answers: Sequence[ClassifierAnswer], split: str, *, data: str) 
     for name, about in by_object(mine).items():
         for variant in variants_of(about):
             some = chosen(about, variant=variant)
-            counts = [_of(chosen(some, sight=sight)) for sight in SIGHT_GROUPS]
+            parts = [chosen(some, sight=sight) for sight in SIGHT_GROUPS]
+            counts = [f"{sum(one.right for one in part)} of {len(part)}" if part else None for part in parts]
             wrong = Counter(one.label for one in some if not one.right)
             taken = ", ".join(f"{label} {count}" for label, count in wrong.most_common())
             rows.append((name, some[0].truth, some[0].shape, variant.name, *counts, taken))
     columns = f"object|class|shape|classifier|{'|'.join(map(_short, SIGHT_GROUPS))}|taken for"
-    note = "Right of all, in predicted masks; and what the wrong ones were taken for."
-    return _table(f"By object, {split}: {data}", columns, rows, note)
-
-
-def _of(answers: Sequence[ClassifierAnswer]) -> str | None:
-    return f"{sum(one.right for one in answers)} of {len(answers)}" if answers else None
+    note = "Number of right answers of all, in predicted masks, and the classes of the wrong answers."
+    return table_of(f"By object, {split}: {data}", columns, rows, note)
 
 
 def mistake_table(answers: Sequence[ClassifierAnswer], split: str, *, data: str) -> Table:
@@ -229,8 +216,8 @@ def mistake_table(answers: Sequence[ClassifierAnswer], split: str, *, data: str)
             counts = (len(wrong), len(wrong) - len(masked), cured, len(masked) - cured)
             spoilt = sum(in_true.get((variant, one.scene)) is False for one in some if one.right)
             rows.append((variant.name, SIGHT_GROUPS[sight], len(some), *counts, spoilt, *overlaps))
-    return _table(
-        f"Where mistakes are from, {split}: {data}",
+    return table_of(
+        f"Origin of mistakes, {split}: {data}",
         f"classifier|sight|images|wrong|{NO_MASK}|right in the true mask|wrong there too|"
         "right, but wrong in the true mask|median IoU of masks, right answers|wrong answers",
         rows,
@@ -257,14 +244,14 @@ def calibration_table(answers: Sequence[ClassifierAnswer], split: str, *, data: 
         unsure = f"{100 * (1 - len(sure) / len(some)):.1f}"
         rows.append((variant.name, SIGHT_GROUPS[sight], len(some), f"{100 * confidence:.1f}", f"{100 * share:.1f}",
                      *errors, told[0].threshold, unsure, among))  # fmt: skip
-    return _table(
+    return table_of(
         f"Calibration, {split}: {data}",
         "classifier|sight|images|mean confidence [%]|accuracy [%]|expected calibration error|Brier score|threshold|"
         "not sure [%]|accuracy among the sure [%]",
         rows,
-        "Of images with a predicted mask. Under the threshold the answer is 'not sure'; temperature and threshold "
-        "were chosen in training, and on no test image. The calibration error is over 10 bins of equal widths; "
-        "the Brier score adds the classes up, from 0 to 2.",
+        "Of images with a predicted mask. Below the threshold the answer is 'not sure'; temperature and threshold "
+        "were chosen in training, without test images. The calibration error uses 10 bins of equal width; the Brier "
+        "score is summed over the classes, from 0 to 2.",
     )
 
 
@@ -279,25 +266,20 @@ def pair_table(answers: Sequence[ClassifierAnswer], split: str, *, data: str) ->
                 apart = f"{100 * (one.only_first - one.only_second) / one.images:+.1f}"
                 counts = (one.only_first, one.only_second, one.images, one.objects)
                 rows.append((masks, words, first.name, second.name, apart, *counts, one.p, one.p_by_object))
-    return _table(
+    return table_of(
         f"Pairs of classifiers, {split}: {data}",
         "masks|sight|first|second|difference [points]|only first right|only second right|images|objects|p, McNemar|"
         "p, by object",
         rows,
-        "First minus second. McNemar's exact test takes images for independent, which those of one object are not; "
-        "the exact sign-flip test takes objects for independent. Both two-sided, not corrected for many pairs.",
+        "First minus second. McNemar's exact test treats images as independent, although images of one object are "
+        "not; the exact sign-flip test treats objects as independent. Both are two-sided and not corrected for "
+        "multiple comparisons.",
         place="summary",
     )
 
 
 def time_table(times: Mapping[Variant, Sequence[tuple[float, float]]], *, data: str) -> Table:
-    """Medians of how long an image takes.
-
-    Parameters
-    ----------
-    times : of each variant, for some images: the classification, and the segmentation before it [s]
-    data : what the images are, for the title
-    """
+    """Medians of how long a variant takes for an image: the classification, and the segmentation before it [s]."""
     rows: Rows = []
     for variant, some in times.items():
         if some:
@@ -305,10 +287,58 @@ def time_table(times: Mapping[Variant, Sequence[tuple[float, float]]], *, data: 
             rows.append((variant.name, variant.network, f"{1e3 * alone:.1f}", f"{1e3 * whole:.1f}", len(some)))
     columns = "classifier|network|classification [ms]|with segmentation [ms]|images"
     note = "Medians on the CPU, after imaging, one image after another."
-    return _table(f"Time an image: {data}", columns, rows, note, place="summary")
+    return table_of(f"Time per image: {data}", columns, rows, note, place="summary")
 
 
 def worst(answers: Sequence[ClassifierAnswer], split: str, variant: Variant, count: int) -> list[ClassifierAnswer]:
     """A variant's mistakes in predicted masks, the surest first; of each scene one, and no mask last."""
     wrong = [one for one in chosen(answers, split=split, variant=variant, masks=PREDICTED) if not one.right]
     return sorted(wrong, key=lambda one: (-one.prediction.confidence if one.prediction else 0.0, one.scene))[:count]
+
+
+def bin_table(answers: Sequence[ClassifierAnswer], *, data: str) -> Table:
+    """The reliability curves, for other programs: shares from 0 to 1."""
+    rows: Rows = []
+    for split in SPLITS:
+        mine = chosen(answers, split=split, masks=PREDICTED)
+        for variant in variants_of(mine):
+            for one in reliability(chosen(mine, variant=variant)):
+                edges = (one.low, one.high, one.images, one.confidence, one.right / one.images)
+                rows.append((split, variant.name, *edges, *wilson_interval(one.right, one.images)))
+    columns = "split|classifier|above|up to|images|mean confidence|accuracy|low|high"
+    return table_of(f"Reliability: {data}", columns, rows, place="file")
+
+
+def confusion_table(answers: Sequence[ClassifierAnswer], *, data: str) -> Table:
+    """Every confusion matrix, one entry a row, for other programs."""
+    rows: Rows = []
+    for split in SPLITS:
+        for masks in MASKS:
+            for variant in variants_of(answers):
+                for sight in SIGHT_GROUPS:
+                    found = confusion(chosen(answers, split=split, masks=masks, variant=variant, sight=sight))
+                    rows += [
+                        (split, masks, variant.name, sight, truth, answer, int(count))
+                        for truth, counts in zip(found.truths, found.counts, strict=True)
+                        for answer, count in zip(found.answers, counts, strict=True)
+                    ]
+    return table_of(f"Confusions: {data}", "split|masks|classifier|sight|truth|answer|images", rows, place="file")
+
+
+def answer_table(answers: Sequence[ClassifierAnswer], *, data: str) -> Table:
+    """Every single answer, for other programs."""
+    classes = list(dict.fromkeys(name for one in answers if one.prediction for name in one.prediction.class_names))
+    rows: Rows = []
+    for one in answers:
+        said = one.prediction
+        shares: dict[str, float] = {}
+        if said is not None:
+            shares = dict(zip(said.class_names, map(float, said.probabilities), strict=True))
+        rows.append(
+            (one.scene, one.object, one.shape, one.sight, one.split, one.masks, one.variant.name, one.truth, one.label,
+             int(one.right), said.confidence if said else None, int(said.sure) if said else None,
+             *(shares.get(name) for name in classes), one.iou, one.failure)
+        )  # fmt: skip
+    judged = ("right", "confidence", "sure", *(f"p({name})" for name in classes), "iou", "failure")
+    columns = (*["scene", "object", "shape", "sight", "split", "masks", "classifier", "truth", "answer"], *judged)
+    return table_of(f"Every answer: {data}", columns, rows, place="file")

@@ -10,7 +10,7 @@ from millisight.core.errors import InputError
 from millisight.evaluation._metrics import METRICS, medians
 from millisight.evaluation._scenes import BOTH, CAMERA, HIGH, INPUTS, LOW, SIGHTS, MaskTrial
 from millisight.evaluation._statistics import bootstrap_interval
-from millisight.evaluation._tables import Table
+from millisight.evaluation._tables import Table, table_of
 
 _PAPER_METRICS = ("precision", "recall", "f1", "iou", "accuracy")
 _PAPER = {
@@ -80,7 +80,7 @@ def interval_of_median(values: dict[str, list[float]], rng: int = 0) -> tuple[fl
     """The 95 % bootstrap interval of the median over scenes and seeds; scenes are drawn, with all their seeds."""
     counts = {len(one) for one in values.values()}
     if len(counts) != 1:
-        raise InputError(f"scenes have {sorted(counts)} seeds; expected as many each, one scene at least")
+        raise InputError(f"scenes have {sorted(counts)} seeds; expected equal numbers, and at least one scene")
     return bootstrap_interval(np.array(list(values.values())), _median, rng=rng)
 
 
@@ -135,15 +135,13 @@ def median_table(trials: Sequence[MaskTrial], sight: str, *, data: str, notes: S
         rows.append(("paper: SAM, real data", given, *(paper.get(name) for name in METRICS), None, None))
     seeds = sorted({one.seed for one in trials})
     prompts = f" and prompts of the seeds {', '.join(map(str, seeds))}" if len(seeds) > 1 else ""
-    return Table(
-        title=f"Segmentation, {SIGHTS[sight]}: {data}",
-        columns=("segmenter", "input", *(METRICS[name].column for name in METRICS), "scenes", "no mask"),
-        rows=tuple(rows),
-        notes=(
-            f"Medians over scenes{prompts}; in brackets 95 % bootstrap "
-            "intervals, scenes drawn with all their seeds. Where no mask was found, an empty one is scored.",
-            *notes,
-        ),
+    return table_of(
+        f"Segmentation, {SIGHTS[sight]}: {data}",
+        ("segmenter", "input", *(METRICS[name].column for name in METRICS), "scenes", "no mask"),
+        rows,
+        f"Medians over scenes{prompts}; in brackets 95 % bootstrap "
+        "intervals, over scenes resampled with all their seeds. Where no mask was found, an empty mask is scored.",
+        *notes,
         place="summary",
     )
 
@@ -162,17 +160,14 @@ def difference_table(trials: Sequence[MaskTrial], *, data: str) -> Table:
                     mean, low, high, median = (metric.show(value, sign=True) for value in found[1:5])
                     counts = (found.better, found.worse, found.scenes)
                     rows.append((heading, words, str(first), str(second), f"{mean} ({low} to {high})", median, *counts))
-    return Table(
-        title=f"Paired differences: {data}",
-        columns=("metric", "sight", "first", "second", "mean difference [points]", "median [points]", "better", "worse",
-                 "scenes"),
-        rows=tuple(rows),
-        notes=(
-            "First minus second, in percentage points, of each scene the mean over its seeds; in brackets the 95 % "
-            "bootstrap interval of the mean, over scenes.",
-        ),
+    return table_of(
+        f"Paired differences: {data}",
+        "metric|sight|first|second|mean difference [points]|median [points]|better|worse|scenes",
+        rows,
+        "First minus second, in percentage points, averaged over the seeds of each scene; in brackets the 95 % "
+        "bootstrap interval of the mean, over scenes.",
         place="summary",
-    )  # fmt: skip
+    )
 
 
 def _pairs(rows: Sequence[TableRow]):
@@ -189,16 +184,13 @@ def _pairs(rows: Sequence[TableRow]):
 
 def trial_table(trials: Sequence[MaskTrial], *, data: str) -> Table:
     """Every single mask, for other programs: shares from 0 to 1, lengths in metres."""
-    return Table(
-        title=f"Every mask: {data}",
-        columns=("scene", "object", "sight", "segmenter", "input", "seed", *METRICS, "failure"),
-        rows=tuple(
-            (one.scene, one.object, one.sight, one.method, one.input, one.seed,
-             *(one.scores[name] for name in METRICS), one.failure)
-            for one in trials
-        ),
-        place="file",
+    columns = ("scene", "object", "sight", "segmenter", "input", "seed", *METRICS, "failure")
+    rows = (
+        (one.scene, one.object, one.sight, one.method, one.input, one.seed,
+         *(one.scores[name] for name in METRICS), one.failure)
+        for one in trials
     )  # fmt: skip
+    return table_of(f"Every mask: {data}", columns, rows, place="file")
 
 
 def worst(trials: Sequence[MaskTrial], count: int) -> list[MaskTrial]:

@@ -8,7 +8,7 @@ from millisight.core import record
 from millisight.evaluation._scenes import SIGHTS
 from millisight.evaluation._simulator import CloudSettings, SimulatorComparison, WeightTrial
 from millisight.evaluation._statistics import bootstrap_interval
-from millisight.evaluation._tables import Table
+from millisight.evaluation._tables import Table, table_of
 from millisight.meshes import CATALOGUE
 
 PAPER = {"combined": (85, 94, 98), "specular": (68, 90, 97), "edge": (49, 71, 88)}
@@ -26,9 +26,9 @@ _PARTS: Mapping[str, Callable[[SimulatorComparison], WeightTrial]] = {
 
 _CLASSES = {entry.ycb_id: entry.shape_class for entry in CATALOGUE.values()}
 _PAIR_COLUMNS = (
-    "object", "class", "pose", "exp", "sight", "F [%]", "precision [%]", "recall [%]", "a1", "a2", "F specular [%]",
-    "F edge [%]", "points measured", "points simulated", "shift [mm]", "notes",
-)  # fmt: skip
+    "object|class|pose|exp|sight|F [%]|precision [%]|recall [%]|a1|a2|F specular [%]|F edge [%]|points measured|"
+    "points simulated|shift [mm]|notes"
+)
 
 
 @record
@@ -74,7 +74,7 @@ def data_of(measured: str, simulated: str, pairs: Sequence[ImagePair]) -> str:
     ):
         told = sorted(f"simulated: {maker}" if maker else "not marked as simulated" for maker in makers)
         sides.append(f"{name} ({'; '.join(told)})")
-    return f"yardstick {sides[0]}, simulator's images {sides[1]}"
+    return f"yardstick (reference) {sides[0]}, simulated images {sides[1]}"
 
 
 def all_tables(pairs: Sequence[ImagePair], *, data: str, settings: CloudSettings, radar: str) -> dict[str, Table]:
@@ -85,8 +85,8 @@ def all_tables(pairs: Sequence[ImagePair], *, data: str, settings: CloudSettings
         origin,
         f"{radar}; points where |I| > {settings.threshold:g}{' of its maximum' if settings.relative else ''} (tau_P), "
         f"matched within {settings.within * 1000:g} mm (tau_F), {settings.mode} alignment"
-        f"{', means along z' if settings.flat else ''}, best of {len(settings.weights)} weights. The paper's main text "
-        "does not print its tau_P, tau_F and weights.",
+        f"{', means along z' if settings.flat else ''}, best of {len(settings.weights)} weights. The main text of the "
+        "paper does not state its tau_P, tau_F and weights.",
     )
     there = [sight for sight in SIGHTS if any(pair.sight == sight for pair in pairs)]
     tables = {f"quartiles-{sight}": quartile_table(_of(pairs, sight), sight, notes=how) for sight in there}
@@ -99,16 +99,16 @@ def all_tables(pairs: Sequence[ImagePair], *, data: str, settings: CloudSettings
 
 def quartile_table(pairs: Sequence[ImagePair], sight: str, *, notes: Sequence[str]) -> Table:
     """The paper's Table 1 of these pairs: quartiles of F [%] with 95 % intervals, the paper's row beneath each."""
+    made = ", ".join(sorted({pair.measured_by or "not marked as simulated" for pair in pairs}))
     rows = []
     for part, of in _PARTS.items():
         scores = 100 * np.array([of(pair.comparison).score.f for pair in pairs])
-        rows.append((part, _made(pairs), *(_quantile(scores, share) for share in (0.25, 0.5, 0.75)), len(scores)))
+        rows.append((part, made, *(_quantile(scores, share) for share in (0.25, 0.5, 0.75)), len(scores)))
         rows.append((part, "paper, real data, all objects", *(str(value) for value in PAPER[part]), None))
-    columns = ("simulation", "yardstick", "25th [%]", "50th [%]", "75th [%]", "pairs")
-    interval = "In brackets: 95 % bootstrap intervals, objects drawn anew."
+    columns = "simulation|yardstick|25th [%]|50th [%]|75th [%]|pairs"
+    interval = "In brackets: 95 % bootstrap intervals over objects."
     won = "The combination's weights are chosen and scored on the same image, as in the paper: it wins by construction."
-    return Table(title=f"3D F-score, {SIGHTS[sight]}", columns=columns, rows=tuple(rows), notes=(*notes, interval, won),
-                 place="summary")  # fmt: skip
+    return table_of(f"3D F-score, {SIGHTS[sight]}", columns, rows, *notes, interval, won, place="summary")
 
 
 def class_table(pairs: Sequence[ImagePair], sight: str) -> Table:
@@ -119,8 +119,7 @@ def class_table(pairs: Sequence[ImagePair], sight: str) -> Table:
         medians = [float(np.median([100 * of(pair.comparison).score.f for pair in some])) for of in _PARTS.values()]
         rows.append((category, *medians, len(some)))
     columns = ("class", *(f"{part} [%]" for part in _PARTS), "pairs")
-    title = f"Median 3D F-score by class, {SIGHTS[sight]}"
-    return Table(title=title, columns=columns, rows=tuple(rows), place="summary")
+    return table_of(f"Median 3D F-score by class, {SIGHTS[sight]}", columns, rows, place="summary")
 
 
 def held_out_table(pairs: Sequence[ImagePair]) -> Table:
@@ -129,18 +128,15 @@ def held_out_table(pairs: Sequence[ImagePair]) -> Table:
     Weights fitted in line of sight are scored out of sight, in the same experiment; those of one pose, on the others.
     Without such pairs, a table without rows.
     """
-    return Table(
-        title="Weights fitted on one image, scored on another",
-        columns=("fitted, scored", "part", "25th [%]", "50th [%]", "75th [%]", "pairs"),
-        rows=(
-            *_held_out("fitted in line of sight, scored out of sight", *_sights(pairs)),
-            *_held_out("fitted in one pose, scored in the others", *_poses(pairs)),
-        ),
-        notes=(
-            "On the image on which they were fitted, the weights win by construction; on another they may lose.",
-            "The gains are means of combined, held out, minus a part alone, or minus the better of the two of each "
-            "object, with their 95 % intervals.",
-        ),
+    rows = _held_out("fitted in line of sight, scored out of sight", *_sights(pairs))
+    rows += _held_out("fitted in one pose, scored in the others", *_poses(pairs))
+    return table_of(
+        "Weights fitted on one image, scored on another",
+        "fitted, scored|part|25th [%]|50th [%]|75th [%]|pairs",
+        rows,
+        "The weights win by construction on the image they were fitted to; on another image they may lose.",
+        "Gain: mean score of the combination on held-out images minus that of one part alone, or of the better part "
+        "of each object; with 95 % intervals.",
         place="summary",
     )
 
@@ -197,7 +193,7 @@ def pair_table(pairs: Sequence[ImagePair]) -> Table:
             (pair.object, pair.category, pair.pose, pair.number, pair.sight, *(100 * value for value in scores),
              *best.weights, *parts, comparison.points, best.points, shift, "; ".join(comparison.notes))
         )  # fmt: skip
-    return Table(title="Every pair", columns=_PAIR_COLUMNS, rows=tuple(rows))
+    return table_of("Every pair", _PAIR_COLUMNS, rows)
 
 
 def fitted_weights(pairs: Sequence[ImagePair]) -> dict[str, tuple[float, float]]:
@@ -228,17 +224,13 @@ def _quantile(scores: np.ndarray, share: float) -> str:
     return f"{np.quantile(scores, share):.1f} ({low:.1f} to {high:.1f})"
 
 
-def _made(pairs: Sequence[ImagePair]) -> str:
-    return ", ".join(sorted({pair.measured_by or "not marked as simulated" for pair in pairs}))
-
-
 def _origin(pairs: Sequence[ImagePair]) -> str:
     makers = {pair.measured_by for pair in pairs}
     if makers == {""}:
         return (
-            "The measured files do not call themselves simulated, as those of the published dataset do not; this table "
-            "is then of real measurements."
+            "The measured files are not marked as simulated, nor are those of the published dataset; if so, this "
+            "table compares with real measurements."
         )
     if "" in makers:
-        return "Some of the measured files are simulated, others are not marked so: do not read them as one."
-    return "The yardstick is itself simulated, by other physics: nothing here was measured, and real data may differ."
+        return "Some of the measured files are simulated, others are not: the table mixes both."
+    return "The reference is itself simulated, with other physics: nothing here was measured, and real data may differ."

@@ -15,10 +15,12 @@ from millisight.evaluation._sources import EvaluationData, SceneSource, survey
 from millisight.evaluation._tables import Table
 from millisight.evaluation._task import TASKS, EvaluationItem, EvaluationSet, ReportFigure, Task
 from millisight.evaluation.tasks._candidates import Candidate, candidates_of, load_classifier, why_none
-from millisight.evaluation.tasks._classification_files import answer_table, bin_table, confusion_table
 from millisight.evaluation.tasks._classification_tables import (
     all_tables,
+    answer_table,
+    bin_table,
     classifier_table,
+    confusion_table,
     of_papers_classes,
     time_table,
     variants_of,
@@ -130,7 +132,7 @@ class ClassificationTask(Task):
                 )
             )
         if not items:
-            raise InputError(f"{data.path} holds no image that is a test. {why_none(candidates, scenes)}")
+            raise InputError(f"{data.path} holds no image to test on. {why_none(candidates, scenes)}")
         context = (candidates, scenes, origins, found.simulated)
         return EvaluationSet(items=tuple(items), data=found.data, failures=found.failures, context=context)
 
@@ -180,8 +182,9 @@ class ClassificationTask(Task):
     def describe(self, planned: EvaluationSet, rows: Sequence[ClassifierAnswer]) -> tuple[str, str]:
         """What the data are, and the introduction of the page."""
         introduction = (
-            f"Classifiers on {planned.data}. What each learned from stands in the first table. Object-closed: of "
-            "objects that it was trained on, in other poses; object-disjoint: of objects that it never met."
+            f"Classifiers on {planned.data}. The first table lists the training data of each. Object-closed: images "
+            "of objects that it was trained on, in other poses. Object-disjoint: images of objects that were not in "
+            "its training data."
         )
         return planned.data, introduction
 
@@ -218,7 +221,7 @@ class ClassificationTask(Task):
                 "Diamonds: in true masks."
             )
             if of_papers_classes(mine):
-                caption += " Red ticks: the paper's, of its own real data."
+                caption += " Red ticks: the paper, on its own real data."
             yield figure("plot_accuracy", f"accuracy-{split}", f"Accuracy, {split}", caption, **whole)
             if any(one.prediction is not None for one in chosen(mine, masks=PREDICTED)):
                 caption = "In predicted masks. Bins are a tenth wide; lines are 95 % Wilson intervals."
@@ -238,8 +241,8 @@ class ClassificationTask(Task):
                 total = sum(not one.right for one in chosen(mine, variant=variant, masks=PREDICTED))
                 caption = (
                     f"The {len(wrong)} surest of {total} mistakes. Left: the 77 GHz image, seen along z, with the "
-                    "predicted mask (blue) and the true one (dashed). Right: what is left of it in the predicted mask. "
-                    "Each over its own maximum, by the root of the magnitude."
+                    "predicted mask (blue) and the true one (dashed). Right: the same image inside the predicted "
+                    "mask. Shown is the square root of the magnitude, relative to the maximum of each image."
                 )
                 for one in wrong:
                     if one.scene not in seen:  # made once more: the same seed gives the same mask
@@ -254,15 +257,18 @@ class ClassificationTask(Task):
         candidates, scenes, _, simulated = planned.context
         notes = []
         if simulated:
-            notes.append("All images are the virtual rig's. Nothing was measured: these are no results on real data.")
+            notes.append(
+                "All images were simulated by the virtual rig. Nothing was measured: these are not results "
+                "on real data."
+            )
         objects = {name: scene.object for name, scene in scenes.items()}
         tested = {objects[name] for one in candidates for name in one.splits.placed}
         true = (
             "the pixels over the object"
             if self.truth == "exact"
-            else "the camera's in line of sight, moved to the image"
+            else "the camera's masks in line of sight, projected into the image"
         )
-        notes.append(f"Predicted masks are by {_seen(self.method, tested)}. True masks are {true}.")
+        notes.append(f"Predicted masks: {_seen(self.method, tested)}. True masks: {true}.")
         about = [(one.variant, one.training, one.splits) for one in candidates]
         return classifier_table(about, objects, data=planned.data, notes=notes)
 

@@ -105,8 +105,8 @@ class SegmentationTask(Task):
     def describe(self, planned: EvaluationSet, rows: Sequence[MaskTrial]) -> tuple[str, str]:
         """What the data are, and the introduction of the page."""
         introduction = (
-            f"Segmenters on {planned.data}. A mask is compared with the truth pixel by pixel; the tables tell the "
-            "medians, and the pictures below show each segmenter's worst masks."
+            f"Segmenters on {planned.data}. A mask is compared with the truth pixel by pixel; the tables list "
+            "medians, and the pictures below show the worst masks of each segmenter."
         )
         return planned.data, introduction
 
@@ -125,7 +125,8 @@ class SegmentationTask(Task):
         yield ReportFigure(
             name="medians",
             heading="Medians",
-            caption="Points: medians; lines: their 95 % bootstrap intervals; ticks: the paper's medians, of real data.",
+            caption="Points: medians. Lines: their 95 % bootstrap intervals. Ticks: medians of the paper, on real "
+            "data.",
             plot="plot_medians",
             arguments={"trials": rows, "data": planned.data},
         )
@@ -153,15 +154,15 @@ class SegmentationTask(Task):
     def _notes(self, rows: Sequence[MaskTrial], *, simulated: bool) -> list[str]:
         """Notes of the tables: the truth, and what networks saw of the tested objects."""
         compared = (
-            "the camera's mask of the object in line of sight, moved to the image's grid"
+            "the camera's mask of the object in line of sight, projected onto the image's grid"
             if self.truth == "camera"
-            else "the exact pixels over which the object lies"
+            else "the exact pixels that the object covers"
         )
         notes = [f"Compared with {compared}."]
         if simulated:
             notes.append(
                 "Everything was simulated by the virtual rig. Accuracy, and the camera's precision out of sight, "
-                "depend on how much of the surroundings an image shows; where images are cut, as in small benchmarks, "
+                "depend on how much of the surroundings an image shows; for cropped images, as in small benchmarks, "
                 "they cannot be compared with the paper's."
             )
         tested = {one.object for one in rows}

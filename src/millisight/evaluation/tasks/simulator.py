@@ -9,8 +9,7 @@ import numpy as np
 from millisight.core import check_writable, checked_integer, make_folder, put, record, write_text
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.data import PointCloud, SarImage
-from millisight.evaluation._f_score import FScore
-from millisight.evaluation._point_cloud import CLOUD_SUFFIXES, write_point_cloud
+from millisight.evaluation._point_cloud import CLOUD_SUFFIXES, FScore, write_point_cloud
 from millisight.evaluation._scenes import SIGHTS
 from millisight.evaluation._simulator import (
     CloudSettings,
@@ -85,7 +84,7 @@ class SimulatorTask(Task):
     """
 
     name: ClassVar[str] = "simulator"
-    title: ClassVar[str] = "How true is the simulator?"
+    title: ClassVar[str] = "Simulated and measured images compared"
     cache: ClassVar[str] = "pairs"
     datasets: ClassVar[tuple[str, ...]] = ("simulated",)
 
@@ -145,7 +144,7 @@ class SimulatorTask(Task):
             raise InputError(self._nothing(data.path, against.path, alone))
         if self.fit is not None:
             check_writable(self.fit)
-        notes = tuple(f"{name}: no simulated images of this object turned alike" for name in alone)
+        notes = tuple(f"{name}: no simulated images of this object at the same angles" for name in alone)
         names = (data.path.resolve().name, against.path.resolve().name)
         return EvaluationSet(items=tuple(items), notes=notes, context=names)
 
@@ -220,7 +219,7 @@ class SimulatorTask(Task):
         yield ReportFigure(
             name="scores",
             heading="Scores",
-            caption="F of every pair, sorted. Farther right is better.",
+            caption="F-scores of all pairs, sorted. Farther right is better.",
             plot="plot_scores",
             arguments={"pairs": rows},
         )
@@ -228,8 +227,8 @@ class SimulatorTask(Task):
             yield ReportFigure(
                 name="sensitivity",
                 heading="Sensitivity to tau_P and tau_F",
-                caption="How the score moves with the thresholds: weights as fitted at the framed ones, clouds aligned "
-                "anew for each tau_P.",
+                caption="Scores for other thresholds. The weights were fitted at the framed thresholds; the point "
+                "clouds are aligned again for each tau_P.",
                 plot="plot_sensitivity",
                 arguments={
                     "pairs": rows,
@@ -253,7 +252,7 @@ class SimulatorTask(Task):
             yield ReportFigure(
                 name=f"{kind}-{number:02d}",
                 heading=heading,
-                caption=f"One of the {kind} pairs. Each image over its own maximum.",
+                caption=f"One of the {kind} pairs. Each image is relative to its own maximum.",
                 plot="plot_pair",
                 arguments={**dict(zip(images, found, strict=True)), "title": heading},
                 facts={"notes": "; ".join(notes)} if notes else {},

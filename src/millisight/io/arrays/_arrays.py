@@ -1,5 +1,7 @@
 """Arrays in the files that NumPy, MATLAB and HDF5 write: `read_arrays`, and `array_shapes`, which reads no values.
 
+`read_array` reads one array of a file of any kind, a text or a pickle too.
+
 Files come from strangers: nothing in them runs, and none can take more memory than it states.
 """
 
@@ -7,17 +9,22 @@ import errno
 import os
 from collections.abc import Iterable
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from millisight.core import check_readable, printable
+from millisight.core import check_known, check_readable, printable
 from millisight.core.errors import DamagedFileError, FileError, FormatError, UnknownNameError
 from millisight.io.arrays._entry import DAMAGE, Entry, in_array, unpacked_limit
 from millisight.io.arrays._from_child import child_entries
 from millisight.io.arrays._npy import NPY, npy_entries, npz_entries
+from millisight.io.arrays._pickles import read_pickle
+from millisight.io.arrays._text_table import TEXT_SUFFIXES, read_table
+from millisight.io.arrays._touchstone import is_touchstone, read_touchstone
 
 _HDF5, _ZIP = b"\x89HDF\r\n\x1a\n", (b"PK\x03\x04", b"PK\x05\x06")
+_PICKLES = (".pkl", ".pickle")
 
 
 def read_arrays(
@@ -68,8 +75,7 @@ def read_arrays(
                 raise FormatError(f"it holds no arrays of numbers; {refused or 'it is empty'}")
         arrays = {}
         for name in wanted:
-            if name not in entries:
-                raise UnknownNameError(f"array in {printable(path)}:", name, entries)
+            check_known(f"array in {printable(path)}:", name, entries)
             if entries[name].refusal:
                 raise FormatError(f"array {name!r} is {entries[name].refusal}")
             with in_array(name):
@@ -139,3 +145,32 @@ def _entries(path: Any, names: list[str] | None, max_bytes: int | None) -> dict[
     if start[124:128] in (b"\0\1IM", b"\1\0MI") or start.startswith((b"MATLAB 7.3", _HDF5)):
         return child_entries(path, names, limit)
     raise FormatError(f"it starts with {start[:8]!r}; expected a .npy, .npz, MATLAB .mat (5 or 7.3) or HDF5 file")
+
+
+def read_array(path: Path, name: str | None = None, *, skip_rows: int = 0, decimal: str | None = None) -> np.ndarray:
+    """The array called `name` in a file, or the only one there: arrays, a pickle, a text of numbers, or Touchstone.
+
+    Parameters
+    ----------
+    skip_rows, decimal : of a text: see `read_table`
+
+    Raises
+    ------
+    FileError, UnknownNameError
+    """
+    suffix = path.suffix.lower()
+    if suffix in TEXT_SUFFIXES:
+        arrays = {"0": read_table(path, skip_rows=skip_rows, decimal=decimal).values}
+    elif is_touchstone(path):
+        arrays = read_touchstone(path)
+    elif suffix in _PICKLES:
+        found = read_pickle(path)
+        arrays = found if isinstance(found, dict) else {"0": found}
+        arrays = {str(key): value for key, value in arrays.items() if isinstance(value, np.ndarray)}
+    else:
+        arrays = read_arrays(path, names=None if name is None else [name])
+    if name is None and len(arrays) != 1:
+        raise FormatError(f"{printable(path)} holds the arrays {', '.join(arrays)}; choose one with the key array")
+    if name is not None:
+        check_known(f"array in {printable(path)}:", name, arrays)
+    return arrays[next(iter(arrays)) if name is None else name]

@@ -31,13 +31,7 @@ class Entry(NamedTuple):
 
 
 def plain_dtype(text: Any) -> np.dtype:
-    """The type that NumPy's short name, such as "<f8", stands for: numbers, booleans and text, never objects.
-
-    Raises
-    ------
-    ValueError
-        It is another one.
-    """
+    """The type of NumPy's short name, such as "<f8": numbers, booleans and text; ValueError for objects."""
     if not isinstance(text, str) or not _PLAIN_DTYPE.fullmatch(text):
         objects = " (Python objects, which are never read)" if isinstance(text, str) and "O" in text else ""
         raise ValueError(f"its type is {str(text)[:80]!r}{objects}; expected numbers, booleans or text")
@@ -45,12 +39,7 @@ def plain_dtype(text: Any) -> np.dtype:
 
 
 def checked_shape(shape: Any) -> tuple[int, ...]:
-    """`shape`, which must be a tuple of at most 32 whole numbers that are not negative.
-
-    Raises
-    ------
-    ValueError
-    """
+    """`shape` if it is a tuple of at most 32 whole numbers that are not negative; else a ValueError."""
     if not isinstance(shape, tuple) or not all(type(n) is int and 0 <= n < 1 << 62 for n in shape):
         raise ValueError(f"its shape is {str(shape)[:80]}; expected whole numbers that are not negative")
     if len(shape) > _MOST_DIMENSIONS:
@@ -59,13 +48,7 @@ def checked_shape(shape: Any) -> tuple[int, ...]:
 
 
 def array_of_bytes(data: Any, dtype: np.dtype, shape: tuple[int, ...], *, fortran: bool = False) -> np.ndarray:
-    """A read-only array on `data`, which must hold as many bytes as the type and shape say.
-
-    Raises
-    ------
-    ValueError
-        It holds more or fewer, or bytes that stand for no value of the type.
-    """
+    """A read-only array on `data`; ValueError if it holds more or fewer bytes than it should, or invalid ones."""
     expected = math.prod(shape) * dtype.itemsize
     if len(data) != expected:
         raise ValueError(f"an array {dtype} {shape} has {expected} bytes, and {len(data)} are there")
@@ -73,7 +56,7 @@ def array_of_bytes(data: Any, dtype: np.dtype, shape: tuple[int, ...], *, fortra
     if dtype.kind == "b":
         flat = flat.view(np.uint8) != 0  # any other byte than 0 and 1 would be a third truth value
     elif dtype.kind == "U" and flat.size and flat.view(dtype.byteorder + "u4").max() > 0x10FFFF:
-        raise ValueError("its text holds what is no character")
+        raise ValueError("its text holds invalid characters")
     array = flat.reshape(shape, order="F" if fortran else "C")
     array.flags.writeable = False
     return array

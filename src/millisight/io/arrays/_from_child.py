@@ -21,12 +21,7 @@ _LONGEST_LINE = 1 << 24
 def child_entries(path: Any, names: Iterable[str] | None, limit: int) -> dict[str, Entry]:
     """The arrays of a file by name: "group/data", or "data.frames" where MATLAB wrote it, in its order of axes.
 
-    Those in `names`, by default all, are read at once, in all at most `limit` bytes.
-
-    Raises
-    ------
-    ValueError
-        The file is damaged, or unpacks to more.
+    Those in `names`, by default all, are read at once, in all at most `limit` bytes: ValueError if it unpacks to more.
     """
     wanted = None if names is None else list(names)
     command = [sys.executable, "-m", "millisight.io.arrays._child"]

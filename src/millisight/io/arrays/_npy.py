@@ -32,13 +32,7 @@ class _Header(NamedTuple):
 
 
 def _npy_header(file: IO[bytes], size: int) -> _Header:
-    """The header of the array that starts where `file` stands, in `size` bytes in all.
-
-    Raises
-    ------
-    ValueError
-        It is no header, or its array would reach beyond `size`.
-    """
+    """The header of the array that starts where `file` stands; ValueError if it is none, or reaches beyond `size`."""
     magic = file.read(8)
     if len(magic) < 8 or not magic.startswith(NPY) or magic[6] not in (1, 2, 3):
         raise ValueError(f"it starts with {magic!r}; expected {NPY!r} and a version from 1 to 3")

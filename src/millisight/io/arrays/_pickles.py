@@ -50,7 +50,7 @@ def read_pickle(path: str | os.PathLike[str]) -> Any:
         except _Refused as error:
             raise FormatError(f"{printable(path)}, byte {machine.position}: {error}") from error
         except (ValueError, LookupError, TypeError, OverflowError, struct.error) as error:
-            place = f"{printable(path)} is no pickle, or damaged, at byte {machine.position}"
+            place = f"{printable(path)} is not a pickle, or is damaged, at byte {machine.position}"
             raise DamagedFileError(f"{place}: {error}; copy or make it again") from error
 
 
@@ -232,10 +232,6 @@ def _checked(root: Any, limit: int) -> Any:
 
     A file of a few bytes can hold a list that twice holds a list that twice holds ...: whoever runs through it later
     would not come to an end. So sizes are summed as if nothing were shared.
-
-    Raises
-    ------
-    _Refused
     """
     found: dict[int, tuple[int, int] | None] = {}  # bytes and depth of a container; None while it is open
     todo = [(root, False)]

@@ -3,7 +3,6 @@
 import math
 import os
 import re
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +14,9 @@ TEXT_SUFFIXES = (".txt", ".csv", ".tsv", ".dat")
 _LONGEST = 1 << 26  # bytes; some million numbers
 _WHOLE = re.compile(r"[+-]?\d+")
 _TWO_NUMBERS = re.compile(r"[\d.ij)]\s+[-+]?[.\d(]")
+_LIKE_A_ROW = re.compile(r"[-+(]?[.,]?\d")
+_BLANK_SIGN = re.compile(r"(?<=[\d.])\s+([-+])\s+(?=[\d.,]+([eE][-+]?\d+)?\s?[ij])")  # 1.5 + 2i
+_BINARY = re.compile(rb"[\x00-\x08\x0e-\x1f]")
 _LIKE_A_NUMBER = re.compile(r"[-+]?[\d.,]*\d[\d.,]*([eE][-+]?\d+)?")
 
 
@@ -25,13 +27,23 @@ class TextTable(NamedTuple):
     names: tuple[str, ...]
     source: str
 
-    def columns(self, wanted: Sequence[int | str]) -> np.ndarray:
-        """(rows, n) the columns with these numbers, from 0 on, or names.
+    def columns(self, wanted: object) -> np.ndarray:
+        """(rows, n) the columns with these numbers, from 0 on, or names; or "1:", all from a number on.
 
         Raises
         ------
         UnknownNameError
+            There is no such column.
+        InputError
+            This is no such list.
         """
+        if isinstance(wanted, str) and wanted.endswith(":") and wanted[:-1].isdecimal():
+            wanted = list(range(int(wanted[:-1]), self.values.shape[1]))
+        if not isinstance(wanted, list | tuple) or not wanted or not all(type(one) in (int, str) for one in wanted):
+            raise InputError(
+                f"columns is {wanted!r}; expected a list of numbers, from 0 on, or of names; or '1:', all from 1 on; "
+                f"{self.source} has {self.values.shape[1]}"
+            )
         known = [*self.names, *map(str, range(self.values.shape[1]))]
         for name in wanted:
             if str(name) not in known:
@@ -40,14 +52,18 @@ class TextTable(NamedTuple):
         return self.values[:, places]
 
 
-def read_table(path: str | os.PathLike[str], *, skip_rows: int = 0, decimal: str | None = None) -> TextTable:
-    """A table of numbers: one row a line, separated by commas, semicolons, tabs or blanks; # starts a comment.
+def read_table(
+    path: str | os.PathLike[str], *, skip_rows: int = 0, rows: int | None = None, decimal: str | None = None
+) -> TextTable:
+    """A table of numbers: one row a line, separated by commas, semicolons, tabs or blanks.
 
-    Numbers may be complex: 1.5-2i, 1.5-2j, (1.5-2j).
+    # starts a comment, and so does ! at the start of a line. Numbers may be complex: 1.5-2i, 1.5 - 2j, (1.5-2j). The
+    encoding is UTF-8, UTF-16 with its mark, or Latin-1.
 
     Parameters
     ----------
     skip_rows : lines of the file's head to pass over; a line of names may follow
+    rows : of numbers, after which nothing more is read; None: all
     decimal : "." or ",", the decimal sign. None: a point; but where commas between whole numbers may be decimal
         commas, the file is refused, since nobody can tell
 
@@ -66,36 +82,36 @@ def read_table(path: str | os.PathLike[str], *, skip_rows: int = 0, decimal: str
         raise InputError(f"decimal is {decimal!r}; expected '.' or ','")
     if os.path.getsize(path) > _LONGEST:
         raise FormatError(f"{source} has {os.path.getsize(path)} bytes, too many for a text; save it as .npy")
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except UnicodeDecodeError as error:
-        raise FormatError(f"{source} is not a text of numbers: {error}") from error
+    lines = _text(path.read_bytes(), source).splitlines()
     if skip_rows >= max(1, len(lines)):
         raise FormatError(f"{source} has {len(lines)} lines; skip_rows = {skip_rows} leaves none of them")
     kept = [(number, line.split("#")[0].strip()) for number, line in enumerate(lines, 1) if number > skip_rows]
-    kept = [(number, line) for number, line in kept if line]
+    kept = [(number, _BLANK_SIGN.sub(r"\1", line)) for number, line in kept if line and not line.startswith("!")]
     if not kept:
         raise DamagedFileError(f"{source} holds no numbers")
-    separator = _separator(kept[-1][1], decimal)
+    separator = _separator(next((line for _, line in reversed(kept) if _LIKE_A_ROW.match(line)), kept[-1][1]), decimal)
     names: tuple[str, ...] = ()
-    rows: list[list[complex]] = []
+    found: list[list[complex]] = []
     width = 0
     doubtful = separator == "," and decimal is None  # while all cells are whole numbers
     for number, line in kept:
+        if len(found) == rows:
+            break
         words = _words(line, separator)
         row = [_number(word, decimal) for word in words]
         if not width:
             width = len(words)
-            if None in row and not any(
-                v is None and _LIKE_A_NUMBER.fullmatch(w) for v, w in zip(row, words, strict=True)
-            ):
+            odd = [cell for word, value in zip(words, row, strict=True) if value is None for cell in word.split(";")]
+            if odd and not any(map(_LIKE_A_NUMBER.fullmatch, odd)):
                 names = tuple(word.strip("\"'") for word in words)
                 doubtful = False  # as many names as numbers: the commas stand between numbers
                 continue
         if len(row) != width:
             hint = ""
             if names and separator == "," and decimal is None and len(row) == 2 * width:
-                hint = ': twice as many; if its commas are decimal commas, say decimal = ","'
+                hint = ': twice as many; if its commas are decimal commas, set decimal = ","'
+            elif found and not any(map(_LIKE_A_NUMBER.fullmatch, words)):
+                hint = f": {line[:20]!r}; rows = {len(found)} leaves out what follows the numbers"
             raise DamagedFileError(f"{source}, line {number} has {len(row)} columns; expected {width} as before{hint}")
         for word, value in zip(words, row, strict=True):
             if value is None or not math.isfinite(abs(value)):
@@ -103,15 +119,17 @@ def read_table(path: str | os.PathLike[str], *, skip_rows: int = 0, decimal: str
                     f"{source}, line {number} has {word[:40]!r}; expected a finite number{_hint(word, decimal)}"
                 )
         doubtful = doubtful and all(_WHOLE.fullmatch(word) for word in words)
-        rows.append(row)  # type: ignore[arg-type]
-    if not rows:
+        found.append(row)  # type: ignore[arg-type]
+    if len(found) < (rows or 1):
+        if rows and found:
+            raise DamagedFileError(f"{source} has {len(found)} rows of numbers; expected {rows}")
         raise DamagedFileError(f"{source} holds no numbers")
     if doubtful and width % 2 == 0 and ", " not in kept[-1][1]:
         raise FormatError(
             f"{source}, line {kept[-1][0]}: {kept[-1][1][:40]!r} may be {width // 2} numbers with a decimal comma, or "
-            f'{width} whole ones; say decimal = "," or decimal = "."'
+            f'{width} whole ones; set decimal = "," or decimal = "."'
         )
-    values = np.array(rows, dtype=complex)
+    values = np.array(found, dtype=complex)
     return TextTable(values if np.any(np.imag(values)) else np.real(values).copy(), names, source)
 
 
@@ -125,8 +143,25 @@ def _separator(line: str, decimal: str | None) -> str:
     return "," if len(cells) > 1 and not any(map(_TWO_NUMBERS.search, cells)) else ""
 
 
+def _text(data: bytes, source: str) -> str:
+    """What a file says, in the encoding that its first bytes tell, or else in UTF-8 or Latin-1."""
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        encodings = ("utf-16",)
+    elif _BINARY.search(data):
+        raise FormatError(f"{source} is not a text of numbers: it holds bytes that no text has")
+    else:
+        encodings = ("utf-8-sig", "latin-1")
+    for encoding in encodings:
+        try:
+            return data.decode(encoding)
+        except UnicodeDecodeError:
+            pass
+    raise FormatError(f"{source} is not a text of numbers: it is no UTF-16")
+
+
 def _words(line: str, separator: str) -> list[str]:
-    return [word.strip() for word in line.split(separator)] if separator else line.split()
+    """The cells of a line; nothing is after a separator at its end."""
+    return [word.strip() for word in line.removesuffix(separator).split(separator)] if separator else line.split()
 
 
 def _number(word: str, decimal: str | None) -> complex | None:
@@ -148,7 +183,7 @@ def _number(word: str, decimal: str | None) -> complex | None:
 
 def _hint(word: str, decimal: str | None) -> str:
     if decimal != "," and re.search(r"\d,\d", word):
-        return '; if its comma is a decimal comma, say decimal = ","'
+        return '; if its comma is a decimal comma, set decimal = ","'
     if decimal == "," and "." in word:
-        return ': with decimal = "," no point can stand in it'
+        return ': with decimal = "," a number cannot contain a point'
     return ""

@@ -19,6 +19,7 @@ _SUFFIX = re.compile(r"\.s([1-9])p", re.IGNORECASE)
 _UNITS = {"HZ": 1.0, "KHZ": 1e3, "MHZ": 1e6, "GHZ": 1e9}
 _FORMS = ("RI", "MA", "DB")
 _LONGEST = 1 << 26
+_DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+([eE][-+]?\d+)?")
 
 
 def is_touchstone(path: Path) -> bool:
@@ -99,7 +100,7 @@ def _options(place: str, words: list[str]) -> tuple[float, str]:
         elif word in ("Y", "Z", "H", "G"):
             raise FormatError(f"{place}: it holds {word} parameters; expected S parameters")
         elif word not in ("S", "R") and not _is_number(word):
-            raise FormatError(f"{place}: {word!r} is no option; expected such as '# GHz S RI R 50'")
+            raise FormatError(f"{place}: {word!r} is not an option line; expected one such as '# GHz S RI R 50'")
         if word == "R" and not _is_number(after):
             raise FormatError(f"{place}: R is followed by {after!r}; expected the impedance in ohms")
     return unit, form
@@ -124,6 +125,8 @@ def _is_number(word: str) -> bool:
 
 
 def _number(place: str, word: str) -> float:
+    if _DECIMAL_COMMA.fullmatch(word):  # blanks alone set numbers apart
+        word = word.replace(",", ".")
     value = float(word) if _is_number(word) else np.nan
     if not np.isfinite(value):
         raise DamagedFileError(f"{place} has {word[:40]!r}; expected a finite number")

@@ -83,6 +83,8 @@ def _angles(about: Table, count: int) -> np.ndarray:
             )
     else:
         angles = factor * (about.number("start", "rad", 0.0) + about.number("step", "rad") * np.arange(count))
-    if np.abs(angles).max() > 20 * np.pi:
-        raise about.error("unit", f'the unit of the angles: they go to {np.abs(angles).max():.4g} radians; "deg"?')
+    stated = "unit" in about or (isinstance(about.get("angles"), dict) and "unit" in about.get("angles"))
+    if not stated and np.ptp(angles) > 2.01 * np.pi:
+        turns = np.ptp(angles) / (2 * np.pi)
+        raise about.error("unit", f'"deg" or "rad": in radians the angles go {turns:.4g} times round')
     return -angles if about.text("turns", "antenna", among=("antenna", "object")) == "object" else angles

@@ -126,7 +126,10 @@ class Description:
             frames = frames[kept]
             placed = {name: None if points is None else points[kept] for name, points in placed.items()}
         metadata = self._metadata(read[0].settings, lost=int((~kept).sum()))
-        capture = Capture(radar=radar, trajectory=trajectory, frames=frames, metadata=metadata, **placed)
+        capture = Capture(
+            radar=radar, trajectory=trajectory, frames=frames, metadata=metadata,
+            tx_points=placed["tx_points"], rx_points=placed["rx_points"],
+        )  # fmt: skip
         return RawCapture(capture=capture, calibration=tuple(self._steps(radar, capture)))
 
     def scan(self, log: Trajectory, progress: Progress | None) -> RawScan:
@@ -145,7 +148,7 @@ class Description:
             )
         rows = [
             ScanRow(times=t, read=partial(self._values, path), source=printable(path.name), missing=lost)
-            for path, (_, lost, _), t in zip(self._reader.paths, looked, times, strict=True)
+            for path, (_, lost, _), t in zip(self._reader.parts, looked, times, strict=True)
         ]
         shape, _, settings = looked[0]
         radar = self.radar(shape)
@@ -176,7 +179,7 @@ class Description:
 
     def _read(self, progress: Progress | None) -> Iterator[Frames]:
         """The frames of each file in turn."""
-        first, paths = None, self._reader.paths
+        first, paths = None, self._reader.parts
         for number, path in enumerate(paths, 1):
             part = self._reader.read(path)
             first = first or part

@@ -17,11 +17,12 @@ if TYPE_CHECKING:
     from millisight.io.raw import TiConfig
 
 _OWN_KEYS = (
-    "file", "format", "axes", "parts", "chirp", "analytic", "phase_sign", "domain", *_time_domain.KEYS,
-    "use_receivers", "one_way",
+    "file", "files_along", "format", "shape", "axes", "parts", "chirp", "analytic", "phase_sign", "domain",
+    *_time_domain.KEYS, "use_receivers", "one_way",
 )  # fmt: skip
 _SCAN = ("x", "y", "angle", "height", "pose", "pair")
 _AXES = ("sample", *_SCAN, "tx", "rx", "chirp", "part")
+_STACKED = (*_SCAN, "tx", "rx", "part", "sample")  # what files can be stacked along
 _PARTS = (("I", "Q"), ("magnitude", "deg"), ("magnitude", "rad"), ("dB", "deg"), ("dB", "rad"))
 
 
@@ -66,6 +67,7 @@ class FrameReader:
     def __init__(self, table: Table, radar: Table, config: "TiConfig | None"):
         self._table, self._radar, self._config = table, radar, config
         self.paths = self._find()
+        self._along = table.text("files_along", among=_STACKED) if "files_along" in table else None
         self.recorded = 0  # receivers in the files
         self._remarks: list[str] = []
         self.frequencies: np.ndarray | None = None  # (N,) [Hz], where the files say them
@@ -95,12 +97,17 @@ class FrameReader:
         FileError, UnknownNameError
             The file cannot be read, or does not fit the table.
         """
-        raw = self._raw(path, array)
-        values, axes = raw.values, list(self._axes)
+        raw, values, axes = self._raw(path, array), np.zeros(0), list(self._axes)
+        if self._along is None:
+            values = self._shaped(raw, path)
+        else:
+            values, axes = self._stacked(path, array), [self._along, *axes]
         if values.ndim != len(axes):
             raise self._table.error("axes", f"{values.ndim} of them, since {printable(path)} has shape {values.shape}")
         values = np.flip(values, tuple(i for i, axis in enumerate(axes) if axis in self._backwards))
         values = self._complex(values, axes, path)
+        if "chirp" in self._table and "chirp" not in axes:
+            raise self._table.error("chirp", 'it only with "chirp" among the axes')
         if "chirp" in axes:
             values = self._one_chirp(values, axes.index("chirp"))
             axes.remove("chirp")
@@ -186,18 +193,25 @@ class FrameReader:
         for axis in axes:
             if axis not in _AXES:
                 raise UnknownNameError(f"axis in {self._table.place}:", axis, _AXES)
-        planes = {"x", "y"} & set(axes), {"angle", "height"} & set(axes), {"pose"} & set(axes)
-        if "sample" not in axes or len(set(axes)) < len(axes) or sum(map(bool, planes)) > 1:
+        every = axes if self._along is None else [self._along, *axes]
+        planes = {"x", "y"} & set(every), {"angle", "height"} & set(every), {"pose"} & set(every)
+        if "sample" not in every or len(set(every)) < len(every) or sum(map(bool, planes)) > 1:
             raise self._table.error(
-                "axes", "the array's axes in turn, each once: sample, pose or x and y or angle and height, and others"
+                "axes",
+                "the array's axes in turn, each once: sample, pose or x and y or angle and height, and others; an axis "
+                "along which each file is one entry goes into files_along instead",
             )
         if "pair" in axes and {"tx", "rx"} & set(axes):
             raise self._table.error("axes", '"pair" without "tx" and "rx": a pair is one of each')
-        if known is not None and not _may_have(self._format, axes):
-            swapped = ', or "tx" in the place of "chirp"' if "chirp" in known else ""
+        if known is not None and "shape" not in self._table and not _may_have(self._format, axes):
+            swapped = ', or "tx" in the place of "chirp", or others where shape says them' if "chirp" in known else ""
             raise self._table.error("axes", f'{list(known)}{swapped}; a text of numbers has format = "text"')
-        if len(self.paths) > 1 and "pose" not in axes:
-            raise self._table.error("axes", '"pose" among them, since the frames of several files follow one another')
+        if len(self.paths) > 1 and "pose" not in axes and self._along is None:
+            raise self._table.error(
+                "axes",
+                '"pose" among them, since the frames of several files follow one another; or, where each file is one '
+                'entry of another axis, files_along = "sample", "part", ...',
+            )
         return axes, {axis.removeprefix("-") for axis in written if axis.startswith("-")}
 
     def _raw(self, path: Path, array: str | None) -> RawArray:
@@ -225,6 +239,44 @@ class FrameReader:
             self._remarks = [f"{printable(path.name)}: {remark}" for remark in remarks]
         return raw
 
+    @property
+    def parts(self) -> list[Path]:
+        """The files that are read in turn: the first one, where the others are stacked on it."""
+        return self.paths if self._along is None else self.paths[:1]
+
+    def _stacked(self, path: Path, array: str | None) -> np.ndarray:
+        """The arrays of all files along a new first axis."""
+        if path != self.paths[0]:
+            raise self._table.error("files_along", f"it not beside another file of frames, {printable(path)}")
+        raws = [self._raw(one, array) for one in self.paths]
+        arrays = [self._shaped(raw, one) for raw, one in zip(raws, self.paths, strict=True)]
+        for raw, values, one in zip(raws, arrays, self.paths, strict=True):
+            self._same_frequencies(raw.frequencies, one)
+            if values.shape != arrays[0].shape or (raw.lost is not None and raw.lost.any()):
+                raise self._table.error(
+                    "files_along",
+                    f"whole files of one shape; {printable(one.name)} has {values.shape}, {printable(path.name)} "
+                    f"{arrays[0].shape}",
+                )
+        return np.stack(arrays)
+
+    def _shaped(self, raw: RawArray, path: Path) -> np.ndarray:
+        """The array of a file, in the shape that the table says."""
+        if "shape" not in self._table:
+            return raw.values
+        shape = self._table.wholes("shape")
+        try:
+            values = raw.values.reshape(shape)
+        except (ValueError, OverflowError, TypeError) as error:
+            raise self._table.error(
+                "shape", f"one for the {raw.values.size} numbers in {printable(path)}, {raw.values.shape} as they are"
+            ) from error
+        if raw.lost is not None and (self._axes[0] != "pose" or len(values) != len(raw.lost)):
+            raise self._table.error(
+                "shape", f"{len(raw.lost)} first, the frames of {printable(path)}, on the axis pose"
+            )
+        return values
+
     def _complex(self, values: np.ndarray, axes: list[str], path: Path) -> np.ndarray:
         """Complex values, of the parts where there are two; their axis is taken out of `axes`."""
         if "part" in axes:
@@ -242,14 +294,20 @@ class FrameReader:
             names = parts if parts in _PARTS else parts[::-1]
             first, second = (values.take(parts.index(part), place) for part in names)
             return _whole(first, second, names)
+        if "parts" in self._table:
+            raise self._table.error("parts", 'it only with "part" among the axes, or as files_along')
         if np.iscomplexobj(values) or self._time:
+            if self._table.flag("analytic"):
+                raise self._table.error(
+                    "analytic", f"it of real samples over frequency alone, and not of {printable(path)}"
+                )
             return values
         if not self._table.flag("analytic"):
             raise self._table.error(
                 "analytic",
                 f"true, since {printable(path)} holds real numbers: they become complex by leaving out the negative "
-                'half of their spectrum. Or, where I and Q are both there, "part" among the axes, and parts. Or '
-                'domain = "time", where they are pulses',
+                'half of their spectrum. Or, where I and Q are both there, "part" among the axes, or files_along = '
+                '"part" of two files, and parts. Or domain = "time", where they are pulses',
             )
         from scipy.signal import hilbert
 

@@ -16,7 +16,7 @@ KEYS = (
 )  # fmt: skip
 TIMES_KEYS = ("start", "period", "array")
 _RASTER_KEYS = ("step", "center", "start", "counts", "along", "serpentine")
-_LOG_KEYS = ("file", "times", "positions", "orientations", "unit")
+_LOG_KEYS = ("file", "times", "positions", "orientations", "unit", "columns", "skip_rows", "rows", "decimal")
 _ANTENNAS = ("tx_points", "rx_points", "pairs")
 _INTERVAL = 1e-3  # between frames whose times nobody needs [s]
 
@@ -55,8 +55,10 @@ def read_log(table: Table) -> Trajectory | None:
         path = about.file()
         names = {key: about.text(key) for key in ("times", "positions", "orientations") if key in about}
         if names and path.suffix.lower() in TEXT_SUFFIXES:
-            raise about.error(next(iter(names)), "it of arrays alone: a text names its columns in its first line")
-        log = read_robot_log(path, **names, scale=about.unit("m"))
+            raise about.error(next(iter(names)), "it of arrays alone; of a text, columns says which are time, x, y, z")
+        settings = about.text_settings(path)
+        with about.errors():
+            log = read_robot_log(path, **names, **settings, columns=about.get("columns"), scale=about.unit("m"))
     with table.errors(), _unbounded():
         return Trajectory(times=log.times, positions=log.positions - _origin(table), orientations=log.orientations)
 
@@ -152,16 +154,16 @@ def _paired(table: Table, times: np.ndarray | None, scan: dict[str, int]) -> Pos
         antennas = [antennas[0], antennas[-1]]
         if pairs.ndim != 2 or pairs.shape[1] != 2:
             raise table.error("pairs", f"(pairs, 2), a transmitter and a receiver each; its shape is {pairs.shape}")
+        if "count_from" not in table and pairs.min() == 1:
+            raise table.error("count_from", "0 or 1, the number of the first antenna, since no pair has the number 0")
         numbers = pairs - first
-        least = numbers.min()
         for column, points in enumerate(antennas):
             low, high = numbers[:, column].min(), numbers[:, column].max()
             if low < 0 or high >= len(points):
-                hint = "; counted from 1? say count_from = 1" if first == 0 and high == len(points) and least else ""
                 raise table.error(
                     "pairs",
                     f"numbers from {first} to {first + len(points) - 1}, of the {len(points)} antennas, and they go "
-                    f"from {low + first} to {high + first}{hint}",
+                    f"from {low + first} to {high + first}",
                 )
         rest = {axis: count for axis, count in scan.items() if axis != "pair"}
         there = scan.get("pair")
@@ -256,6 +258,8 @@ def _counts(table: Table, scan: dict[str, int]) -> dict[str, int]:
         return scan
     if scan["pose"] == 1 and "counts" not in table:
         return {}
+    if "counts" not in table:
+        raise table.error("counts", f"[along x, along y], {scan['pose']} positions in all, as the axes name pose alone")
     counts = table.wholes("counts").tolist()
     if np.shape(counts) != (2,) or min(counts) < 1 or counts[0] * counts[1] != scan["pose"]:
         raise table.error("counts", f"the positions along x and y, {scan['pose']} in all")

@@ -15,6 +15,7 @@ KEYS = (
     "preset", "config", "name", "path_offset", "rx_axis", "tx_positions", "rx_positions",
     "frequencies", "start_frequency", "stop_frequency", "step", "slope", "sample_rate", "samples", "adc_start",
 )  # fmt: skip
+_LOWEST, _NARROWEST = 1e6, 1e3  # frequency and bandwidth of a radar [Hz]
 _UNEVEN = 0.01  # by so much of a step may a list of frequencies stray from even ones
 
 
@@ -79,6 +80,7 @@ def read_radar(
             array=AntennaArray(**antennas),
             path_offset=table.number("path_offset", "m", preset.path_offset if preset is not None else 0.0),
         )
+    _check_band(table, radar.waveform)
     found = {
         "tx_positions": (len(radar.array.tx_positions), shape[1], "transmitters"),
         "rx_positions": (len(radar.array.rx_positions), shape[2], "receivers"),
@@ -86,7 +88,8 @@ def read_radar(
     }
     for key, (stated, there, what) in found.items():
         if stated != there:
-            raise table.error(key, f"{there} {what} as in the frames, and not {stated}")
+            given = "frequencies" if key == "samples" and "frequencies" in table else key
+            raise table.error(given, f"{there} {what} as in the frames, and not {stated}")
     return radar
 
 
@@ -133,12 +136,28 @@ def _waveform(
     return Waveform.stepped(start, (table.number("stop_frequency", "Hz") - start) / max(1, samples - 1), samples)
 
 
+def _check_band(table: Table, waveform: Waveform) -> None:
+    """Refuse what no radar sends, and what forgotten units make."""
+    key = "frequencies" if "frequencies" in table else "start_frequency"
+    if waveform.frequencies[-1] < _LOWEST:
+        raise table.error(
+            key, f'frequencies in Hz, or a unit such as "GHz": they go to {waveform.frequencies[-1]:.4g} Hz'
+        )
+    if waveform.samples_per_chirp > 1 and waveform.bandwidth < _NARROWEST:
+        key = next((key for key in ("slope", "step") if key in table), key)
+        raise table.error(key, f"a sweep in Hz, with slopes in Hz/s: it is {waveform.bandwidth:.4g} Hz wide")
+
+
 def _listed(table: Table, frequencies: np.ndarray) -> Waveform:
     """The waveform of frequencies that are listed one by one."""
     frequencies = frequencies.reshape(frequencies.size)  # MATLAB's lists are rows or columns
     count = len(frequencies)
     step = (frequencies[-1] - frequencies[0]) / max(1, count - 1)
-    waveform = Waveform.stepped(float(frequencies[0]), float(step), count)
-    if count > 1 and abs(frequencies - waveform.frequencies).max() > _UNEVEN * step:
-        raise table.error("frequencies", "evenly spaced ones, from the lowest to the highest")
-    return waveform
+    even = frequencies[0] + step * np.arange(count)
+    if count > 1 and not abs(frequencies - even).max() <= _UNEVEN * step:
+        raise table.error(
+            "frequencies",
+            "evenly spaced ones, from the lowest to the highest; where they fall, say start_frequency and step, and "
+            '"-sample" among the axes',
+        )
+    return Waveform.stepped(float(frequencies[0]), float(step), count)

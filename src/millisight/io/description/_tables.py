@@ -19,7 +19,7 @@ from millisight.core.errors import FileError, FormatError, InputError, UnknownNa
 from millisight.io.arrays import TEXT_SUFFIXES, read_array, read_table
 
 _LONGEST = 1 << 20  # bytes of a description
-REFERENCE = ("file", "array", "columns", "index", "slice", "unit", "skip_rows", "decimal")
+REFERENCE = ("file", "array", "columns", "index", "slice", "unit", "skip_rows", "rows", "decimal")
 _UNITS = {
     "": {},
     "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6},
@@ -250,15 +250,13 @@ class Table:
     def values(self, *, whole: bool = False) -> np.ndarray:
         """The numbers that this table, a reference, leads to, in their own unit; `whole`: no decimals are meant."""
         path = self.file()
-        columns = self._list("columns") if "columns" in self else None
+        columns = self.get("columns")
         with self.errors():
             if path.suffix.lower() in TEXT_SUFFIXES:
-                table = read_table(path, **self._text_settings("." if whole else None))
+                table = read_table(path, **self.text_settings(path, "." if whole else None))
                 values = table.values if columns is None else table.columns(columns)
             else:
-                for key in ("skip_rows", "decimal"):
-                    if key in self:
-                        raise self.error(key, f"it of texts alone, and not of {printable(path)}")
+                self.text_settings(path)
                 values = read_array(path, self.text("array") if "array" in self else None)
                 values = values if columns is None else self._picked(values, -1, "columns", columns)
         if "slice" in self:
@@ -267,11 +265,22 @@ class Table:
             values = self._picked(values, 0, "index", self.integer("index", minimum=0))
         return values
 
-    def _text_settings(self, decimal: str | None) -> dict[str, Any]:
-        """How a text is read, with this decimal sign unless another one is said."""
+    def text_settings(self, path: Path, decimal: str | None = None) -> dict[str, Any]:
+        """How a text is read, with this decimal sign unless another one is said.
+
+        Raises
+        ------
+        FormatError
+            The file is no text, and something is said all the same.
+        """
         settings: dict[str, Any] = {"decimal": decimal}
+        for key in ("skip_rows", "rows", "decimal"):
+            if key in self and path.suffix.lower() not in TEXT_SUFFIXES:
+                raise self.error(key, f"it of texts alone, and not of {printable(path)}")
         if "skip_rows" in self:
             settings["skip_rows"] = self.integer("skip_rows", minimum=0)
+        if "rows" in self:
+            settings["rows"] = self.integer("rows")
         if "decimal" in self:
             settings["decimal"] = self.text("decimal", among=(".", ","))
         return settings
@@ -286,12 +295,6 @@ class Table:
         if not places[0] < places[1] <= count:
             raise self.error("slice", f"start below stop, and stop up to {count}, the entries that are there")
         return values[slice(*places)]
-
-    def _list(self, key: str) -> list[Any]:
-        value = self._values[key]
-        if not isinstance(value, list) or not all(type(item) in (int, str) for item in value):
-            raise self.error(key, "a list of numbers, from 0 on, or of names")
-        return value
 
     def _picked(self, values: np.ndarray, axis: int, key: str, places: Any) -> np.ndarray:
         try:

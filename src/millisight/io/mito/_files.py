@@ -51,8 +51,8 @@ def read_published(path: str | os.PathLike[str]) -> Published:
     named = kind_of(section, path.name)
     if named is None or path.suffix != ".pkl":
         raise FormatError(
-            f"{printable(path)} is no file of the published layout; expected processed_image*.pkl, radar_masks*.pkl, "
-            "or in a folder camera: camera_masks*.pkl, continuous*.pkl"
+            f"{printable(path)} is not a file of the published layout; expected processed_image*.pkl, "
+            "radar_masks*.pkl, or in a folder camera: camera_masks*.pkl, continuous*.pkl"
         )
     door = _DOORS[named[0]]
     values = _values(path, door.required)
@@ -166,7 +166,7 @@ def _array(values: dict[str, Any], name: str, kinds: str) -> np.ndarray:
     try:
         array = np.asarray(values[name])
     except ValueError as error:  # lists of differing lengths
-        raise InputError(f"{name} is no array: {error}") from error
+        raise InputError(f"{name} is not an array: {error}") from error
     if array.dtype.kind not in kinds:
         raise InputError(f"{name} is an array of {array.dtype}; expected {' or '.join(_KINDS[k] for k in kinds)}")
     return array

@@ -12,8 +12,8 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
-from millisight.core import checked_path, printable
-from millisight.core.errors import FileError, InputError, UnknownNameError
+from millisight.core import check_known, checked_path, printable
+from millisight.core.errors import FileError, InputError
 
 RADARS = ("77_ghz", "24_ghz")
 SIGHTS = ("los", "nlos")
@@ -104,8 +104,7 @@ def experiment_folder(
     InputError, UnknownNameError
         A name is none.
     """
-    if sight not in SIGHTS:
-        raise UnknownNameError("kind of sight", sight, SIGHTS)
+    check_known("kind of sight", sight, SIGHTS)
     if experiment_of(f"exp{number}") is None:
         raise InputError(f"experiment is {number!r}; expected a whole number")
     return angles_folder(root, name, angles, simulated=False) / f"exp{number}" / sight
@@ -123,8 +122,7 @@ def radar_folder(folder: str | os.PathLike[str], radar: str, *, processed: bool)
 
 def checked_radar(radar: str) -> str:
     """`radar`, which must be "77_ghz" or "24_ghz"; `UnknownNameError` otherwise."""
-    if radar not in RADARS:
-        raise UnknownNameError("radar of the published layout", radar, RADARS)
+    check_known("radar of the published layout", radar, RADARS)
     return radar
 
 
@@ -156,7 +154,7 @@ def place_of(folder: str | os.PathLike[str]) -> Place:
         if named and angles and number is not None:
             return Place(*named, angles, number, parts[4])
     raise FileError(
-        f"{printable(folder)} is no experiment of the published layout; expected a folder "
+        f"{printable(folder)} is not an experiment of the published layout; expected a folder "
         "<id>_<name>/robot_collected/<ax>_<ay>_<az>/exp<N>/los or nlos"
     )
 

@@ -137,7 +137,7 @@ def _read_log(raw: Path, radar: str, remarks: _Remarks) -> Trajectory:
     places = [(path, i) for path, part in parts for i in range(len(part))]
     repeated = np.flatnonzero((np.diff(table, axis=0) == 0).all(axis=1)) + 1
     if len(repeated):
-        remarks.notes.append(f"robot log: {len(repeated)} poses stand twice, the same time and place")
+        remarks.notes.append(f"robot log: {len(repeated)} poses occur twice, with the same time and position")
     kept = np.setdiff1d(np.arange(len(table)), repeated)
     wrong = np.flatnonzero(np.diff(table[kept, 0]) <= 0)
     if len(wrong):
@@ -166,11 +166,11 @@ def _log_part(path: Path, radar: str, remarks: _Remarks) -> np.ndarray:
     count = len(times)
     if count != len(locations):
         count = max(0, min(count, len(locations)) - _CUT)
-        remarks.notes.append(f"{path.name}: {len(times)} times, {len(locations)} places; the first {count} are taken")
+        remarks.notes.append(f"{path.name}: {len(times)} times, {len(locations)} places; the first {count} are used")
     part = np.column_stack([times[:count], locations[:count, :3]]).astype(np.float64)
     farthest = np.abs(part[:, 1:]).max(initial=0)
     if farthest > _FARTHEST:
-        raise DamagedFileError(f"{printable(path)}: {names[1]} reaches {farthest:.4g}; expected places in metres")
+        raise DamagedFileError(f"{printable(path)}: {names[1]} reaches {farthest:.4g}; expected positions in metres")
     return part
 
 
@@ -189,7 +189,9 @@ def _read_list(raw: Path, remarks: _Remarks) -> list[_Listed]:
         for i, (number, time) in enumerate(zip(numbers, created, strict=True)):
             listed = _listed(number, time)
             if listed is None:
-                remarks.left_out.append(f"{path.name}, entry {i}: file {number!r} at {time!r} is no number and time")
+                remarks.left_out.append(
+                    f"{path.name}, entry {i}: file {number!r} at {time!r} is not a number and a time"
+                )
             elif listed.number in found:
                 remarks.left_out.append(f"{path.name}, entry {i}: file {listed.number} is listed twice")
             elif listed.created != -1:  # which says that there is none
@@ -204,7 +206,7 @@ def _sequence(path: Path, content: Any, key: str) -> list[Any]:
     if isinstance(value, np.ndarray) and value.ndim == 1:
         value = value.tolist()
     if not isinstance(value, list | tuple):
-        raise DamagedFileError(f"{printable(path)} has no list {key!r}; expected it of a row list")
+        raise DamagedFileError(f"{printable(path)} has no list {key!r}; expected it in a list of rows")
     return list(value)
 
 
@@ -222,7 +224,7 @@ def _raw_files(raw: Path, radar: str, remarks: _Remarks) -> dict[int, Path]:
     for path in sorted((raw / "radar_data").iterdir()):
         number = _number(path.name, radar)
         if path.suffix != SUFFIXES[radar] or number is None or not path.is_file():
-            remarks.notes.append(f"radar_data/{printable(path.name)} is no raw file of this radar")
+            remarks.notes.append(f"radar_data/{printable(path.name)} is not a raw file of this radar")
         elif number in found:
             remarks.notes.append(f"radar_data/{printable(path.name)} has the number of {found[number].name}")
         else:
@@ -249,9 +251,9 @@ def _read_rows(
     files = _raw_files(raw, radar, remarks)
     listed = _read_list(raw, remarks)
     there = [row for row in listed if row.number in files]
-    remarks.left_out += [f"row {row.number} is listed, but its file is not there" for row in listed if row not in there]
+    remarks.left_out += [f"row {row.number} is listed, but its file is missing" for row in listed if row not in there]
     numbers = {row.number for row in listed}
-    remarks.notes += [f"{path.name} is there, but not listed" for n, path in files.items() if n not in numbers]
+    remarks.notes += [f"{path.name} exists, but is not listed" for n, path in files.items() if n not in numbers]
     recorder = _Dca1000() if radar == "77_ghz" else _Position2Go()
     rows = []
     for count, row in enumerate(there, 1):
@@ -333,7 +335,7 @@ class _Dca1000:
         unknown = [path for path, estimate in self._estimates.items() if estimate.order == UNKNOWN]
         if unknown:
             order, _ = self._order_of(unknown[0])
-            notes.append(f"{_some(unknown)}: the sample order cannot be told, and is taken to be {order}")
+            notes.append(f"{_some(unknown)}: the sample order cannot be determined; assumed {order}")
         others: dict[tuple[str, bool], list[Path]] = {}
         for path in self._estimates:
             order = self._order_of(path)

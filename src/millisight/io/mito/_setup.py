@@ -47,7 +47,7 @@ def read_info(path: str | os.PathLike[str]) -> dict[str, Any]:
     try:
         info = json.loads(path.read_bytes(), parse_constant=str)  # NaN and Infinity are no JSON
     except (ValueError, RecursionError) as error:
-        raise DamagedFileError(f"{name} is no JSON: {error}") from error
+        raise DamagedFileError(f"{name} is not JSON: {error}") from error
     apertures = tuple(aperture for radar, aperture in FRAME_PERIODS if radar == "77_ghz")
     for key, known in (("aperture size", apertures), ("rx offset", ("x", "y")), ("background", None)):
         if not isinstance(info, dict) or not isinstance(info.get(key), str):

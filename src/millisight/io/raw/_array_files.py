@@ -11,7 +11,7 @@ from millisight.io.arrays import TEXT_SUFFIXES, read_array, read_table, read_tou
 from millisight.io.raw._format import RAW_FORMATS, RawArray, RawFormat
 
 
-def _read_arrays(path: Path, *, array: str | list[str] | None = None, shape: Any = None) -> RawArray:
+def _read_arrays(path: Path, *, array: str | list[str] | None = None) -> RawArray:
     """The array of a file, or several of one shape along a new first axis."""
     names = array if isinstance(array, list) else [array]
     arrays = [read_array(path, name) for name in names]
@@ -20,21 +20,18 @@ def _read_arrays(path: Path, *, array: str | list[str] | None = None, shape: Any
         raise InputError(f"array is {names}; expected arrays of one shape; {printable(path)} has {sorted(shapes)}")
     values = arrays[0] if len(arrays) == 1 else np.stack(arrays)
     if values.dtype.kind not in "biufc":
-        raise InputError(f"array is no array of numbers; that in {printable(path)} is {values.dtype}")
-    return RawArray(values=_shaped(values, shape, path))
+        raise InputError(f"array is not an array of numbers; that in {printable(path)} is {values.dtype}")
+    return RawArray(values=values)
 
 
 def _read_text(
-    path: Path, *, columns: Any = None, skip_rows: int = 0, decimal: str | None = None, shape: Any = None
+    path: Path, *, columns: Any = None, skip_rows: int = 0, rows: int | None = None, decimal: str | None = None
 ) -> RawArray:
     """The columns of a text, (rows, columns)."""
-    table = read_table(path, skip_rows=checked_integer(skip_rows, name="skip_rows", minimum=0), decimal=decimal)
-    if columns is None:
-        return RawArray(values=_shaped(table.values, shape, path))
-    columns = columns if isinstance(columns, list) else [columns]
-    if not columns or not all(type(column) in (int, str) for column in columns):
-        raise InputError(f"columns is {columns!r}; expected a list of numbers, from 0 on, or of names")
-    return RawArray(values=_shaped(table.columns(columns), shape, path))
+    skip_rows = checked_integer(skip_rows, name="skip_rows", minimum=0)
+    rows = None if rows is None else checked_integer(rows, name="rows")
+    table = read_table(path, skip_rows=skip_rows, rows=rows, decimal=decimal)
+    return RawArray(values=table.values if columns is None else table.columns(columns))
 
 
 def _read_touchstone(path: Path, *, parameter: str = "S21") -> RawArray:
@@ -46,21 +43,10 @@ def _read_touchstone(path: Path, *, parameter: str = "S21") -> RawArray:
     return RawArray(values=arrays[parameter][None], frequencies=frequencies)
 
 
-def _shaped(values: np.ndarray, shape: Any, path: Path) -> np.ndarray:
-    if shape is None:
-        return values
-    try:
-        return values.reshape(np.asarray(shape, dtype=np.int64))
-    except (ValueError, OverflowError, TypeError) as error:
-        raise InputError(
-            f"shape is {shape}; expected one for the {values.size} numbers in {printable(path)}"
-        ) from error
-
-
-RAW_FORMATS.add("arrays", RawFormat(suffixes=(), keys=("array", "shape"), read=_read_arrays, axes=None))
+RAW_FORMATS.add("arrays", RawFormat(suffixes=(), keys=("array",), read=_read_arrays, axes=None))
 RAW_FORMATS.add(
     "text",
-    RawFormat(suffixes=TEXT_SUFFIXES, keys=("columns", "skip_rows", "decimal", "shape"), read=_read_text, axes=None),
+    RawFormat(suffixes=TEXT_SUFFIXES, keys=("columns", "skip_rows", "rows", "decimal"), read=_read_text, axes=None),
 )
 RAW_FORMATS.add(
     "touchstone",

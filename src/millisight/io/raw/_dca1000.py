@@ -104,7 +104,7 @@ def read_dca1000(
         estimate = identify_order(counts, receivers=receivers, samples=samples)
         if estimate.order == UNKNOWN:
             raise FormatError(
-                f"{name}: its sample order cannot be told ({estimate.reason}); check samples={samples} and "
+                f"{name}: its sample order cannot be determined ({estimate.reason}); check samples={samples} and "
                 f"receivers={receivers}, or declare order as one of {', '.join(ORDERS)}"
             )
         order = estimate.order
@@ -152,7 +152,7 @@ def write_dca1000(
     frames = np.round(np.ascontiguousarray(frames, dtype=np.complex128))
     parts = frames.view(np.float64)
     if not ((parts >= -32768) & (parts <= 32767)).all():
-        raise InputError("samples hold values outside int16, -32768 to 32767, or NaN; scale or mend them")
+        raise InputError("samples hold values outside int16, -32768 to 32767, or NaN; scale or correct them")
     packed = pack(frames, check_order(order), sample_swap=sample_swap)
     with atomic_path(path) as temporary:
         packed.tofile(temporary)
@@ -183,7 +183,7 @@ def identify_order(
         some = counts[: 1 << 21].byteswap()
         swapped = estimate_order(some, receivers=receivers, samples=samples)
         if swapped.order != UNKNOWN:
-            raise _big_endian(name, f"read so, they are {swapped.order}")
+            raise _big_endian(name, f"read that way, they are {swapped.order}")
     return estimate
 
 
@@ -199,7 +199,7 @@ def swap_for_positive_ranges(estimate: OrderEstimate) -> bool:
         The estimate found no order.
     """
     if estimate.order == UNKNOWN:
-        raise InputError(f"no side can be told: {estimate.reason}; declare sample_swap")
+        raise InputError(f"the order of I and Q cannot be determined: {estimate.reason}; declare sample_swap")
     return estimate.bright_side == "negative"
 
 
@@ -219,14 +219,15 @@ def open_counts(path: str | os.PathLike[str], *, odd_byte: bool = False) -> np.n
     name = printable(path.name)
     size = path.stat().st_size
     if size < 2:
-        raise DamagedFileError(f"{name} holds {size} bytes; expected int16 values: the recording failed, or the copy")
+        raise DamagedFileError(f"{name} holds {size} bytes; expected int16 values: the recording or its copy failed")
     with open(path, "rb") as file:
         start = file.read(4096)
     if not start.translate(None, _TEXT):
         raise FormatError(f"{name} is text (it starts with {start[:24]!r}); expected the int16 values of a DCA1000")
     if size % 2 and not odd_byte:
         raise DamagedFileError(
-            f"{name} holds {size} bytes, an odd number; int16 values take two each: the file is cut off or no raw data"
+            f"{name} holds {size} bytes, an odd number; int16 values take two each: the file is cut off, or not raw "
+            "data"
         )
     try:
         counts = np.memmap(path, dtype="<i2", mode="r", shape=(size // 2,)).view(np.ndarray)
@@ -237,7 +238,9 @@ def open_counts(path: str | os.PathLike[str], *, odd_byte: bool = False) -> np.n
     # Read in the wrong order the low byte, which is nearly noise, stands high: small numbers become large ones.
     as_read, swapped = np.std(some, dtype=np.float64), np.std(some.byteswap(), dtype=np.float64)
     if as_read > 2 * swapped > 0:
-        raise _big_endian(name, f"as they stand the values scatter by {as_read:.0f}, swapped by {swapped:.0f} counts")
+        raise _big_endian(
+            name, f"the values scatter by {as_read:.0f} counts as they are, by {swapped:.0f} with bytes swapped"
+        )
     return counts
 
 
@@ -295,8 +298,8 @@ def _whole_frames(name: str, size: int, frame: int, declared: int | None, *, dro
         raise DamagedFileError(f"{name} holds {size} bytes, less than one frame of {frame}; check the frame's size")
     if over and not drop:
         raise DamagedFileError(
-            f"{name} holds {whole} whole frames of {frame} bytes, and {over} bytes over: the recording was cut off, or "
-            f"the frame's size is wrong; truncated='drop' takes the whole frames"
+            f"{name} holds {whole} whole frames of {frame} bytes, and {over} bytes left over: the recording was cut "
+            "off, or the frame's size is wrong; truncated='drop' reads the whole frames"
         )
     if declared is not None and whole != declared and not (drop and whole < declared):
         raise DamagedFileError(f"{name} holds {whole} frames of {frame} bytes; expected {declared}")

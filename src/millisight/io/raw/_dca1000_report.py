@@ -136,7 +136,7 @@ def _frames(
         warnings.append(f"the file's {size} bytes are {whole} whole {kind} of {unit} bytes, and {over} bytes over")
     if chirps and known.get("frames", whole) != whole:
         warnings.append(f"{origin['frames']} says {known['frames']} frames; the file holds {whole}")
-    count = f"{whole} x {chirps} chirps" if chirps else f"{whole} chirps (how many a frame is unknown)"
+    count = f"{whole} x {chirps} chirps" if chirps else f"{whole} chirps (chirps per frame unknown)"
     return f"frames: {count} x {receivers} RX x {samples} samples ({said})", unit, whole
 
 
@@ -188,7 +188,7 @@ def _merged(sources: dict[str, dict[str, Any]], warnings: list[str]) -> tuple[di
             elif name not in known:
                 known[name], origin[name] = value, source
             elif known[name] != value:
-                warnings.append(f"{source} says {value} {name}; {origin[name]} says {known[name]}, which is taken")
+                warnings.append(f"{source} says {value} {name}; {origin[name]} says {known[name]}, which is used")
     return known, origin
 
 

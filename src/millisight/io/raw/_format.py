@@ -34,8 +34,8 @@ class RawArray:
     values: np.ndarray
     lost: np.ndarray | None = None
     frequencies: np.ndarray | None = None
-    found: Mapping[str, Any] = field(default_factory=dict)
-    metadata: Metadata = field(default_factory=dict)
+    found: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    metadata: Metadata = field(default_factory=dict[str, Any])
 
     def __post_init__(self) -> None:
         values = np.asarray(self.values)

@@ -15,7 +15,7 @@ from millisight.io.raw._raw_frames import Gap
 DATA_PORT = 4098
 HEADER_BYTES = 10
 
-_REASON = "packets that never came"
+_REASON = "lost packets"
 
 
 def assemble_packets(packets: Iterable[bytes], *, max_lost: int = 1 << 26) -> tuple[bytes, tuple[Gap, ...]]:
@@ -112,7 +112,7 @@ def read_packets(path: str | os.PathLike[str], *, port: int = DATA_PORT) -> Iter
         byte_order = _MAGIC.get(head[:4])
         if byte_order is None or len(head) < 24:
             raise FormatError(
-                f"{name} is no pcap file (it starts with {head[:4]!r}); expected one as tcpdump -w writes"
+                f"{name} is not a pcap file (it starts with {head[:4]!r}); expected one as tcpdump -w writes"
             )
         link = int.from_bytes(head[20:24], byte_order) & 0xFFFFFFF
         if link not in _LINKS:
@@ -129,7 +129,7 @@ def _pcap_records(file: BinaryIO, name: str, byte_order: Literal["little", "big"
         place = f"{name} at byte {file.tell() - len(head)}"
         length = int.from_bytes(head[8:12], byte_order)
         if len(head) < 16 or length > _MAX_PACKET:
-            raise DamagedFileError(f"{place}: no packet's header ({len(head)} bytes, length {length}); copy it again")
+            raise DamagedFileError(f"{place}: not a packet header ({len(head)} bytes, length {length}); copy it again")
         packet = file.read(length)
         if len(packet) < length:
             raise DamagedFileError(f"{place}: {len(packet)} of {length} bytes of a packet; the file is cut off")

@@ -68,7 +68,8 @@ def read_position2go(
     if rows or not frames:
         raise DamagedFileError(
             f"{name} has {len(frames) * per_frame + len(rows)} rows; expected whole frames of {per_frame} rows "
-            f"({chirps} chirps x {receivers} receivers x I and Q): {len(frames)} are whole, {len(rows)} rows are over"
+            f"({chirps} chirps x {receivers} receivers x I and Q): {len(frames)} are whole, {len(rows)} rows are left "
+            "over"
         )
     parts = np.stack(frames).reshape(len(frames), chirps, receivers, 2, samples)
     return RawFrames(
@@ -95,7 +96,7 @@ def write_position2go(path: str | os.PathLike[str], samples: ArrayLike) -> None:
     with np.errstate(over="ignore"):
         frames = frames.astype(np.complex64)
     if not np.isfinite(frames).all():
-        raise InputError("samples hold NaN, or values that float32 cannot; mend or leave out their frames")
+        raise InputError("samples hold NaN, or values too large for float32; correct or leave out their frames")
     rows = np.stack([np.real(frames), np.imag(frames)], axis=-2).reshape(-1, frames.shape[-1])
     with atomic_path(path) as temporary, open(temporary, "w", encoding="ascii") as file:
         for row in rows:
@@ -121,7 +122,7 @@ def _rows(file: BinaryIO, name: str, samples: int) -> Iterator[bytes]:
             found = f"{cells} cells" if cells != samples else f"more than {longest} characters"
             raise DamagedFileError(
                 f"{name} line {i} has {found}; expected {samples} numbers and commas between: the line was cut off, "
-                f"or samples is wrong"
+                "or samples is wrong"
             )
         yield row
 
@@ -145,7 +146,7 @@ def _numbers(rows: list[bytes], name: str, before: int) -> np.ndarray:
             if not fine:
                 text = cell.strip()[:_MAX_CELL].decode("latin-1")
                 raise FormatError(f"{name} line {before + i + 1}, cell {j + 1} is {text!r}; expected a finite number")
-    raise FormatError(f"{name} lines {before + 1} to {before + len(rows)} are no rows of numbers")
+    raise FormatError(f"{name} lines {before + 1} to {before + len(rows)} are not rows of numbers")
 
 
 def _read(path: Path, **sizes: int) -> RawArray:

@@ -1,7 +1,7 @@
 """A robot's log: when it was where, turned how. Text with a line of names, or arrays; into a `Trajectory`."""
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +9,7 @@ import numpy as np
 from millisight.core import check_readable, checked_record, printable, write_text
 from millisight.core.errors import DamagedFileError, FormatError, InputError, UnknownNameError
 from millisight.data import Trajectory, check_log
-from millisight.io.arrays import read_arrays, read_table
+from millisight.io.arrays import TextTable, read_arrays, read_table
 
 COLUMNS = ("time", "x", "y", "z", "qx", "qy", "qz", "qw")
 """The columns of a log as text, in the order in which they stand where no line names them."""
@@ -28,6 +28,10 @@ def read_robot_log(
     positions: str | None = None,
     orientations: str | None = None,
     scale: float = 1.0,
+    columns: Sequence[int | str] | None = None,
+    skip_rows: int = 0,
+    rows: int | None = None,
+    decimal: str | None = None,
 ) -> Trajectory:
     """The poses of a robot's log, by its own clock.
 
@@ -41,6 +45,8 @@ def read_robot_log(
     ----------
     times, positions, orientations : names of arrays where they are not the usual ones
     scale : metres a unit of length of the file
+    columns : of a text, the 4 or 8 that are `COLUMNS`, numbers from 0 on or names; None: as the first line names them
+    skip_rows, rows, decimal : of a text, as of `read_table`
 
     Returns
     -------
@@ -58,9 +64,14 @@ def read_robot_log(
     path = check_readable(path)
     name = printable(path)
     if path.suffix.lower() in _ARRAYS:
+        if columns is not None or skip_rows or rows is not None or decimal is not None:
+            raise InputError(f"{name} is not a text file; leave out columns, skip_rows, rows and decimal")
         values, place = _from_arrays(path, times, positions, orientations), "entry"
     else:
-        values, place = _from_text(path), "row of numbers"
+        values, place = (
+            _from_text(read_table(path, skip_rows=skip_rows, rows=rows, decimal=decimal), columns),
+            "row of numbers",
+        )
     values = _without_repeats(values)
     steps = np.diff(values[:, 0])
     if (steps <= 0).any():
@@ -102,22 +113,29 @@ def write_robot_log(path: str | os.PathLike[str], log: Trajectory) -> None:
     write_text(path, "\n".join(lines) + "\n")
 
 
-def _from_text(path: Path) -> np.ndarray:
+def _from_text(table: TextTable, columns: Sequence[int | str] | None) -> np.ndarray:
     """(n, 4) or (n, 8): time, position, quaternion."""
-    table = read_table(path)
+    if np.iscomplexobj(table.values):
+        raise FormatError(f"{table.source} holds complex numbers; expected times and positions")
+    if columns is not None:
+        chosen = table.columns(columns)
+        if chosen.shape[1] not in (4, 8):
+            raise InputError(f"columns is {columns}; expected 4 or 8, those of {', '.join(COLUMNS)}")
+        return chosen
     width = table.values.shape[1]
     if not table.names:
         if width not in (4, 8):
             raise FormatError(
-                f"{table.source} has {width} columns without names; expected 4 or 8 ({', '.join(COLUMNS)}), or a first "
-                "line that names them"
+                f"{table.source} has {width} columns without names; expected 4 or 8 ({', '.join(COLUMNS)}), a first "
+                "line that names them, or columns that says which these are"
             )
         return table.values
     known = [_ALIASES.get(column.lower(), column.lower()) for column in table.names]
     missing = [column for column in COLUMNS[:4] if column not in known]
     if missing:
         raise FormatError(
-            f"{table.source} has the columns {', '.join(table.names)}; expected {', '.join(COLUMNS[:4])} among them"
+            f"{table.source} has the columns {', '.join(table.names)}; expected {', '.join(COLUMNS[:4])} among "
+            "them, or columns that says which these are"
         )
     turned = [column for column in COLUMNS[4:] if column in known]
     if len(turned) not in (0, 4):
@@ -136,7 +154,7 @@ def _from_arrays(path: Path, times: str | None, positions: str | None, orientati
         parts.append(_found(arrays, (orientations,) if orientations else _ORIENTATIONS, path, "orientations"))
     shapes = ", ".join(str(part.shape) for part in parts)
     if any(part.dtype.kind not in "iuf" for part in parts):
-        raise FormatError(f"{printable(path)}: times and poses are no real numbers")
+        raise FormatError(f"{printable(path)}: times and poses are not real numbers")
     if any(part.ndim != 2 for part in parts) or len({len(part) for part in parts}) != 1:
         raise FormatError(
             f"{printable(path)}: times and poses have shapes {shapes}; expected (n,) and (n, 3) or (n, 7)"

@@ -53,7 +53,7 @@ def values_per_chirp(order: str, *, receivers: int, samples: int) -> int:
     if not fits(order, receivers=receivers, samples=samples):
         raise InputError(
             f"a {order} chirp cannot hold {samples} samples of {receivers} receivers; expected up to 4 receivers, and "
-            f"on two lanes an even number of words"
+            "on two lanes an even number of words"
         )
     return 2 * samples * (4 if order == "four-lane" else receivers)
 
@@ -162,7 +162,7 @@ def _estimate(counts: np.ndarray, receivers: int, samples: int) -> OrderEstimate
     elif _real_score(counts, best, receivers, samples) > scores[best] - MIN_MARGIN_DB:
         reason = "the values look like real samples, not like pairs of I and Q"
     elif margin < MIN_MARGIN_DB:
-        reason = f"{best} and {second} fit alike"
+        reason = f"{best} and {second} fit equally well"
     return OrderEstimate(
         order=UNKNOWN if reason else best,
         margin_db=round(margin, 2),

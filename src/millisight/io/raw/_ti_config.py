@@ -135,7 +135,7 @@ def read_ti_config(path: str | os.PathLike[str]) -> TiConfig:
     with open(path, "rb") as file:
         data = file.read(_MAX_BYTES + 1)
     if len(data) > _MAX_BYTES or b"\0" in data:
-        raise FormatError(f"{name} is no text of up to {_MAX_BYTES >> 20} MiB; expected a .cfg file of TI commands")
+        raise FormatError(f"{name} is not a text of up to {_MAX_BYTES >> 20} MiB; expected a .cfg file of TI commands")
     commands = _commands(name, data.decode("utf-8", "replace"))
     missing = [needed for needed in _NEEDED if needed not in commands]
     if missing:
@@ -212,7 +212,7 @@ def _frame_chirps(
         if astuple(waveform) != astuple(waveforms[0]):
             raise FormatError(
                 f"{line.place}: the chirp's waveform differs from that of the frame's first chirp ({used[0].place}); "
-                f"expected one waveform a frame"
+                "expected one waveform a frame"
             )
     return chirps, waveforms[0]
 

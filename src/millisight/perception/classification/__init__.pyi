@@ -2,10 +2,10 @@ from ._classification import CLASSIFIERS as CLASSIFIERS
 from ._classification import Classifier as Classifier
 from ._classification import classifier as classifier
 from ._classification import classify as classify
+from ._network import CLASSIFIER_CHANNELS as CLASSIFIER_CHANNELS
+from ._network import CLASSIFIER_SIDE as CLASSIFIER_SIDE
 from ._network import CLASSIFIER_WEIGHTS as CLASSIFIER_WEIGHTS
 from ._network import NetworkClassifier as NetworkClassifier
-from ._network_input import CLASSIFIER_CHANNELS as CLASSIFIER_CHANNELS
-from ._network_input import CLASSIFIER_SIDE as CLASSIFIER_SIDE
-from ._network_input import classifier_input as classifier_input
-from ._network_input import masked_channels as masked_channels
-from ._network_input import square_symmetries as square_symmetries
+from ._network import classifier_input as classifier_input
+from ._network import masked_channels as masked_channels
+from ._network import square_symmetries as square_symmetries

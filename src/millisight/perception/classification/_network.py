@@ -10,16 +10,137 @@ from typing import Any
 
 import numpy as np
 
-from millisight.core import check_readable, printable
-from millisight.core.errors import DamagedFileError, FormatError
+from millisight.core import check_readable, checked_record, printable
+from millisight.core.errors import DamagedFileError, FormatError, InputError
 from millisight.data import Mask, Prediction, SarImage
-from millisight.perception import open_network, read_description
-from millisight.perception.classification._classification import CLASSIFIERS
-from millisight.perception.classification._network_input import (
-    CLASSIFIER_CHANNELS,
-    classifier_input,
-    square_symmetries,
+from millisight.perception import (
+    canvas_axes,
+    canvas_power,
+    open_network,
+    power_levels,
+    projected_levels,
+    read_description,
+    resampling_weights,
 )
+from millisight.perception.classification._classification import CLASSIFIERS
+
+CLASSIFIER_SIDE = 80
+"""Pixels along x and y, 4 mm each: 32 cm."""
+SLICES = 8
+THICKNESS = 0.02
+"""Of a slice along z [m]; together they reach 8 cm above and below the middle of the masked power."""
+CLASSIFIER_CHANNELS = ("mask", "magnitude", "level", *(f"slice {i}" for i in range(SLICES)), "other", "has other")
+
+MAGNITUDE = CLASSIFIER_CHANNELS.index("magnitude")
+"""Of the paper's one channel: the mean of |I| along z, 1 from 80 % of its maximum on."""
+
+_CLIPPED = 0.8  # of the maximum
+_LEAST = 1e-30  # power above 0
+_QUARTERS = 4
+
+
+def classifier_input(image: SarImage, mask: Mask, *, other_band: SarImage | None = None) -> np.ndarray:
+    """(C, CLASSIFIER_SIDE, CLASSIFIER_SIDE) float32 channels, as `CLASSIFIER_CHANNELS`, of an image under a mask.
+
+    Parameters
+    ----------
+    image : of 77 GHz, as a rule
+    mask : on the image's pixels
+    other_band : an image of the same place by the other radar; None: there is none
+
+    Raises
+    ------
+    InputError
+        The mask is empty or on other pixels than the image, or an image is 0 under the mask.
+    """
+    checked_record(image, SarImage, name="image")
+    checked_record(mask, Mask, name="mask")
+    grid = image.grid.xy
+    if not _same(mask.grid_xy.x, grid.x) or not _same(mask.grid_xy.y, grid.y):
+        raise InputError(
+            f"the mask is on {mask.grid_xy!r}, the image on {grid!r}; expected one grid: make the mask of this image"
+        )
+    if not mask.inside.any():
+        raise InputError("the mask is empty, and there is nothing to classify; segment the image anew")
+    x, y = canvas_axes(grid)
+    along_x, along_y = resampling_weights(grid.x, x), resampling_weights(grid.y, y)
+    inside = along_x @ mask.inside.astype(np.float32) @ along_y.T
+    power = canvas_power(image, x, y)
+    if not (power * inside[..., None]).any():
+        raise InputError("the image is 0 everywhere under the mask; check how it was formed")
+    other = None if other_band is None else canvas_power(other_band, x, y)
+    if other is not None and not (other * inside[..., None]).any():
+        raise InputError(
+            "the other band is 0 under the mask, or on another grid; image both bands over the same area, or leave it "
+            "out"
+        )
+    return masked_channels(power, image.grid.z, inside, other)
+
+
+def square_symmetries(channels: np.ndarray) -> np.ndarray:
+    """(8, C, S, S) the channels (C, S, S) turned by right angles, and mirrored."""
+    turned = [np.rot90(channels, k, axes=(1, 2)) for k in range(_QUARTERS)]
+    return np.ascontiguousarray(np.stack(turned + [one[:, ::-1] for one in turned]))
+
+
+def masked_channels(
+    power: np.ndarray, z: np.ndarray, inside: np.ndarray, other: np.ndarray | None = None
+) -> np.ndarray:
+    """A classifier's input of one object.
+
+    Parameters
+    ----------
+    power : (A, B, Z) of the image on the canvas's pixels
+    z : (Z,) of its voxels [m], ascending
+    inside : (A, B) share of each pixel that the mask covers, 0 to 1, not 0 throughout
+    other : (A, B, Z') power of the other band on the same pixels; None: there is none
+
+    Returns
+    -------
+    (C, CLASSIFIER_SIDE, CLASSIFIER_SIDE) float32, channels as `CLASSIFIER_CHANNELS`, 0 outside the mask;
+    of an object wider than 32 cm its middle
+    """
+    window = tuple(_window(inside.sum(axis=1 - axis)) for axis in (0, 1))
+    inside = _cut(inside, window)
+    seen = _cut(power, window) * inside[..., None]
+    channels = np.zeros((len(CLASSIFIER_CHANNELS), CLASSIFIER_SIDE, CLASSIFIER_SIDE), np.float32)
+    channels[0] = inside
+    flat = np.sqrt(seen).mean(axis=2)
+    channels[MAGNITUDE] = np.minimum(flat / max(_CLIPPED * flat.max(), np.sqrt(_LEAST)), 1)
+    channels[2] = projected_levels(seen)
+    channels[3 : 3 + SLICES] = power_levels(_slices(seen, z))
+    if other is not None:
+        channels[3 + SLICES] = projected_levels(_cut(other, window) * inside[..., None])
+        channels[4 + SLICES] = inside
+    return channels
+
+
+def _same(ours: np.ndarray, theirs: np.ndarray) -> bool:
+    return ours.shape == theirs.shape and np.allclose(ours, theirs, rtol=0, atol=1e-6)
+
+
+def _window(weights: np.ndarray) -> int:
+    """Where the pixels begin, `CLASSIFIER_SIDE` of them about the middle of what is weighed; perhaps below 0."""
+    middle = float(np.arange(len(weights)) @ weights / weights.sum())
+    return round(middle - (CLASSIFIER_SIDE - 1) / 2)
+
+
+def _cut(values: np.ndarray, starts: tuple[int, ...]) -> np.ndarray:
+    """(CLASSIFIER_SIDE, CLASSIFIER_SIDE, ...) of values from these indices on, 0 where there are none."""
+    cut = np.zeros((CLASSIFIER_SIDE, CLASSIFIER_SIDE, *values.shape[2:]), np.float32)
+    places = [start + np.arange(CLASSIFIER_SIDE) for start in starts]
+    there = [(place >= 0) & (place < size) for place, size in zip(places, values.shape[:2], strict=True)]
+    cut[np.ix_(*there)] = values[np.ix_(*(place[here] for place, here in zip(places, there, strict=True)))]
+    return cut
+
+
+def _slices(power: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """(SLICES, A, B) power at depths `THICKNESS` apart about the middle of all power."""
+    profile = power.sum(axis=(0, 1), dtype=np.float64)
+    middle = float(z @ profile / max(profile.sum(), _LEAST)) if profile.any() else float(z.mean())
+    depths = middle + THICKNESS * (np.arange(SLICES) - (SLICES - 1) / 2)
+    return np.moveaxis(power @ resampling_weights(z, depths).T, -1, 0)
+
 
 CLASSIFIER_WEIGHTS = Path(__file__).with_name("weights") / "classifier.onnx"
 """Shipped; its description lies beside it as .json."""
@@ -61,7 +182,7 @@ class NetworkClassifier:
         if outputs != [len(self.class_names)]:
             raise FormatError(
                 f"{printable(path)} has outputs of shape {outputs} for the {len(self.class_names)} classes that its "
-                "description names; copy both anew"
+                "description names; copy both again"
             )
 
     def classify(self, image: SarImage, mask: Mask, *, other_band: SarImage | None = None) -> Prediction:
@@ -93,7 +214,7 @@ def _description(path: Path) -> dict[str, Any]:
     """What the weights' JSON holds, checked as far as it is used."""
     held = read_description(path, "name", "class_names", "bands", "channels", "temperature", "threshold")
     if held["channels"] != list(CLASSIFIER_CHANNELS):
-        raise FormatError(f"{printable(path)} is of no classifier, or of another version of it; train anew")
+        raise FormatError(f"{printable(path)} does not describe a classifier of this version; train it again")
     names, bands = held["class_names"], held["bands"]
     if (
         not isinstance(names, list) or len(names) < 2 or not all(isinstance(name, str) for name in names)

@@ -9,8 +9,8 @@ from ._segmentation import find_mask as find_mask
 from ._segmentation import largest_share as largest_share
 from ._segmentation import segment as segment
 from ._segmentation import segmenter as segmenter
+from ._wave import WAVE_CHANNELS as WAVE_CHANNELS
+from ._wave import WAVE_SLICES as WAVE_SLICES
 from ._wave import WAVE_WEIGHTS as WAVE_WEIGHTS
 from ._wave import WaveSegmenter as WaveSegmenter
-from ._wave_input import WAVE_CHANNELS as WAVE_CHANNELS
-from ._wave_input import WAVE_SLICES as WAVE_SLICES
-from ._wave_input import wave_input as wave_input
+from ._wave import wave_input as wave_input

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from millisight.core import checked_record, printable
-from millisight.core.errors import DeviceError, FileError, FormatError, InputError, UnknownNameError
+from millisight.core import check_known, checked_record, printable
+from millisight.core.errors import DeviceError, FileError, FormatError, InputError
 from millisight.data import Picture, Prompts
 from millisight.perception.segmentation._segmentation import SEGMENTERS, Candidates
 
@@ -63,8 +63,7 @@ class SamSegmenter:
             import transformers
         except ImportError as error:
             raise ImportError('"sam" needs torch and transformers: pip install "millisight[train]"') from error
-        if device not in ("cpu", "cuda"):
-            raise UnknownNameError("device", device, ("cpu", "cuda"))
+        check_known("device", device, ("cpu", "cuda"))
         if device == "cuda" and not torch.cuda.is_available():
             raise DeviceError('device="cuda" found no GPU that torch can use; use device="cpu"')
         self._device = device
@@ -147,8 +146,8 @@ def _source(name: str) -> str:
     source = MODELS.get(name, name)
     if source.count("/") != 1 or source.startswith((".", "/", "~")):
         raise FileError(
-            f"{printable(name)} is no folder with a model; expected one that `save_pretrained` wrote, an id on the hub "
-            f"such as {MODELS['vit-b']}, or one of {', '.join(MODELS)}"
+            f"{printable(name)} is not a folder with a model; expected one that `save_pretrained` wrote, an id on the "
+            f"hub such as {MODELS['vit-b']}, or one of {', '.join(MODELS)}"
         )
     return source
 
@@ -175,6 +174,6 @@ def _loaded(transformers: Any, name: str, source: str) -> tuple[Any, bool]:
     wanting = sorted(report["missing_keys"]) or sorted(map(str, report["mismatched_keys"]))
     if wanting:
         raise FormatError(
-            f"the model {printable(name)} lacks {len(wanting)} of its weights, such as {wanting[0]}; get it again"
+            f"the model {printable(name)} lacks {len(wanting)} of its weights, such as {wanting[0]}; download it again"
         )
     return model, cls == "Sam2Model"

@@ -4,8 +4,8 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from millisight.core import Registry, checked_array, checked_number, put, record
-from millisight.core.errors import InputError, UnknownNameError
+from millisight.core import Registry, check_known, checked_array, checked_number, put, record
+from millisight.core.errors import InputError
 from millisight.data import Mask, Picture, Prompts, SarImage
 from millisight.perception import LOS, NLOS, RETRY, RETRY_COUNT, Thresholds, power_prompts, project, seed_or_generator
 
@@ -207,8 +207,7 @@ def find_mask(
     UnknownNameError
         No such condition.
     """
-    if condition not in _CONDITIONS:
-        raise UnknownNameError("condition", condition, _CONDITIONS)
+    check_known("condition", condition, _CONDITIONS)
     if picture.power is not None and picture.power.min() == picture.power.max() > 0:
         raise InputError("the picture is equally bright everywhere: there is nothing to segment")
     limit = largest_share(picture) if largest is None else largest
@@ -216,7 +215,7 @@ def find_mask(
 
     def draw(thresholds: Thresholds, count: int | None = None) -> Prompts:
         if generator is None:
-            raise InputError(f"{by.name} needs prompts, which are drawn at random: pass rng=0, say, or prompts")
+            raise InputError(f"{by.name} needs prompts, which are drawn at random: pass rng=0, for example, or prompts")
         return power_prompts(picture, other=other, thresholds=thresholds, count=count, rng=generator)
 
     if prompts is not None:
@@ -233,7 +232,7 @@ def find_mask(
         if best is not None:
             inside, score = candidates.masks[best], float(candidates.scores[best])
             return Segmented(picture=picture, inside=inside, prompts=points, score=score)
-    advice = "pass rng=0, say, to try with prompts drawn at random" if prompts is None and generator is None else (
+    advice = "pass rng=0, for example, to try prompts drawn at random" if prompts is None and generator is None else (
         "choose prompts of your own"
     )  # fmt: skip
     raise InputError(

@@ -5,6 +5,7 @@ needed; a user's points are taken into account. Its model card says what it lear
 """
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, cast
 
@@ -13,9 +14,66 @@ import numpy as np
 from millisight.core import check_readable, printable
 from millisight.core.errors import DamagedFileError, FormatError, InputError
 from millisight.data import Picture, Prompts
-from millisight.perception import SPACING, canvas_axes, canvas_power, open_network, read_description, resampling_weights
+from millisight.perception import (
+    SPACING,
+    canvas_axes,
+    canvas_power,
+    open_network,
+    power_levels,
+    projected_levels,
+    read_description,
+    resampling_weights,
+)
 from millisight.perception.segmentation._segmentation import SEGMENTERS, Candidates
-from millisight.perception.segmentation._wave_input import WAVE_CHANNELS, wave_input
+
+WAVE_SLICES = 8
+"""Into which an image is cut along z, each seen by its brightest voxel."""
+WAVE_CHANNELS = (
+    "mean", *(f"slice {i}" for i in range(WAVE_SLICES)), "other", "has other", "image", "positive", "negative"
+)  # fmt: skip
+
+_MULTIPLE = 8  # of the input's sides: the network halves them three times
+_NO_POINTS = np.zeros((0, 2), int)
+
+
+def wave_input(
+    power: np.ndarray, other: np.ndarray | None, points: Sequence[np.ndarray] = (_NO_POINTS, _NO_POINTS)
+) -> np.ndarray:
+    """The network's input for one image.
+
+    Parameters
+    ----------
+    power : (A, B, Z) on the canvas's pixels
+    other : (A, B, Z') of the other band on the same pixels; None: there is none
+    points : positive and negative prompts (n, 2), indices into A and B
+
+    Returns
+    -------
+    (C, A', B') float32, channels as `WAVE_CHANNELS`; A' and B' are the next multiples of 8, filled up with 0
+    """
+    across, along = power.shape[:2]
+    shape = len(WAVE_CHANNELS), *(-(-size // _MULTIPLE) * _MULTIPLE for size in (across, along))
+    channels = np.zeros(shape, np.float32)
+    inner = channels[:, :across, :along]
+    inner[0] = projected_levels(power)
+    inner[1 : 1 + WAVE_SLICES] = _slice_levels(power)
+    if other is not None:
+        inner[1 + WAVE_SLICES] = projected_levels(other)
+        inner[2 + WAVE_SLICES] = 1
+    inner[3 + WAVE_SLICES] = 1
+    for channel, marked in zip((4 + WAVE_SLICES, 5 + WAVE_SLICES), points, strict=True):
+        for i, j in marked:
+            inner[channel, max(i - 1, 0) : i + 2, max(j - 1, 0) : j + 2] = 1
+    return channels
+
+
+def _slice_levels(power: np.ndarray) -> np.ndarray:
+    """(WAVE_SLICES, A, B) levels of a power (A, B, Z): z in slices of one thickness, each by its maximum."""
+    depth = power.shape[2]
+    edges = np.arange(WAVE_SLICES) * depth / WAVE_SLICES
+    parts = [power[:, :, int(a) : max(int(np.ceil(a + depth / WAVE_SLICES)), int(a) + 1)].max(axis=2) for a in edges]
+    return power_levels(np.stack(parts))
+
 
 WAVE_WEIGHTS = Path(__file__).with_name("weights") / "wave.onnx"
 """Shipped; its description lies beside it as .json."""
@@ -58,7 +116,7 @@ class WaveSegmenter:
         """
         image = picture.image
         if image is None or picture.grid_xy is None:
-            raise InputError("wave looks at radar images, and this picture is a photo; use another method")
+            raise InputError("wave needs a radar image, and this picture is a photo; use another method")
         grid = picture.grid_xy
         if not np.any(image.values):
             raise InputError("the image is 0 everywhere, and there is nothing to segment; check how it was formed")
@@ -67,8 +125,8 @@ class WaveSegmenter:
         other = None if picture.other_band is None else canvas_power(picture.other_band, x, y)
         if other is not None and not other.any():
             raise InputError(
-                "the other band is 0 wherever the image is, or on another grid; image both bands over one place, or "
-                "leave it out"
+                "the other band is 0 wherever the image is, or on another grid; image both bands over the same area, "
+                "or leave it out"
             )
         channels = wave_input(power, other, _canvas_points(prompts, picture, x, y))
         (logits,) = self._session.run(None, {self._session.get_inputs()[0].name: channels[None]})
@@ -131,7 +189,7 @@ def _read_description(path: Path) -> dict[str, Any]:
     held = read_description(path, "cut", "channels")
     cut = held["cut"]
     if held["channels"] != list(WAVE_CHANNELS) or held.get("spacing") != SPACING:
-        raise FormatError(f"{printable(path)}: the weights are of another version of the network; train anew")
+        raise FormatError(f"{printable(path)}: the weights belong to another version of the network; train again")
     if not isinstance(cut, float) or not 0 < cut < 1:
         raise DamagedFileError(f"{printable(path)}: cut is {cut!r}; expected a number between 0 and 1")
     return held

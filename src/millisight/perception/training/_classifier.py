@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from millisight.core import checked_integer, checked_number, checked_numbers, checked_record, put, record
+from millisight.core import check_known, checked_integer, checked_number, checked_numbers, checked_record, put, record
 from millisight.core.errors import InputError, UnknownNameError
-from millisight.meshes import CATALOGUE, SHAPE_CLASSES
+from millisight.meshes import CATALOGUE, RANDOM_SHAPES
 from millisight.perception import canvas_axis, resampled_power, resampling_weights
 from millisight.perception.classification import (
     CLASSIFIER_CHANNELS,
@@ -18,7 +18,6 @@ from millisight.perception.classification import (
     square_symmetries,
 )
 from millisight.perception.training import _augmentation as augmentation
-from millisight.perception.training._calibration import answer_scores, best_temperature, best_threshold, cross_entropy
 from millisight.perception.training._loop import Schedule, run
 from millisight.perception.training._scenes import RANDOM_OBJECTS, SCENE_PARTS, SceneParts, SceneSettings
 from millisight.perception.training._training import RECIPES, SceneRequest, TrainingScene, TrainingScenes, held_back
@@ -92,8 +91,7 @@ class ClassifierRecipe:
                 raise InputError(f"classes: {shape} is {objects!r}; expected a list of names of the catalogue")
         own = {str(shape): tuple(str(name) for name in objects) for shape, objects in self.classes.items()}
         for kind, value, known in (("parts", self.parts, MODELS_TAUGHT), ("network", self.network, _BANDS)):
-            if value not in known:
-                raise UnknownNameError(kind, value, known)
+            check_known(kind, value, known)
         named = [name for objects in own.values() for name in objects]
         for name in (*self.without, *self.tests, *named):
             if name not in CATALOGUE and not (name in named and name in self.tests):
@@ -119,15 +117,14 @@ class ClassifierRecipe:
                     f"{', '.join(_RANDOM)}; name these only, or set drawn to 0"
                 )
         for shape in self.stretch:
-            if shape not in self.objects:
-                raise UnknownNameError("class", shape, self.objects)
+            check_known("class", shape, self.objects)
 
     @property
     def every_object(self) -> Mapping[str, tuple[str, ...]]:
         """Names of the objects of each class, whether trained with or not."""
         return self.classes or {
             shape: tuple(name for name, entry in CATALOGUE.items() if entry.shape_class == shape)
-            for shape in SHAPE_CLASSES[:-1]
+            for shape in RANDOM_SHAPES
         }
 
     @property
@@ -166,14 +163,14 @@ class ClassifierRecipe:
     def summary(self, description: Mapping[str, Any]) -> str:
         """Accuracy on the validation scenes."""
         return (
-            f"{100 * description['validation']['accuracy']:.1f} % of the validation scenes right, by chance "
+            f"{100 * description['validation']['accuracy']:.1f} % of the validation scenes right, chance is "
             f"{100 / len(description['class_names']):.1f} %"
         )
 
 
 def _check_classes(objects: Mapping[str, Sequence[str]]) -> None:
     if len(objects) < 2:
-        raise InputError(f"classes are {list(objects)}; expected two at least, for there to be something to tell apart")
+        raise InputError(f"classes are {list(objects)}; expected at least two")
     for shape, names in objects.items():
         if not names:
             raise InputError(
@@ -315,3 +312,52 @@ def example_of(scene: SceneParts, recipe: ClassifierRecipe, rng: np.random.Gener
     depths = recipe.spacing[2] * np.arange(power["77_ghz"].shape[2])
     channels = masked_channels(power["77_ghz"], depths, inside, power.get("24_ghz"))
     return augmentation.seen_otherwise(channels, rng)
+
+
+_SURE = 0.95  # of the answers that are given should be right: on validation
+
+
+def cross_entropy(logits: np.ndarray, labels: np.ndarray) -> np.ndarray:
+    """(N,) -log of the probability of the right class, of logits (N, C) and labels (N,)."""
+    shifted = logits - logits.max(axis=1, keepdims=True)
+    return np.log(np.exp(shifted).sum(axis=1)) - shifted[np.arange(len(labels)), labels]
+
+
+def best_temperature(logits: np.ndarray, labels: np.ndarray) -> float:
+    """The number by which logits (N, C) are divided so that the mean cross-entropy is least.
+
+    Guo et al. 2017, "On Calibration of Modern Neural Networks".
+    """
+    from scipy.optimize import minimize_scalar
+
+    found: Any = minimize_scalar(
+        lambda power: cross_entropy(logits / 2**power, labels).mean(), bounds=(-3, 5), method="bounded"
+    )
+    return round(float(2**found.x), 4)
+
+
+def best_threshold(logits: np.ndarray, labels: np.ndarray) -> float:
+    """The lowest confidence from which on 95 % of the answers are right."""
+    right, confidence = _answers(logits, labels)
+    order = np.argsort(-confidence, kind="stable")
+    share = np.cumsum(right[order]) / np.arange(1, len(order) + 1)
+    enough = np.flatnonzero(share >= _SURE)
+    return round(float(confidence[order[enough[-1]]] if len(enough) else confidence.max()), 4)
+
+
+def answer_scores(logits: np.ndarray, labels: np.ndarray) -> dict[str, float]:
+    """Accuracy, mean confidence and mean cross-entropy ("surprise", as descriptions of weights call it)."""
+    right, confidence = _answers(logits, labels)
+    scores = {
+        "accuracy": right.mean(),
+        "mean confidence": confidence.mean(),
+        "surprise": cross_entropy(logits, labels).mean(),
+    }
+    return {"examples": len(labels)} | {name: round(float(value), 4) for name, value in scores.items()}
+
+
+def _answers(logits: np.ndarray, labels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(N,) whether the most probable class is the right one, and its probability."""
+    probabilities = np.exp(logits - logits.max(axis=1, keepdims=True))
+    probabilities /= probabilities.sum(axis=1, keepdims=True)
+    return logits.argmax(axis=1) == labels, probabilities.max(axis=1)

@@ -75,18 +75,11 @@ class Schedule:
 
 
 class Fitted(NamedTuple):
-    """What came of training.
+    """What came of training."""
 
-    Attributes
-    ----------
-    epochs : how many were done
-    best_epoch : the one whose weights the network has now, from 0 on
-    history : a mapping of figures for each epoch: "loss", "score", "learning_rate"
-    """
-
-    epochs: int
-    best_epoch: int
-    history: tuple[Mapping[str, float], ...]
+    epochs: int  # how many were done
+    best_epoch: int  # the one whose weights the network has now, from 0 on
+    history: tuple[Mapping[str, float], ...]  # of each epoch: "loss", "score", "learning_rate"
 
 
 @contextmanager
@@ -215,7 +208,7 @@ def _check_device(device: str) -> None:
 
     check_device(device)
     if device == "cuda" and not torch.cuda.is_available():
-        raise DeviceError("this torch sees no GPU; install one built for CUDA, or train on the CPU")
+        raise DeviceError("torch finds no GPU; install a build for CUDA, or train on the CPU")
 
 
 @contextmanager
@@ -323,7 +316,7 @@ def _restore(path: Path, digest: str, network, optimizer) -> "tuple[list[dict[st
             state = json.loads((file.metadata() or {})[_STATE])
             if state["made_of"] != digest:
                 raise InputError(
-                    f"{name} is of another recipe or schedule; choose another folder, or delete it to start anew"
+                    f"{name} belongs to another recipe or schedule; choose another folder, or delete it to start again"
                 )
             tensors = {key: file.get_tensor(key) for key in names}
         history = [{key: float(entry[key]) for key in ("loss", "learning_rate", "score")} for entry in state["history"]]
@@ -340,7 +333,7 @@ def _restore(path: Path, digest: str, network, optimizer) -> "tuple[list[dict[st
     except (SafetensorError, RuntimeError, KeyError, TypeError, ValueError) as error:
         if isinstance(error, InputError):
             raise
-        raise DamagedFileError(f"{name} is no whole checkpoint: {error}; delete it to start anew") from error
+        raise DamagedFileError(f"{name} is not a complete checkpoint: {error}; delete it to start again") from error
     return history, best
 
 

@@ -19,6 +19,7 @@ import numpy as np
 from millisight.core import (
     SPEED_OF_LIGHT,
     atomic_path,
+    check_known,
     checked_integer,
     checked_number,
     checked_numbers,
@@ -26,7 +27,7 @@ from millisight.core import (
     put,
     record,
 )
-from millisight.core.errors import DamagedFileError, UnknownNameError
+from millisight.core.errors import DamagedFileError
 from millisight.data import Capture, Material, Radar, Scene, Trajectory, TriangleMesh, VoxelGrid
 from millisight.imaging import combine, form_image
 from millisight.meshes import CATALOGUE, RANDOM_SHAPES, build_object, random_shape
@@ -72,8 +73,7 @@ class SceneSettings:
 
     def __post_init__(self) -> None:
         for name in (*self.without, *self.validation):
-            if name not in CATALOGUE:
-                raise UnknownNameError("catalogue object", name, CATALOGUE)
+            check_known("catalogue object", name, CATALOGUE)
         put(
             self,
             poses=checked_integer(self.poses, name="poses"),
@@ -118,17 +118,7 @@ def cached_scene(
 ) -> SceneParts:
     """The scene of this number with this object: read from `folder`, or made and written there.
 
-    Parameters
-    ----------
-    name : of the catalogue, or of `RANDOM_OBJECTS`
-    number : from 0 on
-    settings : SceneSettings
-    seed : each scene is drawn from it, its object's name and its number, and from nothing else
-    folder : that is there
-
-    Raises
-    ------
-    FileError, DamagedFileError
+    It is drawn from the seed, the object's name and the number, and from nothing else.
     """
     path = Path(folder) / f"{name}-{number}-{_digest(settings, seed)}.npz"
     if not path.exists():
@@ -294,7 +284,7 @@ def _read(path: Path) -> SceneParts:
             scales = {band: held[f"{band}_scales"] for band in BANDS}
             scene = SceneParts(held["x"], held["y"], held["inside"], held["angles_deg"], images, scales)
     except (OSError, ValueError, KeyError, EOFError, ImportError) as error:
-        raise DamagedFileError(f"{printable(path)} is no scene of this training: {error}; delete it") from error
+        raise DamagedFileError(f"{printable(path)} is not a scene of this training: {error}; delete it") from error
     shape = scene.inside.shape
     if any(values.shape[:3] != (len(SCENE_PARTS), *shape) for values in images.values()):
         raise DamagedFileError(f"{printable(path)}: its images and its mask differ in size; delete it")

@@ -67,7 +67,7 @@ class SegmenterRecipe:
             raise InputError(f"widths are {list(widths)}; expected four multiples of 8")
         for side, names in self.scenes.objects.items():
             if not names:
-                raise InputError(f"no object is left for {side}; name some in scenes.validation, and not all others")
+                raise InputError(f"no object is left for {side}; list some, but not all, in scenes.validation")
         put(
             self,
             widths=widths,
@@ -167,18 +167,11 @@ def _f_score(mask: np.ndarray, truth: np.ndarray, beta: int) -> float:
 
 
 class SegmenterExample(NamedTuple):
-    """One input of the network, and what it should find.
+    """One input of the network, and what it should find."""
 
-    Attributes
-    ----------
-    channels : (C, 64, 64) float32, as `WAVE_CHANNELS`
-    inside : (64, 64) float32, share of each pixel over which the object lies
-    weight : (64, 64) float32, 1 where there is an image, else 0
-    """
-
-    channels: np.ndarray
-    inside: np.ndarray
-    weight: np.ndarray
+    channels: np.ndarray  # (C, 64, 64) float32, as `WAVE_CHANNELS`
+    inside: np.ndarray  # (64, 64) float32, share of each pixel over which the object lies
+    weight: np.ndarray  # (64, 64) float32, 1 where there is an image, else 0
 
 
 def example_of(scene: SceneParts, rng: np.random.Generator) -> SegmenterExample:
@@ -246,10 +239,7 @@ def _placed(channels: np.ndarray, inside: np.ndarray, rng: np.random.Generator) 
     )
     held = np.zeros((len(channels), EXAMPLE_SIDE, EXAMPLE_SIDE), np.float32)
     held[:, a : a + across, b : b + along] = channels[:, :across, :along]
-    truth, weight = (
-        np.zeros((EXAMPLE_SIDE, EXAMPLE_SIDE), np.float32),
-        np.zeros((EXAMPLE_SIDE, EXAMPLE_SIDE), np.float32),
-    )
+    truth, weight = np.zeros((2, EXAMPLE_SIDE, EXAMPLE_SIDE), np.float32)
     truth[a : a + across, b : b + along] = inside
     weight[a : a + across, b : b + along] = 1
     return SegmenterExample(held, truth, weight)

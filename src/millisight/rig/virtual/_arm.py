@@ -5,8 +5,7 @@ import numpy as np
 from millisight.core.errors import InputError
 from millisight.data import Trajectory
 from millisight.rig import NOT_TURNED, ArmPose
-from millisight.rig.virtual._clocks import WorldTime
-from millisight.rig.virtual._settings import ArmSettings
+from millisight.rig.virtual._settings import ArmSettings, WorldTime
 
 # Waves whose sum is the path error: so many that it is as good as Gaussian.
 _WAVES = 256
@@ -56,14 +55,7 @@ class _Stray:
 
 
 class VirtualArm:
-    """The arm of a virtual rig: an `Arm`, and for the virtual radars the truth of where it is.
-
-    Parameters
-    ----------
-    settings : how well it moves
-    time : the world's
-    rng : draws path error and encoder noise
-    """
+    """The arm of a virtual rig: an `Arm`, and for the virtual radars the truth of where it is."""
 
     def __init__(self, settings: ArmSettings, time: WorldTime, rng: np.random.Generator):
         self._settings = settings
@@ -116,7 +108,7 @@ class VirtualArm:
     def _path(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(n, 3) planned positions [m] and (n,) distances travelled [m]."""
         if not self._moves:
-            raise InputError("the arm was never sent anywhere; call sweep first")
+            raise InputError("the arm has not moved yet; call sweep first")
         times = np.asarray(times, dtype=float)
         planned, distances = np.empty((len(times), 3)), np.empty(len(times))
         # Before its move begins the arm stands where the move starts, which is where the one before ended.

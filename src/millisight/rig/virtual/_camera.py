@@ -36,15 +36,7 @@ class CameraView(NamedTuple):
 
 
 class VirtualCamera:
-    """The camera of a virtual rig: a `Camera`.
-
-    Parameters
-    ----------
-    settings : CameraSettings
-    layout : what it looks at
-    where : (3,) the radar frame's true place now [m], in the base frame
-    rng : draws noise and holes
-    """
+    """The camera of a virtual rig: a `Camera`; `where()` is the radar frame's true place now (3,) [m], in the base."""
 
     def __init__(
         self, settings: CameraSettings, layout: WorldLayout, where: Callable[[], np.ndarray], rng: np.random.Generator

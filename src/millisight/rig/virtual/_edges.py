@@ -25,24 +25,15 @@ from millisight.data import TriangleMesh
 
 @record
 class Edges:
-    """E straight elements of edges.
+    """E straight elements of edges."""
 
-    Attributes
-    ----------
-    middles, along : (E, 3) of each element [m], and the unit vector along it
-    normals, into : (E, 3) of the first of its faces: outward normal, and the unit vector from the edge into it
-    others : (E, 3) normal of the second face; of the rim of an open surface, the only one's
-    lengths : (E,) [m]
-    openings : (E,) n, the exterior angle over pi; 2 for the rim of an open surface
-    """
-
-    middles: np.ndarray
-    along: np.ndarray
-    normals: np.ndarray
-    into: np.ndarray
-    others: np.ndarray
-    lengths: np.ndarray
-    openings: np.ndarray
+    middles: np.ndarray  # (E, 3) [m]
+    along: np.ndarray  # (E, 3) unit vectors
+    normals: np.ndarray  # (E, 3) outward, of the first face
+    into: np.ndarray  # (E, 3) unit vectors from the edge into the first face
+    others: np.ndarray  # (E, 3) normal of the second face; of the rim of an open surface, the only one's
+    lengths: np.ndarray  # (E,) [m]
+    openings: np.ndarray  # (E,) n, the exterior angle over pi; 2 for the rim of an open surface
 
     def __len__(self) -> int:
         return len(self.lengths)

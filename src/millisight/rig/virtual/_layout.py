@@ -1,17 +1,78 @@
-"""A world built: every surface in its place, checked to be possible before anything is computed."""
+"""A world built: every surface and every object in its place, checked to be possible before anything is computed."""
 
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from millisight.core import box
-from millisight.core.errors import CoverageError, InputError
-from millisight.data import TriangleMesh, VoxelGrid
-from millisight.meshes import ObjectPart, RayCaster
-from millisight.rig.virtual._objects import PlacedObject, bounds_of, part_of, place_name, place_object
+from millisight.core import box, rotation_from_euler_deg
+from millisight.core.errors import CoverageError, InputError, MillisightError
+from millisight.data import TriangleMesh, VoxelGrid, material_named
+from millisight.meshes import ObjectPart, RayCaster, build_parts, load_mesh
 from millisight.rig.virtual._published import image_grid
 from millisight.rig.virtual._shading import ShadedMeshes
-from millisight.rig.virtual._world import World
+from millisight.rig.virtual._world import World, WorldObject
+
+
+class PlacedObject(NamedTuple):
+    """An object in its place: its number in the world, its name, and its parts; it does not move."""
+
+    number: int
+    name: str
+    parts: tuple[ObjectPart, ...]
+
+    @property
+    def bounds(self) -> np.ndarray:
+        """(2, 3) [m]"""
+        return bounds_of(self.parts)
+
+
+def place_name(world: World, number: int) -> str:
+    """How messages call an object: by its place in the file and its name."""
+    return f"objects[{number}] ({world.objects[number].name})"
+
+
+def bounds_of(parts: tuple[ObjectPart, ...]) -> np.ndarray:
+    bounds = np.array([part.mesh.bounds for part in parts])
+    return np.stack([bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)])
+
+
+def place_object(world: World, number: int) -> PlacedObject:
+    item = world.objects[number]
+    try:
+        parts = _parts(item, world.folder)
+    except MillisightError as error:
+        raise type(error)(f"{place_name(world, number)}: {error}") from error
+    if any(item.rotate_deg):
+        parts = _moved(parts, rotation=rotation_from_euler_deg(item.rotate_deg))
+    lower, upper = bounds_of(parts)
+    middle = (lower + upper) / 2
+    at = world.scan.middle if item.at is None else item.at
+    top = world.support.height
+    height = at[2] if len(at) == 3 else top + (upper[2] - lower[2]) / 2
+    shift = np.array([at[0], at[1], height]) - middle
+    return PlacedObject(number, item.name, _moved(parts, translation=shift))
+
+
+def _parts(item: WorldObject, folder: str) -> tuple[ObjectPart, ...]:
+    """An object's parts as the catalogue or its file gives them."""
+    if item.object is not None:
+        parts = build_parts(item.object)
+    else:
+        mesh = load_mesh(Path(folder) / str(item.mesh), unit=item.unit)
+        parts = (part_of(item.name, mesh, "metal"),)
+    if item.material is None:
+        return parts
+    return tuple(part_of(part.name, part.mesh, item.material) for part in parts)
+
+
+def part_of(name: str, mesh: TriangleMesh, material: str) -> ObjectPart:
+    return ObjectPart(name=name, mesh=mesh, material=material_named(material))
+
+
+def _moved(parts: tuple[ObjectPart, ...], **motion: np.ndarray) -> tuple[ObjectPart, ...]:
+    return tuple(ObjectPart(name=p.name, mesh=p.mesh.moved(**motion), material=p.material) for p in parts)
+
 
 FLOOR = -0.95
 """Height of the floor [m], of which the camera has a view and the radars none: absorber lies on it."""
@@ -64,7 +125,10 @@ class WorldLayout:
         background: tuple[ObjectPart, ...],
         panels: tuple[LayerPanel, ...],
     ):
-        self.world, self.objects, self.background, self.panels = world, objects, background, panels
+        self.world: World = world
+        self.objects: tuple[PlacedObject, ...] = objects
+        self.background: tuple[ObjectPart, ...] = background
+        self.panels: tuple[LayerPanel, ...] = panels
         self._view: ShadedMeshes | None = None
 
     @property
@@ -218,7 +282,7 @@ def _check_places(world: World, objects: tuple[PlacedObject, ...]) -> None:
             if wide > size:
                 raise CoverageError(
                     f"{name} is {wide * 100:.1f} cm wide along {axis}, the aperture only {size * 100:.1f} cm; enlarge "
-                    "scan.size, or turn it with rotate_deg"
+                    "scan.size, or rotate it with rotate_deg"
                 )
         first, last = np.array(scan.corner), np.add(scan.corner, scan.size)
         if (lower[:2] < first - _TOUCH).any() or (upper[:2] > last + _TOUCH).any():
@@ -246,7 +310,7 @@ def _check_crossings(objects: tuple[PlacedObject, ...], world: World) -> None:
     for i, item in enumerate(objects):
         for other, parts in others[i + 1 :]:
             if _overlap(item.parts, parts):
-                raise InputError(f"{place_name(world, item.number)} and {other} run through each other; move one")
+                raise InputError(f"{place_name(world, item.number)} and {other} intersect; move one")
 
 
 def _overlap(one: tuple[ObjectPart, ...], other: tuple[ObjectPart, ...]) -> bool:
@@ -288,7 +352,7 @@ def _check_panels(objects: tuple[PlacedObject, ...], panels: tuple[LayerPanel, .
             if any(_pierces(x, y, closed=False) for x, y in ((item.parts, sheet), (sheet, item.parts))):
                 raise InputError(
                     f"the carton cuts through objects[{item.number}] ({item.name}); enlarge carton.size, or leave it "
-                    "out for one that fits"
+                    "out to get one that fits"
                 )
 
 

@@ -21,18 +21,11 @@ LANES = 16
 
 @record
 class Patches:
-    """N triangles in G clusters, padding included.
+    """N triangles in G clusters, padding included."""
 
-    Attributes
-    ----------
-    corners : (N, 3, 3) of each triangle [m], counter-clockwise seen from outside; a padding patch is a point
-    surface : (G,) number of the surface that a cluster belongs to
-    starts : (G + 1,) where clusters begin; multiples of LANES
-    """
-
-    corners: np.ndarray
-    surface: np.ndarray
-    starts: np.ndarray
+    corners: np.ndarray  # (N, 3, 3) [m], counter-clockwise seen from outside; padding is a point
+    surface: np.ndarray  # (G,) number of the surface that a cluster belongs to
+    starts: np.ndarray  # (G + 1,) where clusters begin; multiples of LANES
 
     @property
     def centroids(self) -> np.ndarray:
@@ -121,12 +114,7 @@ def _sliced(triangles: np.ndarray, longest: float) -> np.ndarray:
 
 
 def gather(surfaces: Sequence[np.ndarray], cell: float) -> Patches:
-    """Patches of several surfaces in clusters no wider than `cell` [m].
-
-    Parameters
-    ----------
-    surfaces : (M, 3, 3) triangles of each surface, as `cut` gives them
-    """
+    """Patches of several surfaces, each (M, 3, 3) triangles from `cut`, in clusters no wider than `cell` [m]."""
     corners = np.concatenate(list(surfaces))
     owner = np.repeat(np.arange(len(surfaces)), [len(s) for s in surfaces])
     places = np.floor(corners.mean(axis=1) / cell).astype(np.int64)

@@ -13,8 +13,7 @@ from millisight.core import SPEED_OF_LIGHT, checked_integer
 from millisight.core.errors import InputError
 from millisight.data import PHASE_SIGN, Trajectory
 from millisight.rig import Recording
-from millisight.rig.virtual._clocks import WorldTime
-from millisight.rig.virtual._settings import RadarSettings
+from millisight.rig.virtual._settings import RadarSettings, WorldTime
 
 REFERENCE = 0.1 / np.sqrt(4 * np.pi) / 0.3**2
 """sqrt(0.01 m² / 4 pi) / (0.3 m)² [1/m]"""
@@ -34,13 +33,7 @@ Frames = Callable[[RadarSettings, Trajectory], np.ndarray]
 class VirtualRadar:
     """A radar of a virtual rig: a `RadarDevice`.
 
-    Parameters
-    ----------
-    settings : RadarSettings
-    time : the world's
-    where : true positions (n, 3) of the radar frame [m], at true times (n,) [s]
-    frames : what it would measure if it were perfect
-    rng : draws noise and losses
+    `where(times)` are true positions (n, 3) [m] at true times (n,) [s]; `frames` what it would measure if perfect.
     """
 
     def __init__(
@@ -97,19 +90,7 @@ class VirtualRadar:
 
 
 def digitised(echoes: np.ndarray, settings: RadarSettings, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """What the recorder keeps of perfect frames.
-
-    Parameters
-    ----------
-    echoes : (F, 1, R, N) complex, of the sign inside millisight, path offset and all
-    settings : RadarSettings
-    rng : Generator
-
-    Returns
-    -------
-    samples : (F, C, R, N) complex64, whole numbers
-    lost : (F,) bool
-    """
+    """What is kept of perfect `echoes` (F, 1, R, N): (F, C, R, N) whole numbers complex64, and (F,) what is lost."""
     phases, thermal, losses = rng.spawn(3)
     frames = with_phase_noise(echoes[:, 0] + leakage(settings), settings, phases)
     shape = (len(frames), int(settings.chirps or 1), *frames.shape[1:])

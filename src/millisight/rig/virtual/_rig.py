@@ -1,19 +1,22 @@
-"""A whole virtual rig: the devices of one world, and the truth that only they know."""
+"""A whole virtual rig: the devices of one world, and the truth that only they know, also in files of its own."""
 
+import os
 import time
+from pathlib import Path
 
 import numpy as np
 
+from millisight.core import atomic_path, make_folder
 from millisight.core.errors import InputError, UnknownNameError
-from millisight.data import LAYERED, Trajectory
+from millisight.data import LAYERED, CameraMask, Trajectory
+from millisight.io import save
 from millisight.rig import ArmPose, ScanPlan
 from millisight.rig.virtual._arm import VirtualArm
-from millisight.rig.virtual._camera import VirtualCamera
-from millisight.rig.virtual._clocks import WorldTime
+from millisight.rig.virtual._camera import VirtualCamera, camera_mask, footprint, object_pixels, render, visible_pixels
 from millisight.rig.virtual._layout import WorldLayout, build_layout
-from millisight.rig.virtual._published import BASE_ORIGIN
+from millisight.rig.virtual._published import BASE_ORIGIN, image_grid
 from millisight.rig.virtual._radar import Frames, VirtualRadar
-from millisight.rig.virtual._settings import RadarSettings
+from millisight.rig.virtual._settings import RadarSettings, WorldTime
 from millisight.rig.virtual._world import World
 
 # Keys of the devices' random numbers: one that is added changes none of the others.
@@ -43,22 +46,22 @@ class VirtualRig:
     """
 
     def __init__(self, world: World, *, layout: WorldLayout | None = None, frames: Frames | None = None):
-        self.world = world
-        self.layout = build_layout(world) if layout is None else layout
+        self.world: World = world
+        self.layout: WorldLayout = build_layout(world) if layout is None else layout
         now = WorldTime()
-        self.arm = VirtualArm(world.arm, now, world.rng(_ARM))
+        self.arm: VirtualArm = VirtualArm(world.arm, now, world.rng(_ARM))
         self._frames = frames or optics_of(self.layout)
-        self.radars = tuple(
+        self.radars: tuple[VirtualRadar, ...] = tuple(
             VirtualRadar(settings, now, self._radar_frame, self._frames, world.rng(_RADAR, int(settings.name[:2])))
             for settings in world.radars
         )
-        self.camera = VirtualCamera(
+        self.camera: VirtualCamera = VirtualCamera(
             world.camera,
             self.layout,
             lambda: self.arm.true_positions(np.array([now.now]))[0],
             world.rng(_CAMERA),
         )
-        self.plan = plan_of(world)
+        self.plan: ScanPlan = plan_of(world)
 
     def truth(self, name: str) -> Trajectory:
         """Where the radar `name` truly was when it took its frames: radar frame [m], times of its own clock [s].
@@ -129,13 +132,7 @@ def _seconds(frames: Frames, settings: RadarSettings, positions: np.ndarray) -> 
 
 
 def plan_of(world: World) -> ScanPlan:
-    """The scan of a world in the base frame, with time for its slowest row.
-
-    Raises
-    ------
-    InputError
-        It would take more frames than any disk holds.
-    """
+    """The scan of a world in the base frame, with time for its slowest row; an error if no disk holds its frames."""
     scan = world.scan
     rows = [
         (ArmPose(position=np.add(BASE_ORIGIN, (x, y0, 0.0))), ArmPose(position=np.add(BASE_ORIGIN, (x, y1, 0.0))))
@@ -153,8 +150,8 @@ def plan_of(world: World) -> ScanPlan:
         count = len(rows) * row_time / period
         if not count <= _MOST_FRAMES:
             raise InputError(
-                f"{what} would take {count:.3g} frames or poses, one each {period:g} s; expected {_MOST_FRAMES:.0e} at "
-                "most: a faster arm, fewer rows, or a longer period"
+                f"{what} would take {count:.3g} frames or poses, one every {period:g} s; expected at most "
+                f"{_MOST_FRAMES:.0e}: use a faster arm, fewer rows, or a longer period"
             )
     return plan
 
@@ -162,8 +159,8 @@ def plan_of(world: World) -> ScanPlan:
 def optics_of(layout: WorldLayout) -> Frames:
     """What a perfect radar measures of a layout, by the rig's optics."""
     # Numba is loaded when echoes are computed, not when a world is checked.
+    from millisight.rig.virtual._echoes import EchoModel, Part
     from millisight.rig.virtual._occluders import Sheet
-    from millisight.rig.virtual._optics import EchoModel, Part
 
     world = layout.world
     parts = tuple(Part(mesh=part.mesh, material=part.material) for part in layout.parts)
@@ -187,3 +184,51 @@ def _planned(world: World, settings: RadarSettings) -> Trajectory:
     rows = [start.position + along * (end.position - start.position) for start, end in plan_of(world).rows]
     positions = np.concatenate(rows) - BASE_ORIGIN + np.array(settings.mount)
     return Trajectory(times=np.arange(len(positions)), positions=positions)
+
+
+def line_of_sight_mask(rig: VirtualRig) -> CameraMask:
+    """The objects' pixels in the picture of the same scene with noitem before it, as the published masks are made."""
+    layout, pose = rig.layout.uncovered(), rig.camera.pose
+    frame = render(layout, pose, rig.world.camera, np.random.default_rng(rig.world.seed))
+    return camera_mask(frame, visible_pixels(layout, pose))
+
+
+def write_object_masks(rig: VirtualRig, folder: Path) -> None:
+    """Write each object's pixels in the picture into `camera.masks.npz`: see `write_truth`."""
+    masks = {}
+    for item in rig.layout.objects:
+        masks[f"{item.number}_{item.name}.amodal"] = object_pixels(rig.layout, rig.camera.pose, item.number)
+        masks[f"{item.number}_{item.name}.visible"] = visible_pixels(rig.layout, rig.camera.pose, item.number)
+    with atomic_path(folder / "camera.masks.npz") as temporary, open(temporary, "wb") as file:
+        np.savez_compressed(file, **masks)
+
+
+def write_truth(rig: VirtualRig, folder: str | os.PathLike[str]) -> Path:
+    """Write the truth of a scan into `folder`, made where it is missing; the same scan gives the same bytes.
+
+    - `<radar>.path.h5`, a Trajectory: where the radar was when it took each frame, radar frame, times of its own clock;
+    - `<radar>.footprint.h5`, a Mask: the pixels of the published image grid over which objects lie; with several also
+      `<radar>.<number>_<name>.footprint.h5` of each;
+    - `camera.mask.h5`, a CameraMask: the objects in the picture as if noitem hid them;
+    - `camera.masks.npz`: of each object `<number>_<name>.amodal`, (480, 640) bool, its pixels if it were alone, and
+      `.visible`, those on which it is seen;
+    - `world.toml`.
+
+    Raises
+    ------
+    FileError
+    """
+    folder = make_folder(folder)
+    layout = rig.layout
+    several = layout.objects if len(layout.objects) > 1 else ()
+    for radar in rig.radars:
+        save(folder / f"{radar.name}.path.h5", rig.truth(radar.name), reproducible=True)
+        grid = image_grid(rig.world, radar.name).xy
+        for number, name in [(None, ""), *((item.number, f".{item.number}_{item.name}") for item in several)]:
+            mask = footprint(layout, grid, number)
+            save(folder / f"{radar.name}{name}.footprint.h5", mask, reproducible=True)
+    if layout.objects:
+        save(folder / "camera.mask.h5", line_of_sight_mask(rig), reproducible=True)
+        write_object_masks(rig, folder)
+    rig.world.seen_from(folder).to_toml(folder / "world.toml")
+    return folder

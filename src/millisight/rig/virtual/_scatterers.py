@@ -11,11 +11,11 @@ from millisight.data import Radar, TriangleMesh, Waveform
 from millisight.meshes import LIFT, RayCaster
 from millisight.rig.virtual import _kernels as _kernels
 from millisight.rig.virtual import _path_kernels as _path_kernels
-from millisight.rig.virtual._antenna import Antenna
 from millisight.rig.virtual._edges import Edges, sharp_edges
 from millisight.rig.virtual._multipath import double_bounces
 from millisight.rig.virtual._occluders import Sheet, sheet_tables
 from millisight.rig.virtual._patches import REACH, Patches, cut, gather
+from millisight.rig.virtual._settings import Antenna
 from millisight.rig.virtual._surface import Boundary, fitted
 
 EDGE_DEG = 20.0
@@ -59,22 +59,10 @@ class Band(NamedTuple):
 
 
 class SurfaceScatterers:
-    """Patches of solids and sheets, and edges of solids.
+    """Patches of solids and sheets, and edges of solids; solids cast shadows, sheets none.
 
-    Parameters
-    ----------
-    solids : meshes and their surfaces; they cast shadows
-    sheets : cast none
-    radar : what looks at them
-    edges : whether solids have edges that diffract
-    antenna : its pattern; None: none
-    rng : of rough surfaces' random phases
-
-    Attributes
-    ----------
-    places : (V, 3) of patches, then edges: just above them [m]
-    directions : (2, V, 3) normals of their faces: a patch has one, twice
-    caster : what casts shadows on them
+    `places` (V, 3) of patches, then edges, lie just above them [m]; `directions` (2, V, 3) are the normals of their
+    faces, of which a patch has one, twice.
     """
 
     def __init__(
@@ -116,12 +104,7 @@ class SurfaceScatterers:
         self.caster = RayCaster(self._corners[self._solid], centered=True)
 
     def check_clearance(self, antennas: np.ndarray) -> None:
-        """Refuse antennas (A, 3) [m] nearer to a surface than the sums are good for.
-
-        Raises
-        ------
-        CoverageError
-        """
+        """Refuse antennas (A, 3) [m] nearer to a surface than the sums are good for."""
         from scipy.spatial import KDTree
 
         distance = KDTree(self._centers).query(antennas)[0]
@@ -155,14 +138,9 @@ class SurfaceScatterers:
         light: np.ndarray,
         mirrors: Sequence[tuple[int, Pairs]],
     ) -> np.ndarray:
-        """(P, T, R, N) complex64 frames.
+        """(P, T, R, N) complex64 frames of `antennas` (P, T + R, 3) [m], whose x, y and -z are `axes` (P, 3, 3).
 
-        Parameters
-        ----------
-        antennas : (P, T + R, 3) transmitters, then receivers [m]
-        axes : (P, 3, 3) the radar's x, y and -z
-        light : (P (T + R), V) how much of `places` each antenna sees
-        mirrors : for how many poses, one after the other, which double bounces; none: without
+        `light` (P (T + R), V) is how much of `places` each sees; `mirrors`: for how many poses which double bounces.
         """
         poses, count = antennas.shape[:2]
         transmitters = len(self._radar.array.tx_positions)
@@ -225,7 +203,7 @@ def _phasors(surfaces: Sequence[Boundary], patches: Patches, rng: int | np.rando
     phasors = np.zeros(len(rough), dtype=complex)
     if rough.any():
         if rng is None:
-            raise InputError("a part is rough, which needs random phases: pass rng=0, say")
+            raise InputError("a part is rough, which needs random phases: pass rng=0, for example")
         draws = np.random.default_rng(rng).standard_normal((int(rough.sum()), 2))
         phasors[rough] = draws @ np.array([1, 1j]) / np.sqrt(2)
     return phasors

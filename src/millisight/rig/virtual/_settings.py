@@ -1,10 +1,13 @@
-"""How well the devices of a virtual rig work: arm, radars and camera, as records that a world file holds."""
+"""How well the devices of a virtual rig work: clocks, antennas, arm, radars and camera, as records that a world file
+holds. There is one true time, which waits jump over; devices tell it by their own clocks.
+"""
 
 from typing import NamedTuple
 
 import numpy as np
 
 from millisight.core import (
+    check_known,
     checked_integer,
     checked_number,
     checked_numbers,
@@ -13,10 +16,100 @@ from millisight.core import (
     record,
     rotation_from_euler_deg,
 )
-from millisight.core.errors import InputError, UnknownNameError
+from millisight.core.errors import InputError
 from millisight.data import Radar
-from millisight.rig.virtual._antenna import Antenna
-from millisight.rig.virtual._clocks import DeviceClock
+
+
+@record
+class Antenna:
+    """An antenna that looks along -z of the radar frame; transmitters and receivers have the same.
+
+    Attributes
+    ----------
+    beamwidth_x_deg, beamwidth_y_deg : full width at half power in the planes of z with x and with y [degrees]
+
+    Its power pattern is cos^p α_x cos^q α_y, with α_x and α_y the angles off -z as seen along y and along x, so a
+    power of a cosine in either plane (Balanis, "Antenna Theory" (2016), section 2.5, has such patterns), nothing
+    behind, and 1 in front.
+    """
+
+    beamwidth_x_deg: float
+    beamwidth_y_deg: float
+
+    def __post_init__(self) -> None:
+        for name in ("beamwidth_x_deg", "beamwidth_y_deg"):
+            width = checked_number(getattr(self, name), name=name, unit="degrees", above=0)
+            if width >= 180:
+                raise InputError(
+                    f"{name} is {width:g} degrees; expected under 180; leave the antenna out for an isotropic one"
+                )
+            put(self, **{name: width})
+
+    @property
+    def exponents(self) -> np.ndarray:
+        """(2,) p and q: half the power at half the beamwidth."""
+        halves = np.radians([self.beamwidth_x_deg, self.beamwidth_y_deg]) / 2
+        return np.log(0.5) / np.log(np.cos(halves))
+
+    def amplitude(self, directions: np.ndarray) -> np.ndarray:
+        """(...) of the wave sent along `directions` (..., 3) of any length in the radar frame, 1 in front."""
+        ahead = -directions[..., 2]
+        power = np.ones(ahead.shape)
+        for axis, exponent in enumerate(self.exponents):
+            across = np.hypot(ahead, directions[..., axis])
+            power *= np.where(ahead > 0, ahead / np.where(across > 0, across, 1.0), 0.0) ** exponent
+        return np.sqrt(power)
+
+    @property
+    def gain(self) -> float:
+        """In front, over an isotropic antenna's, without losses: 4 pi over the integral of the power pattern."""
+        nodes, weights = np.polynomial.legendre.leggauss(200)
+        cosine = (1 + nodes[:, None]) / 2
+        turn = 2 * np.pi * np.arange(200) / 200
+        sine = np.sqrt(1 - cosine**2)
+        away = np.broadcast_to(-cosine, (200, 200))
+        directions = np.stack([sine * np.cos(turn), sine * np.sin(turn), away], axis=-1)
+        mean = (weights[:, None] / 2 * self.amplitude(directions) ** 2).sum() / 200
+        return float(2 / mean)
+
+
+EPOCH = 1_700_000_000.0
+"""What a right clock shows when a virtual world begins [s]: Unix time, as the published time stamps are."""
+
+
+class WorldTime:
+    """The world's true time [s], from 0 on. Waiting costs nothing: it moves `now`."""
+
+    def __init__(self) -> None:
+        self.now: float = 0.0
+
+    def wait_until(self, time: float) -> None:
+        """Let time pass until `time` [s]; a moment in the past is here already."""
+        self.now = max(self.now, float(time))
+
+
+@record
+class DeviceClock:
+    """A clock that is wrong: it shows EPOCH + offset + (1 + drift) t at the true time t."""
+
+    offset: float = 0.0  # what it is ahead by when the world begins [s]
+    drift: float = 0.0  # what it gains [s/s]; 50e-6 is 50 ppm
+
+    def __post_init__(self) -> None:
+        put(
+            self,
+            offset=checked_number(self.offset, name="clock_offset", unit="s"),
+            drift=checked_number(self.drift, name="clock_drift", unit="s/s", above=-0.5),
+        )
+
+    def reading(self, times: np.ndarray) -> np.ndarray:
+        """What it shows [s] at the true times (n,) [s]."""
+        return EPOCH + self.offset + (1 + self.drift) * np.asarray(times)
+
+    def true_times(self, readings: np.ndarray) -> np.ndarray:
+        """The true times [s] at which it shows the readings (n,) [s]."""
+        return (np.asarray(readings) - EPOCH - self.offset) / (1 + self.drift)
+
 
 # Camera axes in the radar frame when it looks straight down: x right, y towards -y, z down.
 _DOWN = np.diag([1.0, -1.0, -1.0])
@@ -131,8 +224,7 @@ class RadarSettings:
     clock_drift: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.preset not in _PUBLISHED:
-            raise UnknownNameError("radar of the rig", self.preset, _PUBLISHED)
+        check_known("radar of the rig", self.preset, _PUBLISHED)
         published = _PUBLISHED[self.preset]
         for name, default in (*published._asdict().items(), ("path_offset", self._nominal.path_offset)):
             if name != "name" and getattr(self, name) is None:

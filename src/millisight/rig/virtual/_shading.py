@@ -12,29 +12,17 @@ _SHARP = np.cos(np.radians(40.0))
 
 
 class ShadedMeshes:
-    """Meshes to look at.
-
-    Attributes
-    ----------
-    caster : RayCaster over all their faces
-    """
+    """Meshes to look at; `caster` holds all their faces."""
 
     def __init__(self, meshes: Sequence[TriangleMesh]):
-        self.caster = RayCaster.of(meshes)
+        self.caster: RayCaster = RayCaster.of(meshes)
         self._corners = np.concatenate([mesh.vertices[mesh.faces] for mesh in meshes])
         self._owner = np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes])
         self._face_normals = np.concatenate([mesh.face_normals for mesh in meshes])
         self._corner_normals = np.concatenate([mesh.vertex_normals[mesh.faces] for mesh in meshes])
 
     def first(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """What rays from `origins` (n, 3) or (3,) [m] along unit `directions` (n, 3) meet first.
-
-        Returns
-        -------
-        mesh : (n,) its number, -1 for none
-        face : (n,) number among the faces of all, -1 for none
-        distance : (n,) [m], inf for none
-        """
+        """Mesh, face (of all) and distance [m], (n,) each, that rays from `origins` [m] meet first; or -1, -1, inf."""
         face, distance = self.caster.first(origins, directions)
         return np.where(face < 0, -1, self._owner[face]), face, distance
 

@@ -17,14 +17,9 @@ Cell = tuple[int, ...]
 
 
 class ShadowCells:
-    """The views of scatterers that block one another.
+    """The views of scatterers at `places` (V, 3) [m] that block one another, seen from about `antennas` (P, A, 3) [m].
 
-    Parameters
-    ----------
-    caster : what casts shadows
-    places : (V, 3) of the scatterers, just above their surfaces [m]
-    normals : (2, V, 3) of the one or two faces that they lie on
-    antennas : (P, A, 3) about where it will be asked from, pose by pose [m]
+    `normals` (2, V, 3) are those of the one or two faces that a scatterer lies on.
     """
 
     def __init__(self, caster: RayCaster, places: np.ndarray, normals: np.ndarray, antennas: np.ndarray):

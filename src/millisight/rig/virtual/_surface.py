@@ -7,8 +7,14 @@ import numpy as np
 
 from millisight.core import SPEED_OF_LIGHT, checked_number, put, record
 from millisight.data import Material
-from millisight.rig.virtual._fresnel import checked_cosine, checked_frequency, checked_permittivity
-from millisight.rig.virtual._slabs import Layers, checked_layers, slab_coefficients
+from millisight.rig.virtual._slabs import (
+    Layers,
+    checked_cosine,
+    checked_frequency,
+    checked_layers,
+    checked_permittivity,
+    slab_coefficients,
+)
 
 DEGREE = 8
 """Of the polynomials in the cosine of incidence that stand for a surface in the kernels."""
@@ -81,7 +87,7 @@ def permittivity_at(material: Any, frequency: float) -> complex:
     """Relative permittivity ε' - i ε'' of a `Material` at `frequency` [Hz], or the number given in its place."""
     if isinstance(material, Material):
         return material.permittivity(frequency)
-    return checked_permittivity(material, "a material that is no Material, so its permittivity")
+    return checked_permittivity(material, "the permittivity given instead of a Material")
 
 
 def layers_at(layers: Sequence[tuple[Any, float]], frequency: float) -> Layers:
@@ -106,19 +112,10 @@ def polynomials(values: np.ndarray, cosines: np.ndarray) -> np.ndarray:
 
 
 def fitted(surfaces: Sequence[Boundary], center: float, half_band: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The surfaces as the kernels take them: what they return at every angle and frequency of a band.
+    """The S surfaces as the kernels take them: what they return at every angle and frequency of a band.
 
-    Parameters
-    ----------
-    surfaces : S of them
-    center, half_band : the band's middle and half its width [Hz]
-
-    Returns
-    -------
-    coherent : (S, 3, DEGREE + 1) complex64: `coherent` is the sum over j of polynomial j in 2 cos θ - 1 times ν^j, with
-        ν the frequency from -1 to 1 across the band
-    terms : (S,) how many j count, see `Boundary.terms`
-    diffuse : (S, DEGREE + 1) float32: polynomial of `diffuse` at the band's centre
+    coherent (S, 3, DEGREE + 1) complex64: the sum over j of polynomial j in 2 cos θ - 1 times ν^j, with ν the frequency
+    from -1 to 1 across the band; terms (S,): how many j count; diffuse (S, DEGREE + 1) float32, at the band's center.
     """
     cosines = (1 + np.cos(np.pi * (np.arange(64) + 0.5) / 64)) / 2
     terms = np.array([surface.terms(half_band) for surface in surfaces])

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from millisight.core import (
+    check_known,
     checked_integer,
     checked_number,
     checked_numbers,
@@ -25,7 +26,7 @@ from millisight.core import (
     toml_of,
     write_text,
 )
-from millisight.core.errors import InputError, UnknownNameError
+from millisight.core.errors import InputError
 from millisight.data import LAYERED, material_named
 from millisight.meshes import CATALOGUE
 from millisight.rig.virtual._settings import ArmSettings, CameraSettings, RadarSettings
@@ -59,8 +60,8 @@ class WorldObject:
     def __post_init__(self) -> None:
         if (self.object is None) == (self.mesh is None):
             raise InputError("expected either object = a name of the catalogue, or mesh = a file")
-        if self.object is not None and self.object not in CATALOGUE:
-            raise UnknownNameError("catalogue object", self.object, CATALOGUE)
+        if self.object is not None:
+            check_known("catalogue object", self.object, CATALOGUE)
         if self.material is not None:
             material_named(self.material)
         if self.at is not None:
@@ -93,8 +94,7 @@ class Support:
     at: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
-        if self.kind not in _TOPS:
-            raise UnknownNameError("support", self.kind, _TOPS)
+        check_known("support", self.kind, _TOPS)
         size = (0.02, 0.02) if self.kind == "tripod" else (0.30, 0.30)
         put(
             self,
@@ -204,8 +204,7 @@ class ScanSettings:
     pattern: str = "serpentine"
 
     def __post_init__(self) -> None:
-        if self.pattern not in PATTERNS:
-            raise UnknownNameError("pattern", self.pattern, PATTERNS)
+        check_known("pattern", self.pattern, PATTERNS)
         size = checked_numbers(self.size, name="size", count=2, unit="m", above=0)
         spacing = checked_number(self.row_spacing, name="row_spacing", unit="m", above=0)
         if not 1 <= size[0] / spacing <= 1e5:
@@ -357,5 +356,4 @@ class World:
 
 
 def _check_stack(name: Any) -> None:
-    if name not in LAYERED:
-        raise UnknownNameError("stack of layers", name, LAYERED)
+    check_known("stack of layers", name, LAYERED)

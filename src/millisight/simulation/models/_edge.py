@@ -20,7 +20,9 @@ class EdgeModel:
     """
 
     name: ClassVar[str] = "edge"
-    edge_deg: float = parameter(20.0, "Edge: faces whose normals are further apart make an edge [degrees].")
+    edge_deg: float = parameter(
+        20.0, "Edge: two faces form an edge if the angle between their normals is larger [degrees]."
+    )
 
     def __post_init__(self) -> None:
         check_angle(self.edge_deg, "edge_deg")

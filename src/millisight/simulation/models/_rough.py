@@ -19,8 +19,8 @@ class RoughModel:
 
     The power goes as ((1 + cos ψ) / 2)^α, with ψ the angle between the directions to the receiver and of the mirrored
     wave: the directive model of V. Degli-Esposti, F. Fuschini, E. M. Vitucci and G. Falciasecca, "Measurement and
-    modelling of scattering from buildings", IEEE Trans. Antennas Propag. 55, 143XX from the
-    lobe's width and its peak 1, as amplitudes of the simulator are relative. At 180 degrees α is 0: every visible
+    modelling of scattering from buildings", IEEE Trans. Antennas Propag. 55(1), 143-153 (2007). Here α comes from the
+    lobe's width, and the peak is 1, as amplitudes of the simulator are relative. At 180 degrees α is 0: every visible
     vertex answers alike, as in "diffuse". With both antennas in one place ψ is twice the angle off the normal: half
     the power is left at `lobe_deg` / 2, and the lobe shrinks to what "specular" keeps as both angles do.
 
@@ -32,7 +32,9 @@ class RoughModel:
     """
 
     name: ClassVar[str] = "rough"
-    lobe_deg: float = parameter(40.0, "Rough: angle off the mirrored wave at which half the power is left [degrees].")
+    lobe_deg: float = parameter(
+        40.0, "Rough: angle from the specular direction at which the power has halved [degrees]."
+    )
 
     def __post_init__(self) -> None:
         check_angle(self.lobe_deg, "lobe_deg")

@@ -21,8 +21,8 @@ class SpecularModel:
     """
 
     name: ClassVar[str] = "specular"
-    tau_deg: float = parameter(5.0, "Specular: largest angle off the normal [degrees].")
-    two_sided: bool = parameter(False, "Specular: opposite normals count too.")
+    tau_deg: float = parameter(5.0, "Specular: largest angle from the normal [degrees].")
+    two_sided: bool = parameter(False, "Specular: faces reflect on both sides.")
 
     def __post_init__(self) -> None:
         check_angle(self.tau_deg, "tau_deg")

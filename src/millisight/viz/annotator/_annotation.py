@@ -52,7 +52,7 @@ def segmenters_for(
         else:
             found[name] = by if subject.is_radar else Coarse(by, _PHOTO_PIXELS)
     if not subject.is_radar:
-        found["wave"] = "it looks at radar images only"
+        found["wave"] = "it works on radar images only"
     missing = "start millisight annotate with --model MODEL"
     try:
         found["sam"] = missing if sam is None else segmenter("sam", model=sam, device=device)
@@ -110,18 +110,18 @@ class Annotation:
         segmenters: Mapping[str, Segmenter | str],
         method: str | None = None,
     ) -> None:
-        self.subject = subject
-        self.mask_path = _checked_name(mask_path, ".h5" if subject.is_radar else ".png")
-        self.prompts_path = prompts_beside(mask_path)
+        self.subject: OpenedPicture = subject
+        self.mask_path: Path = _checked_name(mask_path, ".h5" if subject.is_radar else ".png")
+        self.prompts_path: Path = prompts_beside(mask_path)
         self._lock = threading.Lock()
         self._segmenters = dict(segmenters)
         able = [name for name, by in segmenters.items() if not isinstance(by, str)]
         if not able:
-            raise InputError(f"no segmenter can work here: {'; '.join(map(str, segmenters.values()))}")
+            raise InputError(f"no segmenter can be used: {'; '.join(map(str, segmenters.values()))}")
         if method is not None:
             self._segmenter(method)
         self._last: tuple[Question, FoundMask] | None = None
-        self.saved_now = False
+        self.saved_now: bool = False
         self._saved = self._read_prompts(able[0])
         self._question = self._saved or Question(able[0], None)
         if method is not None:
@@ -135,7 +135,7 @@ class Annotation:
 
     def about(self) -> dict[str, Any]:
         """What the page needs to know at first; points are places on the screen, [column, row]."""
-        grid = self.subject.picture.grid_xy
+        grid, asked = self.subject.picture.grid_xy, self._question.plain
         columns, rows = self.subject.size
         return {
             "name": printable(self.subject.path.name),
@@ -153,7 +153,7 @@ class Annotation:
             ],
             "files": [printable(self.mask_path), printable(self.prompts_path)],
             "saved": self._saved is not None and self._question.same(self._saved),
-            "question": self._shown(self._question),
+            "question": {**asked, "points": self.subject.on_screen(asked["points"]).tolist()},
         }
 
     def picture(self, colours: str) -> bytes:
@@ -236,13 +236,13 @@ class Annotation:
         if inside is None:
             inside = candidates.masks[0]
             share = f"{100 * inside.mean():.0f} % of the picture"
-            note = f"This covers {share}, much for an object: right-click what does not belong."
+            note = f"The mask covers {share}, which is large for an object: right-click what does not belong to it."
         rank = next(k for k, mask in enumerate(candidates.masks) if np.array_equal(mask, inside))
         return FoundMask(inside, float(candidates.scores[rank]), seconds, note)
 
     def _checked(self, asked: Any) -> Question:
         if not isinstance(asked, dict) or set(asked) != {"method", "points", "positive"}:
-            raise InputError("the page asked something else than a method, points and positive; reload it")
+            raise InputError("expected a method, points and positive in the request; reload the page")
         self._segmenter(asked["method"])
         return Question(asked["method"], self._prompts(asked))
 
@@ -251,7 +251,7 @@ class Annotation:
             raise UnknownNameError("segmenter", name, self._segmenters)
         by = self._segmenters[name]
         if isinstance(by, str):
-            raise InputError(f"{name} cannot work here: {by}")
+            raise InputError(f"{name} cannot be used: {by}")
         return by
 
     def _prompts(self, asked: dict[str, Any]) -> Prompts | None:
@@ -270,10 +270,6 @@ class Annotation:
         return Prompts.from_plain(
             {"points": self.subject.on_picture(np.array(places)).tolist(), "positive": asked["positive"]}
         )
-
-    def _shown(self, question: Question) -> dict[str, Any]:
-        plain = question.plain
-        return {**plain, "points": self.subject.on_screen(plain["points"]).tolist() if plain["points"] else []}
 
     def _provenance(self, question: Question, answer: FoundMask) -> dict[str, Any]:
         other = self.subject.other_band
@@ -307,7 +303,7 @@ class Annotation:
         except (OSError, ValueError, LookupError, TypeError, RecursionError) as error:
             reason = error if isinstance(error, MillisightError) else "it holds something else"
             raise FileError(
-                f"{printable(path)} would be overwritten, and is no earlier annotation of this picture: {reason}; "
+                f"{printable(path)} would be overwritten, and is not an earlier annotation of this picture: {reason}; "
                 "choose another --output, or move it away"
             ) from error
         try:

@@ -9,26 +9,14 @@ from millisight.perception.segmentation import Candidates, Segmenter
 
 
 class Coarse:
-    """A segmenter of photographs that sees means of k x k pixels, and whose masks are of such blocks.
-
-    Parameters
-    ----------
-    by : what segments the smaller picture
-    most : pixels that it is to see at most
-    """
+    """A segmenter that sees means of k x k pixels, at most `most`, and whose masks are of such blocks."""
 
     def __init__(self, by: Segmenter, most: int) -> None:
         self.name, self.needs_prompts = by.name, by.needs_prompts
         self._by, self._most = by, most
 
     def segment(self, picture: Picture, prompts: Prompts | None) -> Candidates:
-        """Masks (K, A, B), as those of the smaller picture.
-
-        Raises
-        ------
-        InputError
-            As the segmenter does.
-        """
+        """Masks (K, A, B), as those of the smaller picture."""
         a, b = picture.shape
         k = math.ceil(math.sqrt(a * b / self._most))
         if k <= 1:

@@ -53,9 +53,9 @@ class AnnotatorServer(ThreadingHTTPServer):
     block_on_close = False
 
     def __init__(self, annotation: Annotation, port: int = 0) -> None:
-        self.annotation = annotation
-        self.secret = secrets.token_urlsafe(16)
-        self.ending = threading.Event()
+        self.annotation: Annotation = annotation
+        self.secret: str = secrets.token_urlsafe(16)
+        self.ending: threading.Event = threading.Event()
         self._pages = 0
         self._left: float | None = None
         self._counting = threading.Lock()

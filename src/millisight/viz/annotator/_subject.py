@@ -7,7 +7,6 @@ upper left.
 
 import os
 import warnings
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,7 @@ from millisight.core import PUBLISHED_COLORMAP, check_readable, colormap_names, 
 from millisight.core.errors import DamagedFileError, FileError, FormatError, InputError
 from millisight.data import CameraFrame, Picture, SarImage
 from millisight.datasets import checksum
-from millisight.io.mito import origin
+from millisight.io.mito import origin, read_published
 from millisight.perception import coloured, project
 
 PHOTO_SUFFIXES = (".png", ".jpg", ".jpeg")
@@ -131,7 +130,7 @@ def _of_bearable_size(path: Path) -> Path:
     size = os.path.getsize(path)
     if size > _LARGEST_FILE:
         raise FileError(
-            f"{printable(path)} has {size / 1e9:.1f} GB; what is annotated is read whole, up to "
+            f"{printable(path)} has {size / 1e9:.1f} GB; files are read whole, up to "
             f"{_LARGEST_FILE / 1e9:.1f} GB: make an image of fewer voxels (`millisight image --grid`)"
         )
     return path
@@ -146,25 +145,20 @@ def _image(path: Path) -> SarImage:
 
 def _recorded(path: Path) -> SarImage | np.ndarray:
     """A radar image, or a camera frame's (H, W, 3) picture, of a file of ours or of the published layout."""
-    content = _reader(path)(path)
+    if path.suffix.lower() == ".pkl":
+        content = read_published(path).record
+    else:
+        from millisight.io import load
+
+        content = load(path)
     if isinstance(content, CameraFrame):
         return content.rgb
     if not isinstance(content, SarImage):
         raise FormatError(
-            f"{printable(path)} holds a {type(content).__name__}, which is no picture; expected an image that "
+            f"{printable(path)} holds a {type(content).__name__}, which is not a picture; expected an image that "
             "`millisight image` wrote, a camera frame, or a PNG or JPEG file"
         )
     return content
-
-
-def _reader(path: Path) -> Callable[[Path], Any]:
-    if path.suffix.lower() == ".pkl":
-        from millisight.io.mito import read_published
-
-        return lambda path: read_published(path).record
-    from millisight.io import load
-
-    return load
 
 
 def _photo(path: Path) -> np.ndarray:
@@ -184,7 +178,7 @@ def _photo(path: Path) -> np.ndarray:
                 upright = Image.alpha_composite(Image.new("RGBA", upright.size, "white"), upright.convert("RGBA"))
             return np.asarray(upright.convert("RGB"))
     except UnidentifiedImageError as error:
-        raise FormatError(f"{name} is no PNG or JPEG picture, whatever its name says; convert it") from error
+        raise FormatError(f"{name} is not a PNG or JPEG picture, although its name says so; convert it") from error
     except Image.DecompressionBombError as error:
         raise InputError(f"{name} has more than {_MOST_PIXELS:.0e} pixels; make a smaller one") from error
     except (OSError, SyntaxError, ValueError) as error:

@@ -24,7 +24,7 @@ async function ask(address, body) {
   try {
     reply = await fetch(address, options);
   } catch {
-    throw new Error("millisight no longer answers. Start it again to go on.");
+    throw new Error("millisight does not respond. Start it again to continue.");
   }
   const content = await reply.json();
   if (!reply.ok) throw new Error(content.error);
@@ -291,7 +291,7 @@ async function begin() {
   const size = `${about.columns} × ${about.rows} pixels`;
   const pitch = [...new Set(about.spacing.map((s) => +(s * 1e3).toPrecision(3)))].join(" × ");
   $("facts").textContent = about.radar ? `radar image, ${size} of ${pitch} mm` : `photograph, ${size}`;
-  $("saved").textContent = about.saved ? "Goes on from what was saved before" : "";
+  $("saved").textContent = about.saved ? "Continues the earlier annotation" : "";
   choices("methods", about.methods, setMethod);
   choices("colours", about.colours.map((name) => ({ name })), setColours);
   for (const id of ["colours", "key-colours", "ruler"]) $(id).hidden = !about.radar;
@@ -304,7 +304,7 @@ async function begin() {
   const stream = new EventSource("open");
   stream.addEventListener("ended", () => {
     stream.close();
-    notify("millisight has ended; nothing more can be saved from this page.", true);
+    notify("millisight has stopped; this page can no longer save.", true);
   });
 }
 

@@ -9,10 +9,11 @@ import numpy as np
 
 from millisight.core import check_readable, checked_numbers, checked_record, printable, put, record
 from millisight.core.errors import DamagedFileError, FileError, FormatError, InputError
-from millisight.data import Mask, SarImage, TriangleMesh, VoxelGrid
+from millisight.data import Mask, SarImage, Scene, TriangleMesh, VoxelGrid
+from millisight.io import load, load_extras, mito, open_capture, provenance
+from millisight.meshes import FORMATS, load_mesh
 from millisight.viz import grid_box
 from millisight.viz.viewer._levels import MOST_VOXELS, Levels, levels_of, mixed_levels
-from millisight.viz.viewer._titles import titles_of
 
 _LARGEST_PICKLE = 1 << 30  # [bytes]: a pickle can only be read whole
 _HDF5 = b"\x89HDF\r\n\x1a\n"
@@ -21,25 +22,15 @@ _MODELS = {"_specular": "specular", "_edges": "edge"}
 
 @record
 class Exhibit:
-    """One thing to look at: an image and what is around it, or what is around alone.
-
-    Attributes
-    ----------
-    title : str
-    levels : of the image as it is shown first; None: there is no image
-    pair : specular and edge image of one simulation, which the viewer weighs anew; None: one image as it is
-    share : of the edge image in `levels`, a2 / (a1 + a2)
-    masks, meshes : in the image's frame
-    paths : (P, 3) each, positions of the radar [m]
-    """
+    """One thing to look at: an image and what is around it, or what is around alone."""
 
     title: str
-    levels: Levels | None
-    pair: tuple[SarImage, SarImage] | None = None
-    share: float = 0.0
+    levels: Levels | None  # of the image as it is shown first
+    pair: tuple[SarImage, SarImage] | None = None  # specular and edge, which the viewer weighs anew
+    share: float = 0.0  # of the edge image in `levels`, a2 / (a1 + a2)
     masks: tuple[Mask, ...] = ()
-    meshes: tuple[TriangleMesh, ...] = ()
-    paths: tuple[np.ndarray, ...] = ()
+    meshes: tuple[TriangleMesh, ...] = ()  # in the image's frame, as the masks
+    paths: tuple[np.ndarray, ...] = ()  # (P, 3) each, positions of the radar [m]
 
     def __post_init__(self) -> None:
         checked_record(self.title, str, name="title")
@@ -117,7 +108,7 @@ def gather(
     for path in paths:
         _read(check_readable(path), found)
     if not paths:
-        raise InputError("no file to look at; expected at least one")
+        raise InputError("no file to show; expected at least one")
     notes: list[str] = []
     groups = _pairs(found.images) if combine else [(image,) for image in found.images]
     masks = _masks_of(found, notes)
@@ -129,7 +120,9 @@ def gather(
         exhibits.append(
             Exhibit(
                 title=next(titles),
-                levels=mixed_levels(*pair, share) if pair else _levels(first),  # pyright: ignore[reportArgumentType]
+                levels=mixed_levels(*pair, share)  # pyright: ignore[reportArgumentType]
+                if pair
+                else first.levels or levels_of(first.grid, first.image.values),  # pyright: ignore
                 pair=pair,  # pyright: ignore[reportArgumentType]
                 share=share if pair else 0.0,
                 masks=tuple(masks.get(first.path, ())),
@@ -139,7 +132,7 @@ def gather(
         )
     for exhibit in exhibits:
         if exhibit.levels is not None and exhibit.levels.peak == 0:
-            notes.append(f"{exhibit.title} is 0 everywhere: there is nothing to show of it")
+            notes.append(f"{exhibit.title} is 0 everywhere: there is nothing to show")
     if not exhibits:
         if not found.meshes and not found.mesh_files and not found.paths:
             raise InputError("only masks were given; pass the images that they belong to as well")
@@ -161,8 +154,6 @@ def gather(
 
 def _read(path: Path, found: _Found) -> None:
     """Put what a file holds where it belongs in `found`."""
-    from millisight.meshes import FORMATS
-
     with open(path, "rb") as file:
         start = file.read(8)
     if start == _HDF5:
@@ -180,8 +171,6 @@ def _read(path: Path, found: _Found) -> None:
 
 
 def _read_hdf5(path: Path, found: _Found) -> None:
-    from millisight.io import load, open_capture, provenance
-
     kind = provenance(path)["record"]
     if kind == "Capture":
         with open_capture(path) as capture:
@@ -207,13 +196,12 @@ def _hdf5_image(path: Path) -> _Image:
     """An image; of one with too many voxels for memory the levels, read in slabs."""
     import h5py
 
-    from millisight.io import load
-
     with h5py.File(path, "r") as file:
         values: Any = file.get("values")
         if getattr(values, "size", 0) <= MOST_VOXELS:  # where there are none, `load` says so
             image = load(path)
-            return _Image(path, image.grid, image.metadata, image, None, _beside(path))
+            positions = _antennas(load_extras(path)) if mito.kind_of("radars", path.name) else None
+            return _Image(path, image.grid, image.metadata, image, None, positions)
         try:
             if values.id.get_storage_size() < values.nbytes:
                 raise InputError("less is stored than its shape claims")
@@ -226,15 +214,13 @@ def _hdf5_image(path: Path) -> _Image:
 
 
 def _read_pickle(path: Path, found: _Found) -> None:
-    from millisight.io.mito import read_published
-
     size = os.path.getsize(path)
     if size > _LARGEST_PICKLE:
         raise FileError(
             f"{printable(path)} has {size / 1e9:.1f} GB; a pickle must be read whole, and is shown up to 1 GB: convert "
             "it with `millisight dataset convert` and pass the HDF5 file, which is read in slabs"
         )
-    published = read_published(path)
+    published = mito.read_published(path)
     if isinstance(published.record, SarImage):
         image = published.record
         found.images.append(_Image(path, image.grid, image.metadata, image, None, _antennas(published.extras)))
@@ -247,48 +233,30 @@ def _read_pickle(path: Path, found: _Found) -> None:
         )
 
 
-def _beside(path: Path) -> np.ndarray | None:
-    """The radar's positions that a converted image's file holds."""
-    from millisight.io import load_extras
-    from millisight.io.mito import kind_of
-
-    return _antennas(load_extras(path)) if kind_of("radars", path.name) else None
-
-
 def _antennas(extras: Mapping[str, Any]) -> np.ndarray | None:
     """(P, 3) where a published image's file says that the antennas were [m], in the image's frame."""
-    from millisight.io.mito import BASE_ORIGIN
-
     for name, table in extras.items():
         shape = getattr(table, "shape", ())
         if not name.startswith("antenna_locs") or len(shape) != 2 or shape[0] < 2 or shape[1] not in (3, 7):
             continue
         positions = np.asarray(table[:, :3], dtype=float)
         if np.isfinite(positions).all():
-            return positions if name == "antenna_locs" else positions - BASE_ORIGIN
+            return positions if name == "antenna_locs" else positions - mito.BASE_ORIGIN
     return None
 
 
 # What belongs to what ----------------------------------------------------------------------------------------------
 
 
-def _levels(image: _Image) -> Levels:
-    if image.levels is not None:
-        return image.levels
-    return levels_of(image.grid, image.image.values)  # pyright: ignore[reportOptionalMemberAccess]
-
-
 def _model(image: _Image) -> str | None:
     """ "specular" or "edge", where it is the image of one of the two and nothing else."""
-    from millisight.io.mito import kind_of
-
     history = image.metadata.get("history", ())
     if any(step.get("step") == "combine" for step in history):
         return None
     stated = [step.get("model") for step in history if step.get("step") == "simulate"]
     if stated:
         return stated[-1] if stated[-1] in ("specular", "edge") else None
-    kind = kind_of("radars", image.path.name)
+    kind = mito.kind_of("radars", image.path.name)
     return _MODELS.get(kind[1]) if kind else None
 
 
@@ -306,14 +274,7 @@ def _pairs(images: list[_Image]) -> list[tuple[_Image, ...]]:
     while left:
         image = left.pop(0)
         model = _model(image)
-        fitting = [
-            other
-            for other in left
-            if {model, _model(other)} == {"specular", "edge"}
-            and image.image
-            and other.image
-            and _same_run(image, other)
-        ]
+        fitting = [o for o in left if {model, _model(o)} == {"specular", "edge"} and _same_run(image, o)]
         fitting = [other for other in fitting if _stem(other) == _stem(image)] or (fitting if len(fitting) == 1 else [])
         if fitting:
             left = [other for other in left if other is not fitting[0]]
@@ -335,17 +296,14 @@ def _masks_of(found: _Found, notes: list[str]) -> dict[Path, list[Mask]]:
     """The masks over each image, by its path."""
     over: dict[Path, list[Mask]] = {}
     for path, mask in found.masks:
-        fitting = [image for image in found.images if _fits(mask, image.grid)]
+        grid = mask.grid_xy
+        fitting = [i for i in found.images if np.array_equal(i.grid.x, grid.x) and np.array_equal(i.grid.y, grid.y)]
         near = [image for image in fitting if image.path.resolve().parent == path.resolve().parent]
         for image in near or fitting:
             over.setdefault(image.path, []).append(mask)
         if not fitting:
-            notes.append(f"{printable(path.name)} is left out: no image given has its pixels")
+            notes.append(f"{printable(path.name)} is left out: no given image has the same grid of pixels")
     return over
-
-
-def _fits(mask: Mask, grid: VoxelGrid) -> bool:
-    return np.array_equal(mask.grid_xy.x, grid.x) and np.array_equal(mask.grid_xy.y, grid.y)
 
 
 def _paths_of(image: _Image, found: _Found) -> tuple[np.ndarray, ...]:
@@ -369,11 +327,40 @@ def _made_of(image: Mapping[str, Any], capture: Mapping[str, Any]) -> bool:
 
 def _placed(path: Path, metadata: Mapping[str, Any], unit: str | None) -> TriangleMesh:
     """The mesh of a file, where `millisight simulate` put it if the image says so, or else as the file has it."""
-    from millisight.data import Scene
-    from millisight.meshes import load_mesh
-
     placed = metadata.get("placed")
     if not isinstance(placed, Mapping):
         return load_mesh(path, unit=unit)
     turned = placed.get("rotate_deg", (0.0, 0.0, 0.0))
     return Scene.from_mesh(path, vertices=None, unit=unit or placed.get("unit"), rotate_deg=turned).mesh
+
+
+# Titles ------------------------------------------------------------------------------------------------------------
+
+
+def titles_of(paths: list[Path], paired: list[bool]) -> list[str]:
+    """A title for each image; where two would be the same, their folders come with them."""
+    titles = [_title(path, pair) for path, pair in zip(paths, paired, strict=True)]
+    return [
+        f"{printable(path.resolve().parent.name)}/{title}" if titles.count(title) > 1 else title
+        for path, title in zip(paths, titles, strict=True)
+    ]
+
+
+def _title(path: Path, paired: bool) -> str:
+    """What a file shows, in words: by its place in the published layout, or by its name."""
+    parts = Path(mito.origin(os.path.abspath(path))).parts
+    kind = mito.kind_of("radars", path.name)
+    if len(parts) < 3 or kind is None:
+        name = path.name.removesuffix(path.suffix).removesuffix(".image")
+        for word in ("specular", "edges", "edge") if paired else ():
+            name = name.replace(word, "")
+        return printable(name.strip(". -_") or path.stem) + (", specular + edge" if paired else "")
+    called = mito.object_of(parts[0])
+    words = [called[1] if called else parts[0]]
+    words += [part.replace("_", "/") + "°" for part in parts if mito.angles_of(part) and part != "0_0_0"]
+    words += [part for part in parts if (mito.experiment_of(part) or 1) > 1]
+    words += ["simulated"] if "simulation" in parts else []
+    words += [part.upper() for part in parts if part in mito.SIGHTS]
+    words += [part.replace("_ghz", " GHz") for part in parts if part in mito.RADARS]
+    words += [] if paired or not kind[1] else [kind[1].strip("_")]
+    return printable(", ".join(words).replace("_", " "))

@@ -39,14 +39,15 @@ class PaneGrid:
     """
 
     def __init__(self, server: Any, contents: Contents, settings: ViewSettings):
-        self.contents, self._server = contents, server
+        self.contents: Contents = contents
+        self._server = server
         server.gui.configure_theme(
             dark_mode=True, show_logo=False, show_share_button=False, control_width="medium", brand_color=(34, 139, 230)
         )
         most = MOST_POINTS // len(contents.exhibits)
-        self.panes = [Pane(server.scene, e, f"/pane{i}", most) for i, e in enumerate(contents.exhibits)]
-        self.radius = max(pane.radius for pane in self.panes) * 1.12
-        self.distance = start_camera(len(self.panes), self.radius)
+        self.panes: list[Pane] = [Pane(server.scene, e, f"/pane{i}", most) for i, e in enumerate(contents.exhibits)]
+        self.radius: float = max(pane.radius for pane in self.panes) * 1.12
+        self.distance: float = start_camera(len(self.panes), self.radius)
         camera = self.camera_of("aslant")
         server.initial_camera.fov = FOV
         server.initial_camera.near = self.distance / 100
@@ -86,12 +87,7 @@ def rows_and_columns(count: int) -> tuple[int, int]:
 
 
 def placed(count: int, radius: float, camera: np.ndarray, up: np.ndarray) -> list[Placement]:
-    """Where `count` panes go, each in a ball of `radius` [m], for a camera at (3,) that looks at the origin.
-
-    Parameters
-    ----------
-    up : (3,) what is up in the view; need not be exactly across the line of sight
-    """
+    """Where `count` panes go, in balls of `radius` [m], for a camera at (3,) that looks at the origin."""
     ahead = _unit(-camera)
     right = np.cross(ahead, up)
     if np.linalg.norm(right) < 1e-6:  # straight down, where `up` says nothing

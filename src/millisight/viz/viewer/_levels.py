@@ -22,36 +22,21 @@ _MOST_SLAB_PIXELS = 256
 
 
 class Cloud(NamedTuple):
-    """Voxels above a threshold, the strongest first.
+    """Voxels above a threshold, the strongest first."""
 
-    Attributes
-    ----------
-    points : (n, 3) float32 centres [m]
-    db : (n,) float32, under the image's own maximum
-    above : how many voxels are above the threshold, of which n are here
-    """
-
-    points: np.ndarray
-    db: np.ndarray
-    above: int
+    points: np.ndarray  # (n, 3) float32 centres [m]
+    db: np.ndarray  # (n,) float32, under the image's own maximum
+    above: int  # how many voxels are above the threshold, of which n are here
 
 
 @record
 class Levels:
-    """|I| in dB under its maximum.
-
-    Attributes
-    ----------
-    grid : VoxelGrid
-    db : (X, Y, Z) float32, from `FLOOR_DB` to 0
-    peak : the maximum of |I|, 0 for an empty image
-    block : voxels of the image along x, y and z of which a level is the strongest
-    """
+    """|I| in dB under its maximum."""
 
     grid: VoxelGrid
-    db: np.ndarray
-    peak: float
-    block: tuple[int, int, int] = (1, 1, 1)
+    db: np.ndarray  # (X, Y, Z) float32, from `FLOOR_DB` to 0
+    peak: float  # the maximum of |I|, 0 for an empty image
+    block: tuple[int, int, int] = (1, 1, 1)  # voxels of the image along x, y, z of which a level is the strongest
 
     def __post_init__(self) -> None:
         checked_record(self.grid, VoxelGrid, name="grid")
@@ -126,11 +111,6 @@ def levels_of(
     """The levels of complex `values` (X, Y, Z), an array or a dataset on disk, which is read in slabs along x.
 
     Where there are more voxels than `most`, the strongest of each block of voxels stands for it.
-
-    Raises
-    ------
-    InputError
-        The values do not fit the grid, or some are NaN or infinite.
     """
     check_shape(tuple(values.shape), name="values", shape=grid.shape)
     block = _block(grid.shape, most)

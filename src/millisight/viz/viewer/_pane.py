@@ -6,8 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
-from millisight.data import Mask, PixelGrid
-from millisight.viz import borders, grid_box
+from millisight.viz._panels import grid_box, mask_borders
 from millisight.viz.viewer._contents import Exhibit
 from millisight.viz.viewer._levels import Cloud, Levels, mixed_levels
 from millisight.viz.viewer._settings import ViewSettings
@@ -29,15 +28,7 @@ class Placement(NamedTuple):
 
 
 class Pane:
-    """An exhibit in a scene; `show` draws anew what a change of settings changed, and nothing else.
-
-    Parameters
-    ----------
-    scene : viser's, of the server
-    exhibit : Exhibit
-    name : of its frame, such as "/pane0"
-    most : points drawn at most
-    """
+    """An exhibit in a viser scene; `show` draws anew what a change of settings changed, and nothing else."""
 
     def __init__(self, scene: Any, exhibit: Exhibit, name: str, most: int):
         self.exhibit, self.name, self.most = exhibit, name, most
@@ -169,7 +160,7 @@ class Pane:
         for i, mask in enumerate(self.exhibit.masks):
             floor, ceiling = self.exhibit.bounds[:, 2]
             nodes += [
-                self._lines(f"mask_{i}_{name}", np.insert(mask_outline(mask), 2, z, axis=2), _MASK, 2.5)
+                self._lines(f"mask_{i}_{name}", np.insert(mask_borders(mask), 2, z, axis=2), _MASK, 2.5)
                 for name, z in (("floor", floor), ("ceiling", ceiling))
                 if mask.inside.any()
             ]
@@ -244,24 +235,11 @@ def _box_edges(bounds: np.ndarray) -> np.ndarray:
     return np.concatenate([_rim(bounds, 2, bounds[0, 2]), _rim(bounds, 2, bounds[1, 2]), upright])
 
 
-def mask_outline(mask: Mask) -> np.ndarray:
-    """(n, 2, 2) the borders between pixels inside and outside a mask [m]."""
-    grid: PixelGrid = mask.grid_xy
-    x, y = borders(grid.x, 1e-3), borders(grid.y, 1e-3)
-    inside = np.pad(mask.inside, 1).astype(np.int8)
-    i, j = np.nonzero(np.diff(inside[:, 1:-1], axis=0))
-    across_x = np.stack([np.stack([x[i], y[j]], -1), np.stack([x[i], y[j + 1]], -1)], axis=1)
-    i, j = np.nonzero(np.diff(inside[1:-1], axis=1))
-    across_y = np.stack([np.stack([x[i], y[j]], -1), np.stack([x[i + 1], y[j]], -1)], axis=1)
-    return np.concatenate([across_x, across_y])
-
-
 def path_lines(path: np.ndarray) -> np.ndarray:
     """(n, 2, 3) segments along (P, 3) positions; of many, so many that a screen can show, and all turns."""
     moves = np.diff(path, axis=0)
-    turning = (moves[1:] * moves[:-1]).sum(axis=1) < 0.5 * np.linalg.norm(moves[1:], axis=1) * np.linalg.norm(
-        moves[:-1], axis=1
-    )
+    lengths = np.linalg.norm(moves, axis=1)
+    turning = (moves[1:] * moves[:-1]).sum(axis=1) < 0.5 * lengths[1:] * lengths[:-1]
     every = -(-len(path) // _MOST_PATH)
     kept = np.unique(np.concatenate([np.arange(0, len(path), every), [len(path) - 1]]))
     turns = np.flatnonzero(turning) + 1

@@ -16,17 +16,7 @@ from millisight.viz.viewer._settings import ViewSettings, colour_bar
 
 
 class ControlPanel:
-    """The controls of a viewer, beside its scene.
-
-    Parameters
-    ----------
-    gui : viser's, of the server
-    panes : what is shown
-    settings : to begin with
-    change : changes settings, by name
-    look_from : (client, view) moves a browser's camera
-    picture, page : (client) what a browser shows, as PNG and as HTML
-    """
+    """The controls of a viewer, beside its scene; `change` takes settings by name, `picture` gives PNG, `page` HTML."""
 
     def __init__(
         self, gui: Any, panes: PaneGrid, settings: ViewSettings, *, change: Any, look_from: Any, picture: Any, page: Any
@@ -68,13 +58,18 @@ class ControlPanel:
             self._check("points", "points", settings, "voxels above the threshold")
             self._check("slices", "slices", settings, "three planes, which can be moved")
             self._add_slices(settings)
-            self._check("volume", "volume", settings, "all slices along z, half transparent")
+            self._check("volume", "volume", settings, "all slices along z, semi-transparent")
             threshold = self._gui.add_slider(
-                "threshold [dB]", FLOOR_DB, 0.0, 0.5, max(settings.threshold_db, FLOOR_DB), hint="weaker is hidden"
+                "threshold [dB]",
+                FLOOR_DB,
+                0.0,
+                0.5,
+                max(settings.threshold_db, FLOOR_DB),
+                hint="weaker voxels are hidden",
             )
             reach = self._gui.add_slider(
                 "range [dB]", 5.0, -FLOOR_DB, 1.0, float(np.clip(settings.range_db, 5, -FLOOR_DB)),
-                hint="how far down the colours reach",
+                hint="dynamic range of the colours",
             )  # fmt: skip
             names = dict.fromkeys((settings.colormap, *colormap_names()))
             colormap = self._gui.add_dropdown("colours", tuple(names), initial_value=settings.colormap)
@@ -98,7 +93,7 @@ class ControlPanel:
             self._sliders.append(slider)
 
     def _add_around(self, settings: ViewSettings) -> None:
-        with self._gui.add_folder("Around it"):
+        with self._gui.add_folder("Surroundings"):
             if any(e.meshes for e in self._exhibits):
                 self._check("mesh", "mesh", settings)
             if any(e.paths for e in self._exhibits):
@@ -108,7 +103,7 @@ class ControlPanel:
             self._check("box", "box and axes", settings)
 
     def _add_views(self) -> None:
-        with self._gui.add_folder("Look from"):
+        with self._gui.add_folder("View from"):
             buttons = self._gui.add_button_group("", tuple(VIEWS))
 
         @buttons.on_click
@@ -117,8 +112,8 @@ class ControlPanel:
                 self._look_from(event.client, buttons.value)
 
     def _add_export(self, picture: Any, page: Any) -> None:
-        with self._gui.add_folder("Take away"):
-            shoot = self._gui.add_button("Screenshot (PNG)", hint="what is seen now, with the colour bar")
+        with self._gui.add_folder("Export"):
+            shoot = self._gui.add_button("Screenshot (PNG)", hint="the current view, with the colour bar")
             share = self._gui.add_button("Share (HTML)", hint="one file that opens in any browser, without network")
 
         for button, kind, take, suffix in ((shoot, "picture", picture, "png"), (share, "page", page, "html")):

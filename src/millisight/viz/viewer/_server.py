@@ -111,11 +111,7 @@ def _rich_quiet() -> Iterator[None]:
 class _Gate(asyncio.Protocol):
     """Reads the head of a connection's request; hands the connection on if it comes from the served page.
 
-    Parameters
-    ----------
-    listening : address at which the server listens
-    factory : makes the protocol that the connection is handed to
-    waiting : holds the gates whose connections have not been judged
+    `waiting` holds the gates whose connections have not been judged.
     """
 
     def __init__(self, listening: str, factory: Callable[[], Any], waiting: "set[_Gate]"):
@@ -178,13 +174,7 @@ def url_of(server: Any) -> str:
 
 @contextmanager
 def headless_browser(url: str, width: int, height: int) -> Iterator[None]:
-    """A browser without a window that shows `url` while the `with` block runs.
-
-    Raises
-    ------
-    DeviceError
-        There is none.
-    """
+    """A browser without a window that shows `url` while the `with` block runs; DeviceError if there is none."""
     program = next(filter(None, map(shutil.which, _BROWSERS)), None)
     if program is None:
         raise DeviceError(
@@ -207,13 +197,7 @@ def headless_browser(url: str, width: int, height: int) -> Iterator[None]:
 
 
 def first_client(server: Any, seconds: float) -> Any:
-    """The first browser that shows the server's page.
-
-    Raises
-    ------
-    DeviceError
-        None comes within `seconds`.
-    """
+    """The first browser that shows the server's page; DeviceError if none comes within `seconds`."""
     end = time.monotonic() + seconds
     while not (clients := server.get_clients()):
         if time.monotonic() > end:

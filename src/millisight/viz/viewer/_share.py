@@ -35,15 +35,7 @@ def write_page(path: str | os.PathLike[str], contents: Contents, settings: ViewS
 def page(contents: Contents, settings: ViewSettings, camera: tuple[np.ndarray, np.ndarray] | None = None) -> str:
     """A self-contained HTML page that shows what the viewer shows, with a threshold of its own.
 
-    Parameters
-    ----------
-    contents, settings : what is shown, and how
-    camera : its place (3,), looking at the origin, and what is up; None: as the viewer starts
-
-    Raises
-    ------
-    DeviceError
-        viser is not installed.
+    `camera` is its place (3,), looking at the origin, and what is up; None: as the viewer starts.
     """
     # A server of its own, since the page has points down to the end of the colours, whatever is shown now; not so where
     # slices show the threshold, too.

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 
 from millisight.core import atomic_path
@@ -45,12 +46,13 @@ class Viewer:
     def __init__(
         self, contents: Contents, settings: ViewSettings | None = None, *, host: str = HOST, port: int | None = None
     ):
-        self.settings = self.painted = settings or first_settings(contents)
+        self.settings: ViewSettings = settings or first_settings(contents)
+        self.painted: ViewSettings = self.settings
         self._wanted, self._ended = threading.Condition(), False
         self._painter = threading.Thread(target=self._paint, daemon=True)
-        self.server = start(host, port)
+        self.server: Any = start(host, port)
         try:
-            self.panes = PaneGrid(self.server, contents, self.settings)
+            self.panes: PaneGrid = PaneGrid(self.server, contents, self.settings)
             self._panel = ControlPanel(
                 self.server.gui, self.panes, self.settings, change=self.change, look_from=self.look_from,
                 picture=self.picture, page=self._page,
@@ -120,7 +122,7 @@ class Viewer:
                     break
                 before = shown
         except (RuntimeError, TimeoutError) as error:
-            raise DeviceError(f"the browser gives no picture: {error}; is its window open and in front?") from error
+            raise DeviceError(f"the browser sent no picture: {error}; is its window open and in front?") from error
         return _with_colour_bar(shown, self.settings, any(pane.levels for pane in self.panes.panes))
 
     def _page(self, client: Any) -> bytes:
@@ -185,15 +187,10 @@ def _with_colour_bar(shown: np.ndarray, settings: ViewSettings, bar: bool) -> by
         place = (0.3, 42 / (rows + under), 0.4, 14 / (rows + under))
         axes = figure.add_axes(place)
         scale = Scale("db", -settings.range_db)
-        colours = figure.colorbar(_mappable(scale, settings), cax=axes, orientation="horizontal")
+        shades = ScalarMappable(scale.norm, checked_colormap(settings.colormap))
+        colours = figure.colorbar(shades, cax=axes, orientation="horizontal")
         reference = "the strongest image's maximum" if settings.common else "each image's maximum"
         colours.set_label(f"|I|  [dB under {reference}], from {settings.threshold_db:g} dB".replace("-", "\u2212"))
     written = BytesIO()
     figure.savefig(written, format="png", dpi=dpi, metadata={"Software": None})
     return written.getvalue()
-
-
-def _mappable(scale: Scale, settings: ViewSettings) -> Any:
-    from matplotlib.cm import ScalarMappable
-
-    return ScalarMappable(scale.norm, checked_colormap(settings.colormap))

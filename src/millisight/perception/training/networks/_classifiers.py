@@ -32,9 +32,9 @@ class SmallNetwork(nn.Module):
             for channels, stride in ((inputs, 2), (outputs, 1)):
                 convolution = nn.Conv2d(channels, outputs, 3, stride=stride, padding=1, bias=False)
                 steps += [convolution, nn.GroupNorm(_GROUPS, outputs), nn.ReLU()]
-        self.seen = nn.Sequential(*steps)
-        self.dropout = nn.Dropout(0.3)
-        self.last = nn.Linear(2 * widths[-1], classes)
+        self.seen: nn.Sequential = nn.Sequential(*steps)
+        self.dropout: nn.Dropout = nn.Dropout(0.3)
+        self.last: nn.Linear = nn.Linear(2 * widths[-1], classes)
 
     def forward(self, channels: Tensor) -> Tensor:
         """(N, classes) logits of channels (N, C, S, S)."""
@@ -55,12 +55,12 @@ class PaperNetwork(nn.Module):
         steps: list[nn.Module] = []
         for a, b, stride in zip((1, *_PAPER_WIDTHS), _PAPER_WIDTHS, _PAPER_STRIDES, strict=False):
             steps += [nn.Conv2d(a, b, 3, stride=stride, padding=1), nn.ReLU()]
-        self.seen = nn.Sequential(*steps)
+        self.seen: nn.Sequential = nn.Sequential(*steps)
         sizes = (_PAPER_WIDTHS[-1] * _PAPER_POOLED**2, *_PAPER_CONNECTED)
         layers: list[nn.Module] = []
         for a, b in pairwise(sizes):
             layers += [nn.Linear(a, b), nn.ReLU()]
-        self.connected = nn.Sequential(*layers, nn.Linear(sizes[-1], classes))
+        self.connected: nn.Sequential = nn.Sequential(*layers, nn.Linear(sizes[-1], classes))
 
     def forward(self, channels: Tensor) -> Tensor:
         """(N, classes) logits of channels (N, C, S, S)."""

@@ -22,10 +22,10 @@ class WaveNetwork(nn.Module):
     def __init__(self, widths: Sequence[int] = (16, 32, 64, 96)):
         super().__init__()
         inputs = (len(WAVE_CHANNELS), *widths[:-1])
-        self.down = nn.ModuleList(_block(a, b) for a, b in zip(inputs, widths, strict=True))
+        self.down: nn.ModuleList = nn.ModuleList(_block(a, b) for a, b in zip(inputs, widths, strict=True))
         pairs = zip(widths[:0:-1], widths[-2::-1], strict=True)
-        self.up = nn.ModuleList(_block(below + beside, beside) for below, beside in pairs)
-        self.last = nn.Conv2d(widths[0], 1, 1)
+        self.up: nn.ModuleList = nn.ModuleList(_block(below + beside, beside) for below, beside in pairs)
+        self.last: nn.Conv2d = nn.Conv2d(widths[0], 1, 1)
 
     def forward(self, channels: Tensor) -> Tensor:
         """(N, A, B) logits of channels (N, C, A, B), A and B multiples of 8."""

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 import millisight as ms
-from helpers.oracles import C, relative
+from helpers.oracles import C, fresnel, relative
 from helpers.scatter import (
     BISTATIC,
     METAL,
@@ -21,7 +21,6 @@ from helpers.scatter import (
 from millisight.core import rotation_from_euler_deg
 from millisight.core.errors import CoverageError, InputError
 from millisight.rig.virtual import Antenna, EchoModel, Part, echoes
-from millisight.rig.virtual._fresnel import fresnel
 from millisight.rig.virtual._slabs import slab_coefficients
 
 BANDS = {"77 GHz": (77.5e9, 3e9 / 8), "24 GHz": (24.025e9, 2e8 / 8)}

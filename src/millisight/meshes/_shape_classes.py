@@ -1,6 +1,6 @@
-"""Shapes of the paper's four classes, their proportions drawn at random: more of each than a catalogue holds.
+"""The classes of shapes, and shapes of each with proportions drawn at random: more than a catalogue holds.
 
-They are meant for training: a network that has seen two cans knows these two. Sizes are those of a household, evenly
+These are meant for training: a network that has seen two cans knows these two. Sizes are those of a household, evenly
 drawn in their logarithms; no shape is drawn after any one object.
 """
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from millisight.core.errors import UnknownNameError
+from millisight.core import check_known
 from millisight.data import TriangleMesh
 from millisight.meshes._shapes import (
     FLAT,
@@ -43,8 +43,7 @@ def random_shape(shape_class: str, rng: np.random.Generator) -> TriangleMesh:
     UnknownNameError
         No such class.
     """
-    if shape_class not in RANDOM_SHAPES:
-        raise UnknownNameError("class of random shapes", shape_class, RANDOM_SHAPES)
+    check_known("class of random shapes", shape_class, RANDOM_SHAPES)
     solid = RANDOM_SHAPES[shape_class](rng)
     # Where two parts nearly coincide, a crumb may be left beside the whole.
     pieces = solid.simplify(1e-3).decompose()
@@ -154,3 +153,6 @@ RANDOM_SHAPES: dict[str, Callable[[np.random.Generator], "Manifold"]] = {
     "sphere": _ball,
 }
 """What draws each class."""
+
+SHAPE_CLASSES: tuple[str, ...] = (*RANDOM_SHAPES, "other")
+"""The paper's classes, and what is of none of them."""

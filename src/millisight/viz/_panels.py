@@ -21,10 +21,10 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import Normal, Stroke
 from matplotlib.ticker import MaxNLocator
 
-from millisight.core import atomic_path, checked_colormap, checked_number
+from millisight.core import atomic_path, check_known, checked_colormap, checked_number
 from millisight.core import set_colormap as set_colormap
 from millisight.core.errors import UnknownNameError
-from millisight.data import TriangleMesh, VoxelGrid
+from millisight.data import Mask, PixelGrid, TriangleMesh, VoxelGrid
 from millisight.viz._outline import PLANE, Outline, outline_of
 
 SCALES = ("linear", "db")
@@ -114,8 +114,7 @@ class Scale(NamedTuple):
     @classmethod
     def checked(cls, name: str, dynamic_range_db: float) -> "Scale":
         """Raises UnknownNameError, InputError."""
-        if name not in SCALES:
-            raise UnknownNameError("scale", name, SCALES)
+        check_known("scale", name, SCALES)
         return cls(name, -checked_number(dynamic_range_db, name="dynamic_range_db", unit="dB", above=0))
 
     @property
@@ -145,6 +144,17 @@ def borders(coordinates: np.ndarray, alone: float) -> np.ndarray:
     middle = (coordinates[1:] + coordinates[:-1]) / 2
     ends = 2 * coordinates[[0, -1]] - middle[[0, -1]]
     return np.concatenate([ends[:1], middle, ends[1:]])
+
+
+def mask_borders(mask: Mask) -> np.ndarray:
+    """(n, 2, 2) the borders between pixels inside and outside a mask, around one pixel as around many [m]."""
+    x, y = borders(mask.grid_xy.x, 1e-3), borders(mask.grid_xy.y, 1e-3)
+    padded = np.pad(mask.inside, 1).astype(np.int8)
+    i, j = np.nonzero(np.diff(padded[:, 1:-1], axis=0))
+    across_x = np.stack([np.stack([x[i], y[j]], -1), np.stack([x[i], y[j + 1]], -1)], axis=1)
+    i, j = np.nonzero(np.diff(padded[1:-1], axis=1))
+    across_y = np.stack([np.stack([x[i], y[j]], -1), np.stack([x[i + 1], y[j]], -1)], axis=1)
+    return np.concatenate([across_x, across_y])
 
 
 def grid_box(grid: VoxelGrid) -> np.ndarray:
@@ -179,6 +189,11 @@ class Panel(NamedTuple):
     @property
     def size(self) -> tuple[float, float]:
         return self.u[1] - self.u[0], self.v[1] - self.v[0]
+
+
+def panel_of(grid: PixelGrid | VoxelGrid) -> Panel:
+    """What is shown of an image seen along z."""
+    return Panel.around(borders(grid.x, 1e-3), borders(grid.y, 1e-3))
 
 
 def place_panels(

@@ -30,9 +30,9 @@ import numpy as np
 from millisight.core import checked_integer, checked_number, checked_record, put, record, rotation_from_quaternion
 from millisight.core.errors import InputError
 from millisight.data import Material, Radar, Trajectory, TriangleMesh
-from millisight.rig.virtual._antenna import Antenna
 from millisight.rig.virtual._occluders import Sheet
 from millisight.rig.virtual._scatterers import Pairs, SurfaceScatterers
+from millisight.rig.virtual._settings import Antenna
 from millisight.rig.virtual._shadows import Cell, ShadowCells
 from millisight.rig.virtual._surface import Boundary, permittivity_at
 

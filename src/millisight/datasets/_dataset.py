@@ -9,19 +9,7 @@ from typing import Any
 from millisight.core import printable, record
 from millisight.core.errors import FileError, FormatError, UnknownNameError
 from millisight.data import CameraFrame, CameraMask, Capture, Mask, RawScan, SarImage
-from millisight.io import load
-from millisight.io.mito import (
-    CAMERA_FRAME,
-    CAMERA_MASK,
-    IMAGE,
-    INFO,
-    RADAR_MASK,
-    RAW,
-    SIGHTS,
-    read_experiment,
-    read_info,
-    read_published,
-)
+from millisight.io import load, mito
 
 
 @record
@@ -53,11 +41,13 @@ class Item:
         ------
         FileError, FormatError, DamagedFileError
         """
-        if self.kind == INFO:
-            return read_info(self.path)
+        if self.kind == mito.INFO:
+            return mito.read_info(self.path)
         if self.converted:
             return load(self.path)
-        return read_experiment(self.path, self.radar) if self.kind == RAW else read_published(self.path).record
+        if self.kind == mito.RAW:
+            return mito.read_experiment(self.path, self.radar)
+        return mito.read_published(self.path).record
 
 
 class _Part:
@@ -68,13 +58,7 @@ class _Part:
     items: tuple[Item, ...]
 
     def item(self, kind: str, *, radar: str = "", ext: str = "") -> Item:
-        """The item of that kind, radar ("": the first) and extension.
-
-        Raises
-        ------
-        FileError
-            There is none.
-        """
+        """The item of that kind, radar ("": the first) and extension; FileError if there is none."""
         for item in self.items:
             if item.kind == kind and item.ext == ext and radar in ("", item.radar):
                 return item
@@ -89,7 +73,7 @@ class _Part:
         ------
         FileError, FormatError, DamagedFileError
         """
-        return _read(self.item(IMAGE, radar=radar, ext=ext), SarImage)
+        return read_item(self.item(mito.IMAGE, radar=radar, ext=ext), SarImage)
 
     def mask(self, *, radar: str = "77_ghz", ext: str = "") -> Mask:
         """The mask beside the image of a radar.
@@ -98,11 +82,16 @@ class _Part:
         ------
         FileError, FormatError, DamagedFileError
         """
-        return _read(self.item(RADAR_MASK, radar=radar, ext=ext), Mask)
+        return read_item(self.item(mito.RADAR_MASK, radar=radar, ext=ext), Mask)
 
 
-def _read(item: Item, kind: type) -> Any:
-    found = item.read()
+def read_item(item: Item, kind: type) -> Any:
+    """The record of `kind` that an item holds."""
+    return expect(item.read(), kind, item)
+
+
+def expect(found: Any, kind: type, item: Item) -> Any:
+    """What an item was `found` to hold, if it is of that kind."""
     if not isinstance(found, kind):
         raise FormatError(f"{printable(item.path)} holds a {type(found).__name__}; expected a {kind.__name__}")
     return found
@@ -148,7 +137,7 @@ class Experiment(_Part):
         ------
         FileError, FormatError, DamagedFileError
         """
-        return _read(self.item(CAMERA_FRAME), CameraFrame)
+        return read_item(self.item(mito.CAMERA_FRAME), CameraFrame)
 
     def camera_mask(self) -> CameraMask:
         """The object's mask in the camera's picture.
@@ -157,7 +146,7 @@ class Experiment(_Part):
         ------
         FileError, FormatError, DamagedFileError
         """
-        return _read(self.item(CAMERA_MASK), CameraMask)
+        return read_item(self.item(mito.CAMERA_MASK), CameraMask)
 
     def capture(self, *, radar: str = "77_ghz") -> Capture:
         """The recorded frames at the poses of the robot's log, both clocks taken as they are.
@@ -166,7 +155,7 @@ class Experiment(_Part):
         ------
         FileError, FormatError, DamagedFileError
         """
-        found = self.item(RAW, radar=radar).read()
+        found = self.item(mito.RAW, radar=radar).read()
         return found.to_capture() if isinstance(found, RawScan) else found
 
 
@@ -219,7 +208,7 @@ class ObjectFolder:
             lacks += [
                 f"{sight} of exp{number} at {'_'.join(map(str, angles))}"
                 for angles, number in sorted({key[:2] for key in made})
-                for sight in SIGHTS
+                for sight in mito.SIGHTS
                 if (angles, number, sight) not in made
             ]
         return tuple(lacks)
@@ -292,8 +281,8 @@ class Dataset:
         --------
         `ms.datasets.open("MITO_Dataset").filter(sight="nlos", simulated=False)`
         """
-        if sight not in (None, *SIGHTS):
-            raise UnknownNameError("sight", sight, SIGHTS)
+        if sight not in (None, *mito.SIGHTS):
+            raise UnknownNameError("sight", sight, mito.SIGHTS)
         if sight is not None or experiment is not None:
             simulated = False if simulated is None else simulated
 

@@ -1,0 +1,50 @@
+"""Measured captures by others (examples/captures): `fast` is never slower than `backprojection` by more than 10 %.
+
+    MILLISIGHT_CAPTURES=FOLDER make bench TESTS=benchmarks/test_captures.py
+
+FOLDER holds the files that the descriptions name; beside the repository they are found by themselves. Both are timed in
+turn, and the least of seconds of all threads is compared, which other work on the machine changes least.
+"""
+
+import os
+import time
+from pathlib import Path
+
+import pytest
+
+import millisight as ms
+from millisight.calibration import read_capture
+
+HERE = Path(__file__).resolve()
+DATA = Path(os.environ.get("MILLISIGHT_CAPTURES", HERE.parents[2] / "shared" / "data" / "captures"))
+FOLDERS = {"letter_r": ".", "foam": ".", "aeroplane": ".", "phantom": "merit"}
+ROUNDS = 3
+
+
+def seconds(capture, grid, method):
+    start = time.process_time()
+    image = ms.form_image(capture, grid, method=method)
+    return time.process_time() - start, image
+
+
+@pytest.mark.parametrize("name", FOLDERS)
+def test_fast_is_no_slower(name):
+    try:
+        capture = read_capture(HERE.parents[1] / "examples" / "captures" / f"{name}.toml", data=DATA / FOLDERS[name])
+    except FileNotFoundError:
+        pytest.skip(f"needs the files of {name}.toml in MILLISIGHT_CAPTURES")
+    grid = ms.grid_around(capture)
+    taken = {"fast": [], "backprojection": []}
+    for round_ in range(ROUNDS + 1):
+        for method, times in taken.items():
+            busy, image = seconds(capture, grid, method)
+            if round_:  # the first one compiles
+                times.append(busy)
+            if method == "fast":
+                done_by = image.metadata["history"][-1]["done_by"]
+    fast, direct = (min(times) for times in taken.values())
+    print(
+        f"\n| {name} | {grid.size} | {capture.channels} | {fast:.3f} s | {direct:.3f} s | {fast / direct:.2f} "
+        f"| {done_by} |"
+    )
+    assert fast < 1.1 * direct

@@ -1,0 +1,54 @@
+"""Plane layers between the antennas of a capture and its scene."""
+
+import numpy as np
+
+from millisight.core import checked_array, checked_number, put, record
+from millisight.core.errors import InputError
+
+
+@record
+class Layers:
+    """Plane layers that the waves cross between the antennas and the scene, there and back (primer 2).
+
+    The capture's antennas stand `moved` nearer to the scene than they are, and its path offset holds `offset`, so that
+    straight paths are nearly as long as the refracted ones. The imagers add what is left by Snell's law.
+
+    Attributes
+    ----------
+    thicknesses : (L,) of each layer [m]
+    indices : (L,) refractive index of each over that of the medium of the scene
+    normal : (3,) unit vector from the antennas to the scene
+    moved : along the normal [m]
+    offset : of both ways together [m]
+    error : the largest that straight paths alone make, of both ways together, up to the widest angle asked for [m]
+    """
+
+    thicknesses: np.ndarray
+    indices: np.ndarray
+    normal: np.ndarray
+    moved: float
+    offset: float
+    error: float
+
+    def __post_init__(self) -> None:
+        thicknesses = checked_array(self.thicknesses, name="thicknesses", shape=("L",), unit="m")
+        indices = checked_array(self.indices, name="indices", shape=(len(thicknesses),))
+        normal = checked_array(self.normal, name="normal", shape=(3,))
+        if not len(thicknesses) or not (thicknesses > 0).all() or not (indices > 0).all():
+            raise InputError("a layer has a thickness or a refractive index that is not above 0; expected both above 0")
+        if abs(np.linalg.norm(normal) - 1) > 1e-9:
+            raise InputError(f"normal has length {np.linalg.norm(normal):.6g}; expected 1")
+        put(
+            self,
+            thicknesses=thicknesses,
+            indices=indices,
+            normal=normal,
+            moved=checked_number(self.moved, name="moved", unit="m"),
+            offset=checked_number(self.offset, name="offset", unit="m"),
+            error=checked_number(self.error, name="error", unit="m", minimum=0),
+        )
+
+    @property
+    def nearest(self) -> float:
+        """How far along the normal a scene behind the layers is from the moved antennas, at least [m]."""
+        return float(self.thicknesses.sum()) - self.moved
