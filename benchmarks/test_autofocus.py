@@ -75,9 +75,11 @@ def test_what_is_left(name):
         taken = time.perf_counter() - start
         before, after = (wavelength / left_over(path, m) for m in (moved, found.displacements - moved))
         peaks = [100 * ms.form_image(c, grid).magnitude.max() / peak for c in (bad, found.capture)]
-        improved += peaks[1] > peaks[0]
+        improved += peaks[1] > 95
+        # What is not recovered is left alone.
+        assert peaks[1] > 95 or not found.applied
         print(
             f"seed {seed}: wavelength / {before:.1f} to / {after:.1f} (told {wavelength / found.uncertainty:.1f}), "
             f"peak {peaks[0]:.0f} to {peaks[1]:.0f} %, {taken:.1f} s; {' and '.join(found.applied) or found.reason}"
         )
-    assert improved >= 3
+    assert improved

@@ -183,7 +183,7 @@ def test_on_the_command_line(right, tmp_path):
         "image", "bad.capture.h5", "--grid=-8cm:8cm:4mm,-8cm:8cm:4mm,-2cm:2cm:1cm", "--focus", "rows", cwd=tmp_path
     )
     assert code == 0, err
-    assert "focus: rows began up to" in out
+    assert "focus: rows corrected by up to" in out
     image = ms.load(tmp_path / "bad.image.h5")
     assert [step["step"] for step in image.metadata["history"]][-2:] == ["autofocus", "form_image"]
     assert "rows" in refused("image", "bad.capture.h5", "--focus", "sharp", cwd=tmp_path)
