@@ -105,7 +105,7 @@ def test_info_tells_what_is_wrong_and_goes_on(miniature):
     folders = [fault_folder(miniature.faults, name) for name in ("row_missing", "nan_in_image", "two_lane")]
     code, lines, _ = run("info", *folders)
     assert code == 1
-    assert "  77_ghz raw: left out: row 1700000001 is listed, but its file is not there" in lines
+    assert "  77_ghz raw: left out: row 1700000001 is listed, but its file is missing" in lines
     assert any(line.startswith("failed: 77_ghz image: ") and "NaN" in line for line in lines)
     assert any("note: adc_data1700000001.bin: the sample order is two-lane interleaved" in line for line in lines)
 
@@ -119,7 +119,7 @@ def test_verify_exits_with_1_where_there_are_problems(miniature):
     assert code == 1
     raw = "robot_collected/0_0_90/exp1/los/unprocessed/radars/77_ghz"
     assert lines == [
-        f"problem: 905_row_missing/{raw}: row 1700000001 is listed, but its file is not there",
+        f"problem: 905_row_missing/{raw}: row 1700000001 is listed, but its file is missing",
         f"note: 907_two_lane/{raw}: adc_data1700000001.bin: the sample order is two-lane interleaved; published files "
         "are four-lane, I before Q",
         "verified 4 items: 1 with problems",

@@ -199,11 +199,11 @@ class _Maker:
         return pickle.dumps({**image, "names": ["1707", "1708"], "created": [0.5, -1]}, protocol=protocol)
 
     def manifest(self) -> bytes:
-        from millisight.datasets import Entry, Manifest, Source, write_manifest
+        from millisight.datasets import Manifest, ManifestEntry, ManifestSource, write_manifest
 
-        source = Source(path="004_sugar_box/a.pkl", size=10, sha256="0" * 64)
+        source = ManifestSource(path="004_sugar_box/a.pkl", size=10, sha256="0" * 64)
         entries = {
-            name: Entry(path=name, kind="image", size=20, sha256="1" * 64, sources=(source,))
+            name: ManifestEntry(path=name, kind="image", size=20, sha256="1" * 64, sources=(source,))
             for name in ("a.h5", "b.h5")
         }
         write_manifest(self.folder, Manifest(settings={"schema_version": 1}, entries=entries))

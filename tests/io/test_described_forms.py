@@ -156,7 +156,7 @@ def test_antennas_turn_with_the_radar_on_a_circle(tmp_path):
     ("circle", "message"),
     [
         ("{ step = 6 }", r"\[positions\] circle has no radius; expected .*far_field"),
-        ("{ radius = 1, far_field = true, step = 6 }", "radius is '1'.*one of the two"),
+        ("{ radius = 1, far_field = true, step = 6 }", "radius is '1'.*either the antenna's distance"),
         (
             "{ radius = 1, step = 6 }",
             r"has no unit; expected .*in radians the angles go 56.34 times round",
@@ -171,7 +171,7 @@ def test_antennas_turn_with_the_radar_on_a_circle(tmp_path):
         ("{ radius = 1, step = 0.1, height = [1, 2] }", "height is .*one number or 60"),
         ('{ radius = 1, step = 0.1, axis = "w" }', "axis in .*'w'"),
         ('{ radius = 1, step = 0.1, axes = "z" }', "key in .*circle: 'axes'. Did you mean 'axis'"),
-        ('{ far_field = true, step = 0.1, range_from = "antenna" }', "from an antenna far away no range"),
+        ('{ far_field = true, step = 0.1, range_from = "antenna" }', "ranges cannot be counted from an antenna"),
         ("{ far_field = true, step = 0.1, height = 1 }", "none in a far field"),
     ],
 )
@@ -204,7 +204,7 @@ def test_antennas_for_each_pose(tmp_path):
         ('array = "rx"', 'array = "tx"', r"rx_points is .*\(30, 3, 3\), each antenna .*; its shape is \(30, 2, 3\)"),
         ("tx_points =", "tx_point =", "'tx_point'. Did you mean 'tx_points'"),
         ('unit = "mm"', 'unit = "mil"', r"tx_points: 'mil'"),
-        ("[radar]", "[radar]\ntx_positions = [[0, 0, 0]]", r"tx_positions is .*them in \[positions\] alone"),
+        ("[radar]", "[radar]\ntx_positions = [[0, 0, 0]]", r"tx_positions is .*only in \[positions\]"),
     ):
         with pytest.raises(ms.errors.MillisightError, match=message):
             read_capture(written(tmp_path, text.replace(old, new)))
@@ -393,8 +393,8 @@ def test_slices_in_references(tmp_path):
     text += 'axes = ["pose", "sample"]\nphase_sign = -1\n' + PLANE_TEXT
     same_image(read_capture(written(tmp_path, text)), image_of(frames, tx))
     for places, message in (
-        ("[80, 481]", r"\[radar\] frequencies: slice is '\[80, 481\]'; expected start below stop, and stop up to 480"),
-        ("[80]", "slice is .*whole numbers from 0 on"), ("[5, 2]", "start below stop"), ('"80:2"', "slice is '80:2'"),
+        ("[80, 481]", r"\[radar\] frequencies: slice is '\[80, 481\]'; expected start below stop, and stop at most"),
+        ("[80]", "slice is .*whole numbers from 0"), ("[5, 2]", "start below stop"), ('"80:2"', "slice is '80:2'"),
         ("[80, 240, 4]", "samples .*expected 41 samples as in the frames|41 samples"),
     ):  # fmt: skip
         with pytest.raises(ms.errors.FormatError, match=message):
@@ -434,7 +434,7 @@ def test_touchstone_files_one_a_pose(tmp_path):
     first = (tmp_path / "p0.s2p").read_text()
     for old, new, message in (
         ('"p*.s2p"', '"p*.s2p"\nparameter = "S31"', "parameter is 'S31'; .*p0.s2p has S11, S21, S12, S22"),
-        ('"VNA"', '"VNA"\nstep = 1e6', "step is .*the frames' files say the frequencies"),
+        ('"VNA"', '"VNA"\nstep = 1e6', "step is .*the frequencies come from the files"),
     ):
         with pytest.raises(ms.errors.FormatError, match=message):
             read_capture(written(tmp_path, text.replace(old, new)))
@@ -492,7 +492,7 @@ def test_files_that_are_entries_of_an_axis(tmp_path, along):
     for old, new, message in (
         (f'"{along}"', '"chirp"', "files_along in .*'chirp'"), (f'files_along = "{along}"\n', "", "files_along"),
         ("files_along", "file_along", "Did you mean 'files_along'"), ("", "", r"whole files of one shape; .* has \("),
-        (where, where + '[calibration]\nbackground = "points.npy"\n', "not beside another file|whole files"),
+        (where, where + '[calibration]\nbackground = "points.npy"\n', "no such key beside another file|whole files"),
     ):  # fmt: skip
         with pytest.raises(ms.errors.MillisightError, match=message):
             read_capture(written(tmp_path, (text + where).replace(old, new, 1)))
@@ -530,7 +530,7 @@ def test_a_homogeneous_medium(tmp_path):
     assert capture.metadata["history"][-1]["step"] == "set_medium"
     for medium, message in (
         ("permittivity = -1", r"\[medium\]: permittivity is -1; expected more than 0"), ("", "has no permittivity"),
-        ("permitivity = 2", "Did you mean 'permittivity'"), ('permittivity = 2\ntowards = "z"', "beside layers alone"),
+        ("permitivity = 2", "Did you mean 'permittivity'"), ('permittivity = 2\ntowards = "z"', "only beside layers"),
     ):  # fmt: skip
         with pytest.raises(ms.errors.MillisightError, match=message):
             read_capture(written(tmp_path, text + f"[medium]\n{medium}\n"))
@@ -634,7 +634,7 @@ def test_pulses(tmp_path):
         ('domain = "time"\n', "", "with domain = \"time\""),
         (f"time_step = {step!r}\n", "", "has none of time_step, range_step"),
         ('"time"', '"times"', "Did you mean 'time'"),
-        ("[frames]\n", "[frames]\ncarrier = 1e9\n", "carrier is .*complex samples alone"),
+        ("[frames]\n", "[frames]\ncarrier = 1e9\n", "carrier is .*only for complex samples"),
     ):  # fmt: skip
         assert old in text
         with pytest.raises(ms.errors.MillisightError, match=message):
@@ -757,7 +757,7 @@ def test_a_new_raw_format_is_one_function(tmp_path, monkeypatch):
     same_image(read_capture(written(tmp_path, text.replace("length", 'format = "xyz"\nlength'))), image_of(frames, tx))
     with pytest.raises(ms.errors.UnknownNameError, match=r"format in .*'xzy'. Did you mean 'xyz'"):
         read_capture(written(tmp_path, text.replace("length", 'format = "xzy"\nlength')))
-    with pytest.raises(ms.errors.FormatError, match="order is 'two-lane'; expected it not with the format 'xyz'"):
+    with pytest.raises(ms.errors.FormatError, match="order is 'two-lane'; expected no such key with the format 'xyz'"):
         read_capture(written(tmp_path, text.replace("length", 'order = "two-lane"\nlength')))
 
 

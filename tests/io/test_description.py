@@ -295,18 +295,22 @@ def test_a_robots_log_places_the_frames(tmp_path):
     assert np.allclose(calibrated.frames, (frames - frames.mean(axis=0))[..., 100:400], atol=1e-3)
     for old, new, message in (
         ("start = [10, 11]", "start = 10", "2 times, of the first frame of each file, not 1"),
-        ('"robot.csv"', '{ file = "robot.csv", times = "t" }', "it of arrays alone; of a text, columns"),
+        ('"robot.csv"', '{ file = "robot.csv", times = "t" }', "this key only for arrays; for a text file, columns"),
         ('"robot.csv"', '{ file = "robot.csv", columns = ["time", "x"] }', r"log: columns is .*expected 4 or 8"),
         ('"robot.csv"', '{ file = "robot.csv", columns = [0, 1, 2, 9] }', "column in .*robot.csv: 9. Known: 0, 1"),
         ('"robot.csv"', '{ file = "robot.csv", decimal = "," }', "robot.csv, line 2 .*a number cannot contain a point"),
-        ('"robot.csv"', '{ file = "robot.npz", skip_rows = 1 }', "skip_rows is '1'; expected it of texts alone"),
-        ("[times]\nstart = [10, 11]\nperiod = 0.01\n", "", "no table .times. says when"),
+        (
+            '"robot.csv"',
+            '{ file = "robot.npz", skip_rows = 1 }',
+            "skip_rows is '1'; expected this key only for text files",
+        ),
+        ("[times]\nstart = [10, 11]\nperiod = 0.01\n", "", "no table .times. with the times"),
     ):
         with pytest.raises(ms.errors.MillisightError, match=message):
             read_capture(described(tmp_path, SWEEP.replace(old, new)))
     write_dca1000(tmp_path / "one.bin", raw_scan(ms.Radar.preset("iwr1443"), positions[:1], 1000))
     still = SWEEP.split("[positions]")[0].replace("row_*", "one") + "[positions]\nraster = {}\n"
-    with pytest.raises(InputError, match="no log of a robot.*leave clock out"):
+    with pytest.raises(InputError, match="no robot log.*leave clock out"):
         read_capture(described(tmp_path, still), clock=ms.ClockCorrection(offset=0.1))
 
 
@@ -364,11 +368,11 @@ def test_what_a_description_says_of_the_image(tmp_path):
     (tmp_path / "pyproject.toml").write_text("[project]\nname = 'x'\n")
     moved = described(tmp_path / "elsewhere", path.read_text())
     check(read_capture(moved, data=tmp_path))
-    with pytest.raises(FileError, match=r"frames.npy: no such file; say with --data"):
+    with pytest.raises(FileError, match=r"frames.npy: no such file; pass the folder"):
         read_capture(moved)
     assert description_in(tmp_path) == path
     assert description_in(ROOT / "docs") is None
-    with pytest.raises(FileError, match=r"several descriptions, aeroplane.toml, .*pass the one"):
+    with pytest.raises(FileError, match=r"several descriptions, aeroplane.toml, .*pass one of"):
         description_in(EXAMPLES)
 
 
@@ -470,7 +474,7 @@ def test_data_that_cannot_be_used_is_named(tmp_path):
     np.savez(tmp_path / "frames.npy.npz", a=frames, b=frames)
     with pytest.raises(FormatError, match=r"frames.npy.npz holds the arrays a, b; choose one"):
         read_capture(described(tmp_path, GOOD.replace("frames.npy", "frames.npy.npz")))
-    with pytest.raises(InputError, match="no log of a robot"):
+    with pytest.raises(InputError, match="no robot log"):
         read_scan(described(tmp_path, GOOD.replace("frames.npy", 'frames.npy.npz"\narray = "a')))
 
 
@@ -518,7 +522,7 @@ def test_the_file_of_a_radar_at_rest_decodes_but_cannot_be_imaged():
     one_sided = 10 * np.log10(spectrum[:, 1:128].sum(axis=1) / spectrum[:, 129:].sum(axis=1))
     assert len(one_sided) == 4
     assert one_sided.min() > 15
-    with pytest.raises(InputError, match=r"iwr1443_still.toml has no table \[positions\].*nothing can be imaged"):
+    with pytest.raises(InputError, match=r"iwr1443_still.toml has no table \[positions\].*but not imaged"):
         read_capture(EXAMPLES / "iwr1443_still.toml", data=data)
 
 

@@ -275,7 +275,7 @@ def test_colours_change_and_the_mask_does_not(driver, tmp_path):
         page = Page(driver, server.address)
         assert page.text("counts") == "1 on the object, 0 beside it"
         server.ending.set()
-        page.until("document.getElementById('notice').textContent.includes('has ended')")
+        page.until("document.getElementById('notice').textContent.includes('has stopped')")
     driver.get("about:blank")
 
 

@@ -35,7 +35,7 @@ class PathOffset(NamedTuple):
 
 
 def set_antennas(capture: Capture, array: AntennaArray) -> Capture:
-    """The capture with its antennas at other places in the radar frame, as many as before.
+    """Replace the antenna positions in the radar frame; their number stays the same.
 
     Raises
     ------
@@ -57,7 +57,7 @@ def set_antennas(capture: Capture, array: AntennaArray) -> Capture:
 
 
 def set_path_offset(capture: Capture, path_offset: float) -> Capture:
-    """The capture with another constant path in cables and front end, added to every path length [m] (primer 2)."""
+    """Set the path offset, the length in cables and front end that is added to every path [m] (primer 2)."""
     checked_record(capture, Capture, name="capture")
     radar = capture.radar
     changed = replace(radar, path_offset=path_offset)
@@ -67,7 +67,7 @@ def set_path_offset(capture: Capture, path_offset: float) -> Capture:
 def estimate_path_offset(
     capture: Capture, target: np.ndarray, *, search: tuple[float, float] = (-0.5, 1.0)
 ) -> PathOffset:
-    """The path offset under which a reference target is brightest in its known place (primer 2, 4).
+    """Estimate the path offset that makes a reference target brightest at its known position (primer 2, 4).
 
     Only magnitudes are compared, so the phase of the target's reflection does not matter.
 
@@ -114,7 +114,7 @@ def estimate_path_offset(
 
 
 def divide_gains(capture: Capture, gains: np.ndarray) -> Capture:
-    """The frames of each channel divided by its complex gain (T, R).
+    """Divide the frames of each channel by its complex gain (T, R).
 
     Raises
     ------
@@ -133,7 +133,7 @@ def divide_gains(capture: Capture, gains: np.ndarray) -> Capture:
 
 
 def estimate_gains(capture: Capture, target: np.ndarray) -> np.ndarray:
-    """(T, R) complex gain of each channel, relative to their mean, from a reference target at (3,) [m] (primer 3)."""
+    """Estimate the (T, R) complex gains, relative to their mean, from a reference target at (3,) [m] (primer 3)."""
     checked_record(capture, Capture, name="capture")
     offset = 2j * np.pi / SPEED_OF_LIGHT * capture.radar.waveform.frequencies * capture.radar.path_offset
     answers = (_focused(capture, target) * np.exp(offset)).mean(axis=(0, 3))
@@ -143,7 +143,7 @@ def estimate_gains(capture: Capture, target: np.ndarray) -> np.ndarray:
 
 
 def divide_reference(capture: Capture, spectrum: np.ndarray, *, power: float = 1.0) -> Capture:
-    """The frames divided by a reference spectrum: what the radar answers where it should answer 1.
+    """Divide the frames by a reference spectrum: the measured signal of a target whose true signal is 1.
 
     Parameters
     ----------
@@ -173,7 +173,7 @@ def divide_reference(capture: Capture, spectrum: np.ndarray, *, power: float = 1
 
 
 def add_phase(capture: Capture, frequencies: np.ndarray, phases: np.ndarray, *, between: str = "linear") -> Capture:
-    """The frames times exp(+i phase), the phase given over frequency, as that of a front end is measured.
+    """Multiply the frames by exp(+i phase), with the phase over frequency, for example of a front end.
 
     Parameters
     ----------
@@ -208,7 +208,7 @@ def add_phase(capture: Capture, frequencies: np.ndarray, phases: np.ndarray, *, 
 
 
 def subtract_mean(capture: Capture) -> Capture:
-    """The frames less each channel's and sample's mean over all poses.
+    """Subtract the mean over all poses from each channel and sample.
 
     What is the same everywhere, the antennas' own echo and leakage, goes; so does a little of the scene.
     """
@@ -219,7 +219,7 @@ def subtract_mean(capture: Capture) -> Capture:
 
 
 def subtract_background(capture: Capture, empty: Capture, *, frame: str = "mean") -> Capture:
-    """The frames less those of the empty scene, seen by the same radar.
+    """Subtract the frames of the empty scene, captured by the same radar.
 
     Parameters
     ----------
@@ -257,7 +257,7 @@ def subtract_background(capture: Capture, empty: Capture, *, frame: str = "mean"
 
 
 def crop_samples(capture: Capture, first: int, stop: int) -> Capture:
-    """The samples `first` to `stop` - 1 of each chirp alone: a narrower band, starting at a later frequency.
+    """Keep only the samples `first` to `stop` - 1 of each chirp: a narrower band from a later frequency.
 
     Raises
     ------

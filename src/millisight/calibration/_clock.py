@@ -6,7 +6,7 @@ from millisight.data import Capture, ClockCorrection, Trajectory, check_follows_
 
 
 def retime(capture: Capture, log: Trajectory, clock: ClockCorrection) -> Capture:
-    """The same frames with their poses read from the robot's log at the corrected times.
+    """Interpolate the poses again from the robot log, at corrected times.
 
     Frames that fall off the log are dropped, and counted in the history: nothing is extrapolated. Frames on disk stay
     there where none is dropped, and are read into memory otherwise.
@@ -30,7 +30,7 @@ def retime(capture: Capture, log: Trajectory, clock: ClockCorrection) -> Capture
     robot = clock.robot_times(times)
     inside = inside_log(robot, log)
     if not inside.any():
-        raise InputError(f"no frame lies within the robot's log: {spans(robot, log)}")
+        raise InputError(f"no frame lies within the robot log: {spans(robot, log)}")
     poses = log.at(robot[inside])
     return Capture(
         radar=capture.radar,

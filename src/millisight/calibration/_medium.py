@@ -18,7 +18,7 @@ _RAYS = 400
 
 
 def set_medium(capture: Capture, permittivity: float) -> Capture:
-    """The capture of a scene inside a homogeneous medium, as air would give it.
+    """Convert a capture of a scene inside a homogeneous medium to the equivalent capture in air.
 
     A path d in the medium turns the phase by 2 pi f n d / c, n the root of the permittivity. So the frequencies are
     times n, which is what the wavelengths in the medium say, and the path offset, which lies in cables, is over n.
@@ -43,7 +43,7 @@ def set_medium(capture: Capture, permittivity: float) -> Capture:
 
 
 def set_one_way(capture: Capture) -> Capture:
-    """The capture of waves that go one way only, from the scene to the receivers, as there and back would give it.
+    """Convert a one-way capture, from the scene to the receivers, to the equivalent two-way capture.
 
     The scene itself sends, or what lights it is everywhere at the same time. Each receiver becomes a pose of its own,
     with a transmitter in its place, and the frequencies are halved: 2 pi (f / 2) 2 d / c is the phase of one way d.
@@ -90,7 +90,7 @@ def see_through(
     max_angle: float | None = None,
     reach: tuple[float, float] | None = None,
 ) -> Capture:
-    """The capture of a scene behind plane layers, whose paths are bent by Snell's law.
+    """Add plane layers in front of the scene, which refract the paths by Snell's law.
 
     The imagers work out the bent paths: "exact" to rounding, "fast" and "backprojection" by a table that is right to
     some ten-thousandths of a wave. What knows of straight paths alone, as `autofocus` and the sparse imager, finds

@@ -16,11 +16,11 @@ def place_frames(
     min_distance: float | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Capture:
-    """The frames with the poses that the log gives their times: by cubic spline and spherical interpolation.
+    """Interpolate the pose of each frame from the log: cubic spline for positions, spherical for orientations.
 
-    Left out are frames that the recorder lost, frames outside the log (nothing is extrapolated), and repeats: a
-    frame closer than `min_distance` to a kept one of its row. The history counts each. What to keep is decided
-    before anything is read; then one row is held at a time, besides what is kept.
+    Frames that the recorder lost, frames outside the log (poses are not extrapolated), and repeats are left out; a
+    repeat is closer than `min_distance` to a kept frame of its row. The history counts them. The choice is made before
+    frames are read; then one row at a time is in memory, besides the kept frames.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def place_frames(
     Raises
     ------
     InputError
-        No frame is left, or a row reads as something else than it should.
+        No frame is left, or a row has an unexpected shape.
     """
     clock = checked_record(clock or ClockCorrection(offset=0.0), ClockCorrection, name="clock")
     if min_distance is None:

@@ -27,14 +27,14 @@ STEPS: Mapping[str, Callable[..., Capture]] = {
 
 
 def calibrate(capture: Capture, steps: Iterable[CalibrationStep]) -> Capture:
-    """The capture after each of the `steps`, in their order.
+    """Apply the calibration `steps` to a capture, in their order.
 
     Raises
     ------
     UnknownNameError
-        A step is not known.
+        A step is unknown.
     FormatError, InputError
-        A step does not fit the capture; FormatError names the place where the step is written, if it has one.
+        A step does not fit the capture; FormatError names its place in the description, if any.
     """
     for step in steps:
         checked_record(step, CalibrationStep, name="a step")
@@ -56,20 +56,20 @@ def read_capture(
     clock: ClockCorrection | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Capture:
-    """A capture from raw files, as a description in TOML says.
+    """Read a capture from raw files with a description in TOML.
 
     Parameters
     ----------
     path : the description; or a folder with one; or a file that a shipped description knows by its arrays
-    data : the folder where the files lie that the description names; None: that of the description
-    clock : correction from the radar's clock to the robot's, where the positions come from the robot's log
+    data : the folder of the files named in the description; None: that of the description
+    clock : correction from the radar's clock to the robot's, if the positions come from a robot log
     progress : called with (files read, files in all)
 
     Returns
     -------
     Capture
-        Of the phase sign inside millisight, calibrated as the description says. `metadata["image_grid"]` and
-        `metadata["imaging"]` hold what it says of the image.
+        With the phase sign of millisight, calibrated as described. `metadata["image_grid"]` and `metadata["imaging"]`
+        hold the image settings of the description.
 
     Raises
     ------
@@ -84,5 +84,5 @@ def read_capture(
     if isinstance(content, RawScan):
         return content.to_capture(clock=clock, progress=progress)
     if clock is not None:
-        raise InputError(f"{printable(path)} names no log of a robot, so there is no clock to correct; leave clock out")
+        raise InputError(f"{printable(path)} names no robot log, so there is no clock to correct; leave clock out")
     return content.to_capture()

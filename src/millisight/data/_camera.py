@@ -118,7 +118,7 @@ class CameraFrame:
 
 @record
 class CameraMask:
-    """Which pixels of a camera frame show the object, and where it is.
+    """The pixels of the object in a camera frame, and its position.
 
     Attributes
     ----------

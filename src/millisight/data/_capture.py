@@ -38,9 +38,9 @@ class Capture:
     trajectory : Trajectory of P poses
     frames : (P, T, R, N) complex64, pose x transmitter x receiver x sample; an array, or an HDF5 dataset on disk
     metadata : provenance; what JSON can hold
-    tx_points, rx_points : (P, T, 3), (P, R, 3) antennas in the world frame [m], where they are not the radar's array
-        at the trajectory's poses but elsewhere at each pose, as of measured pairs of a fixed array; None: the array
-    layers : plane layers between antennas and scene; None: there are none
+    tx_points, rx_points : (P, T, 3), (P, R, 3) antenna positions in the world frame [m] for each pose, for example
+        for measured pairs of a fixed array; None: the radar's array at the poses of the trajectory
+    layers : plane layers between antennas and scene, or None
 
     Raises
     ------
@@ -82,7 +82,7 @@ class Capture:
         )
 
     def plot(self, **settings: Any) -> Any:
-        """Where the radar was and the range profile of every pose, as a figure.
+        """Plot the positions of the radar and the range profile of every pose.
 
         Parameters
         ----------

@@ -9,13 +9,13 @@ from millisight.data._trajectory import Trajectory
 
 @record
 class ClockCorrection:
-    """How to read the robot's clock off the radar's: robot time = t + offset + drift (t - reference_time).
+    """Conversion from the radar's clock to the robot's: robot time = t + offset + drift (t - reference_time).
 
     Attributes
     ----------
-    offset : what the robot's clock is ahead by, at `reference_time` [s]
-    drift : what it gains [s/s]; 50e-6 is 50 ppm
-    reference_time : when the offset holds, on the radar's clock [s]
+    offset : how far the robot's clock is ahead at `reference_time` [s]
+    drift : drift of the robot's clock [s/s]; 50e-6 is 50 ppm
+    reference_time : time of the offset, on the radar's clock [s]
 
     Examples
     --------

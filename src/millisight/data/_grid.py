@@ -19,7 +19,7 @@ def _coordinates(value: np.ndarray, name: str) -> np.ndarray:
 
 @record
 class PixelGrid:
-    """Where a picture's pixels are.
+    """Positions of the pixels of a picture.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class PixelGrid:
 
 @record
 class VoxelGrid:
-    """Where an image's voxels are.
+    """Positions of the voxels of an image.
 
     Attributes
     ----------
@@ -68,7 +68,7 @@ class VoxelGrid:
         upper: Sequence[float] | np.ndarray,
         spacing: float | Sequence[float] | np.ndarray,
     ) -> "VoxelGrid":
-        """Voxels from `lower` on, `spacing` apart, up to `upper` where whole steps reach it [m].
+        """Regular voxels from `lower` to at most `upper`, `spacing` apart [m].
 
         Raises
         ------

@@ -14,12 +14,12 @@ _LARGEST = 1e15  # the sum of the squares of as many voxels as fit any memory is
 
 @record
 class SarImage:
-    """A synthetic-aperture image (paper Eq. 1, primer 4): a unit reflector has the value 1 at its place.
+    """A synthetic-aperture image (paper Eq. 1, primer 4): a unit reflector has the value 1 at its position.
 
     Attributes
     ----------
     grid : VoxelGrid
-    values : (X, Y, Z) complex64; complex128 where they were given as such an array, as some published images are
+    values : (X, Y, Z) complex64; or complex128 if given as such, as for some published images
     metadata : provenance; what JSON can hold
     """
 
@@ -45,7 +45,7 @@ class SarImage:
         return f"SarImage({self.values.dtype} on {self.grid!r})"
 
     def plot(self, **settings: Any) -> Any:
-        """The mean of |I| along z, y and x, as a figure.
+        """Plot the mean of |I| along z, y and x.
 
         Parameters
         ----------

@@ -8,10 +8,10 @@ from millisight.core.errors import InputError
 
 @record
 class Layers:
-    """Plane layers that the waves cross between the antennas and the scene, there and back (primer 2).
+    """Plane layers between antennas and scene, which the waves cross both ways (primer 2).
 
-    The capture's antennas stand `moved` nearer to the scene than they are, and its path offset holds `offset`, so that
-    straight paths are nearly as long as the refracted ones. The imagers add what is left by Snell's law.
+    The antennas of the capture are shifted by `moved` towards the scene, and its path offset includes `offset`, so that
+    straight paths are nearly as long as the refracted ones. The imagers add the difference by Snell's law.
 
     Attributes
     ----------
@@ -20,7 +20,7 @@ class Layers:
     normal : (3,) unit vector from the antennas to the scene
     moved : along the normal [m]
     offset : of both ways together [m]
-    error : the largest that straight paths alone make, of both ways together, up to the widest angle asked for [m]
+    error : largest error of straight paths alone, both ways, up to the widest given angle [m]
     """
 
     thicknesses: np.ndarray

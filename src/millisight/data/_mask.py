@@ -10,7 +10,7 @@ from millisight.data._grid import PixelGrid
 
 @record
 class Mask:
-    """Which pixels of an image seen along z belong to the object.
+    """The pixels of an object in an image seen along z.
 
     Attributes
     ----------
@@ -28,7 +28,7 @@ class Mask:
         return f"Mask({len(self.grid_xy.x)} x {len(self.grid_xy.y)} pixels, {100 * self.inside.mean():.1f} % inside)"
 
     def plot(self, **settings: Any) -> Any:
-        """The mask seen along z, as a figure.
+        """Plot the mask, seen along z.
 
         Parameters
         ----------

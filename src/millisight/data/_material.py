@@ -32,19 +32,19 @@ _TABLE = Path(__file__).with_name("materials.toml")
 
 @record
 class Material:
-    """What a surface is made of.
+    """The material of a surface.
 
     Attributes
     ----------
     name : str
-    reflection : complex reflection amplitude at normal incidence over a perfect conductor's, so 1 for metal
+    reflection : complex reflection amplitude at normal incidence, relative to a perfect conductor (1 for metal)
     alpha : default weights (a1, a2) of the specular and the edge image (primer 14)
     frequencies : (K,) where `permittivities` are known, increasing [Hz]; or None
     permittivities : (K,) complex relative permittivities eps' - i eps''; or None
     conductivity : of a metal [S/m]; or None
     roughness : rms height of the surface [m]
-    correlation_length : along the surface, of that height [m]; None where it is not known
-    source : of the electric figures, and how far to trust them (see `materials.toml`)
+    correlation_length : of the height along the surface [m]; None: unknown
+    source : of the electric properties, and their reliability (see `materials.toml`)
     """
 
     name: str
@@ -129,7 +129,7 @@ class Material:
 
 
 class Layer(NamedTuple):
-    """One layer of a slab: what it is made of, and how thick it is [m]."""
+    """One layer of a slab: material and thickness [m]."""
 
     material: Material
     thickness: float

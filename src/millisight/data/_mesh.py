@@ -47,7 +47,7 @@ class TriangleMesh:
         return f"TriangleMesh({len(self.vertices)} vertices, {len(self.faces)} faces, {box(*self.bounds)})"
 
     def plot(self, **settings: Any) -> Any:
-        """A lit solid seen along z, y and x, as a figure.
+        """Plot the mesh as a shaded solid, seen along z, y and x.
 
         Parameters
         ----------

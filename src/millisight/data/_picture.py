@@ -15,10 +15,10 @@ class Picture:
     Attributes
     ----------
     rgb : (A, B, 3) uint8
-    power : (A, B) float32 in [0, 1], what was coloured: |I| seen along z over its maximum; None: a photo
-    grid_xy : PixelGrid, where the pixels are; None: a photo
-    image : what was projected; None: a photo
-    other_band : the same scene at the radar's other frequency, on a grid of its own; None: there is none
+    power : (A, B) float32 in [0, 1], the projection of |I| along z, relative to its maximum; None: a photo
+    grid_xy : PixelGrid, positions of the pixels; None: a photo
+    image : the projected image; None: a photo
+    other_band : the same scene at the radar's other frequency, on its own grid, or None
     """
 
     rgb: np.ndarray

@@ -7,7 +7,7 @@ from millisight.core import checked_array, put, record
 
 @record
 class PointCloud:
-    """Points in space, and how strongly the image answers at each.
+    """Points in space, with the image magnitude at each.
 
     Attributes
     ----------

@@ -16,7 +16,7 @@ class Prediction:
     ----------
     probabilities : (C,) float64, not negative, of sum 1
     class_names : (C,) names
-    threshold : the answer is "not sure" where no probability reaches it
+    threshold : the answer is "not sure" if no probability reaches it
     """
 
     probabilities: np.ndarray

@@ -20,7 +20,7 @@ class Prompts:
     ----------
     points : (n, 2) int64, indices [i, j] into the picture's first two axes: of a radar image x and y, of a photo row
         and column
-    positive : (n,) bool, whether a point lies on the object; else it lies beside it
+    positive : (n,) bool, whether a point lies on the object (else beside it)
     """
 
     points: np.ndarray

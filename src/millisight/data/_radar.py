@@ -86,7 +86,7 @@ class Waveform:
 
 @record
 class AntennaArray:
-    """Where a radar's antennas are; every pair of a transmitter and a receiver is one channel.
+    """Antenna positions of a radar; every pair of a transmitter and a receiver is one channel.
 
     Attributes
     ----------
@@ -112,7 +112,7 @@ class AntennaArray:
 
 @record
 class Radar:
-    """A radar: what it sends, from where, and the electrical path it adds.
+    """A radar: waveform, antennas, and path offset of its electronics.
 
     Attributes
     ----------
@@ -135,7 +135,7 @@ class Radar:
 
     @classmethod
     def preset(cls, name: str, *, rx_axis: str | None = None) -> "Radar":
-        """A radar by name: one of the published set-up's, or of an installed plug-in; see `radar_names()`.
+        """A radar by name, of the published set-up or of an installed plug-in; see `radar_names()`.
 
         Parameters
         ----------
@@ -202,5 +202,5 @@ for _file in sorted(Path(__file__).with_name("presets").glob("*.toml")):
 
 
 def radar_names() -> tuple[str, ...]:
-    """The names that `Radar.preset` knows."""
+    """Names that `Radar.preset` accepts."""
     return RADAR_PRESETS.names()

@@ -16,7 +16,7 @@ from millisight.data._trajectory import Trajectory
 
 @record
 class CalibrationStep:
-    """One step of a calibration that is still to be done.
+    """One step of a pending calibration.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ class CalibrationStep:
 
 @record
 class RawCapture:
-    """A capture as recorded, and its calibration, which is still to be done.
+    """A capture as recorded, with its pending calibration.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class RawCapture:
 
 @record
 class ScanRow:
-    """One raw file's worth of frames, such as a row of the scan.
+    """The frames of one raw file, such as a row of the scan.
 
     Attributes
     ----------
@@ -94,7 +94,7 @@ class ScanRow:
 
 @record
 class RawScan:
-    """Frames by the radar's clock, and the robot's log by the robot's.
+    """Frames on the radar's clock, and a robot log on the robot's clock.
 
     Attributes
     ----------

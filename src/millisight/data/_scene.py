@@ -13,7 +13,7 @@ from millisight.data._mesh import TriangleMesh
 
 @record
 class SceneObject:
-    """One thing in a scene.
+    """One object in a scene.
 
     Attributes
     ----------
@@ -72,12 +72,11 @@ class Scene:
         Parameters
         ----------
         source : a mesh file (STL, OBJ, PLY, OFF, GLB), a name of the catalogue, a trimesh or a TriangleMesh
-        unit : "m", "cm", "mm" or "in"; None takes metres and refuses what is then no everyday object
-        vertices : resample to so many evenly spaced vertices; None keeps the mesh's own
-        center : put the middle of the bounding box at the origin (after rotation)
-        rotate_deg : about the fixed x, then y, then z axis [degrees]
-        material : a name of `MATERIALS` or a Material; None: metal, or as the catalogue says, with the object's own
-            weights where some were fitted
+        unit : "m", "cm", "mm" or "in"; None assumes metres, and refuses what is then no everyday size
+        vertices : number of evenly spaced vertices to resample to; None keeps those of the mesh
+        center : move the centre of the bounding box to the origin (after rotation)
+        rotate_deg : rotation about the fixed x, then y, then z axis [degrees]
+        material : a name of `MATERIALS` or a Material; None: that of the catalogue with fitted weights, else metal
 
         Raises
         ------
@@ -89,7 +88,7 @@ class Scene:
         )
 
     def plot(self, **settings: Any) -> Any:
-        """The objects as lit solids seen along z, y and x, as a figure.
+        """Plot the objects as shaded solids, seen along z, y and x.
 
         Parameters
         ----------

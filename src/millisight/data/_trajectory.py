@@ -23,7 +23,7 @@ _MOST_POSITIONS = 1e8  # of a raster; their frames would fill hundreds of gigaby
 
 @record
 class Trajectory:
-    """The radar's poses: one a frame.
+    """The poses of the radar, one per frame.
 
     Attributes
     ----------
@@ -72,8 +72,8 @@ class Trajectory:
 
         Parameters
         ----------
-        size : extent along x and y [m]; as many whole steps as fit
-        step : distance of neighbouring positions along x and y [m]
+        size : extent along x and y [m], rounded down to whole steps
+        step : distance between neighbouring positions along x and y [m]
         center : [m]; 0.2 m above the object's centre as published
         serpentine : every second row runs backwards, as an arm would
         interval : time between positions [s]

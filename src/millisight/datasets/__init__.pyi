@@ -8,9 +8,9 @@ from ._download import download as download
 from ._generated_objects import DatasetObject as DatasetObject
 from ._generated_objects import prepare_objects as prepare_objects
 from ._manifest import MANIFEST_NAME as MANIFEST_NAME
-from ._manifest import Entry as Entry
 from ._manifest import Manifest as Manifest
-from ._manifest import Source as Source
+from ._manifest import ManifestEntry as ManifestEntry
+from ._manifest import ManifestSource as ManifestSource
 from ._manifest import checksum as checksum
 from ._manifest import read_manifest as read_manifest
 from ._manifest import write_manifest as write_manifest

@@ -18,7 +18,15 @@ from millisight.core import atomic_path, checked_number, make_folder, printable,
 from millisight.core.errors import FileError, InputError
 from millisight.datasets import _mito
 from millisight.datasets._dataset import Dataset, Item
-from millisight.datasets._manifest import Entry, Manifest, Source, checksum, read_manifest, size_of, write_manifest
+from millisight.datasets._manifest import (
+    Manifest,
+    ManifestEntry,
+    ManifestSource,
+    checksum,
+    read_manifest,
+    size_of,
+    write_manifest,
+)
 from millisight.datasets._workers import each
 from millisight.io import SCHEMA_VERSION, mito, save
 
@@ -48,13 +56,13 @@ class _Job(NamedTuple):
     item: Item
     root: Path
     out: Path
-    before: tuple[Entry, ...]
+    before: tuple[ManifestEntry, ...]
     known: Checksums
     min_distance: float | None
 
 
 class _Done(NamedTuple):
-    entries: tuple[Entry, ...]
+    entries: tuple[ManifestEntry, ...]
     known: Checksums
     kept: bool
 
@@ -67,18 +75,18 @@ def convert(
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Converted:
-    """Convert a dataset of the published layout into `out`; what is there already and still right is kept.
+    """Convert a dataset of the published layout into `out`; valid existing files are kept.
 
     An item is kept when its file, its sources by their checksums, the settings and the schema are those of the
-    manifest. One that cannot be converted stops no other. Interrupted at any point, a further call finishes the work
-    with the same bytes as one that was never interrupted.
+    manifest. An item that cannot be converted does not stop the others. After an interruption, call it again to finish
+    the work, with the same bytes as without the interruption.
 
     Parameters
     ----------
     root : the dataset, or some of its objects: `ms.datasets.open(root).only(["004"])`
-    out : a folder, made where it is missing; `manifest.jsonl` in it lists the files and their checksums
+    out : a folder, created if missing; its `manifest.jsonl` lists the files and their checksums
     min_distance : of the frames of raw captures, as of `RawScan.to_capture` [m]
-    workers : processes; None: one a core, eight at most; a raw item needs some hundred megabytes in each
+    workers : processes; None: one per core, at most eight; a raw item needs some hundred megabytes in each
     progress : called with (items done, items in all)
 
     Raises
@@ -86,7 +94,7 @@ def convert(
     FileError, FormatError, DamagedFileError
         There is no dataset, `out` cannot be written to, or its manifest is damaged.
     InputError
-        `out` is the dataset itself, or that is converted already.
+        `out` is the dataset itself, or the dataset is already converted.
     """
     dataset = root if isinstance(root, Dataset) else _mito.open(root)
     items = [item for item in dataset.items if not item.converted]
@@ -189,7 +197,7 @@ def _convert(job: _Job) -> _Done:
         write(partial)
         target = job.out / output
         make_folder(target.parent)
-        entry = Entry(output, job.item.kind, partial.stat().st_size, checksum(partial), sources, tuple(notes))
+        entry = ManifestEntry(output, job.item.kind, partial.stat().st_size, checksum(partial), sources, tuple(notes))
         os.replace(partial, target)
         entries.append(entry)
     return _Done(tuple(entries), known, False)
@@ -239,7 +247,7 @@ def _sources_of(item: Item) -> Iterator[tuple[Path, list[Path]]]:
             yield image, [image]
 
 
-def _source(path: Path, files: Iterable[Path], job: _Job, known: Checksums) -> Source:
+def _source(path: Path, files: Iterable[Path], job: _Job, known: Checksums) -> ManifestSource:
     """A source as the manifest names it; `known` takes what was learned of its files."""
     lines = []
     size = 0
@@ -256,10 +264,10 @@ def _source(path: Path, files: Iterable[Path], job: _Job, known: Checksums) -> S
         size += status.st_size
         lines.append((sha256, file))
     if [file for _, file in lines] == [path]:
-        return Source(_relative(path, job.root), size, lines[0][0])
+        return ManifestSource(_relative(path, job.root), size, lines[0][0])
     listing = "".join(f"{sha256}  {file.relative_to(path).as_posix()}\n" for sha256, file in lines)
     digest = hashlib.sha256(listing.encode("utf-8", "surrogateescape")).hexdigest()
-    return Source(_relative(path, job.root), size, digest, len(lines))
+    return ManifestSource(_relative(path, job.root), size, digest, len(lines))
 
 
 def _relative(path: Path, root: Path) -> str:

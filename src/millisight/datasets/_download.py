@@ -56,19 +56,19 @@ def download(
     workers: int = 4,
     progress: Callable[[int, int], None] | None = None,
 ) -> Download:
-    """Download the published dataset into the folder `out`: processed files, as the hub has no others.
+    """Download the processed files of the published dataset into the folder `out`.
 
-    Files that are there already are not fetched again, so that an interrupted download goes on where it stopped. A
-    connection that breaks is taken up, in large files where it broke. A file that cannot be fetched stops no other.
+    Existing files are not downloaded again, so an interrupted download continues where it stopped. Broken connections
+    are resumed, in large files at the same position. A file that cannot be downloaded does not stop the others.
 
     Parameters
     ----------
-    out : made where it is missing
+    out : folder, created if missing
     objects : ids, names or folders, such as "004", "sugar_box" or "004_sugar_box"; none: everything
     repository : name of a dataset repository on the hub
     revision : a branch, tag or commit of it
-    dry_run : look what there is, and fetch nothing
-    workers : processes that fetch files
+    dry_run : list the files, and download nothing
+    workers : number of parallel downloads
     progress : called with (bytes done, bytes in all)
 
     Raises
@@ -80,7 +80,7 @@ def download(
     UnknownNameError
         There is no such object.
     InputError
-        The disk has less room than is needed.
+        There is not enough disk space.
     """
     endpoint = os.environ.get("HF_ENDPOINT") or None
     commit, listed = _listing(repository, revision, endpoint)

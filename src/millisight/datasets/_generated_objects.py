@@ -23,7 +23,7 @@ _ALIKE = 1e-9  # squared distances that differ by less are the same [m²]
 
 
 class DatasetObject(NamedTuple):
-    """An object as a dataset holds it.
+    """An object of a generated dataset.
 
     Attributes
     ----------

@@ -20,7 +20,7 @@ _VERSION = 1
 _LARGEST = 1 << 30  # bytes; a published dataset has some thousand files of a few hundred bytes each
 
 
-class Source(NamedTuple):
+class ManifestSource(NamedTuple):
     """A file that was converted, or the files of a folder taken together.
 
     Attributes
@@ -37,7 +37,7 @@ class Source(NamedTuple):
     files: int = 1
 
 
-class Entry(NamedTuple):
+class ManifestEntry(NamedTuple):
     """A file of the converted dataset.
 
     Attributes
@@ -54,7 +54,7 @@ class Entry(NamedTuple):
     kind: str
     size: int
     sha256: str
-    sources: tuple[Source, ...]
+    sources: tuple[ManifestSource, ...]
     notes: tuple[str, ...] = ()
 
 
@@ -69,12 +69,12 @@ class Manifest:
     """
 
     settings: Mapping[str, Any]
-    entries: Mapping[str, Entry]
+    entries: Mapping[str, ManifestEntry]
 
     def __post_init__(self) -> None:
         put(self, settings=checked_metadata(self.settings))
 
-    def updated(self, entries: Iterable[Entry]) -> "Manifest":
+    def updated(self, entries: Iterable[ManifestEntry]) -> "Manifest":
         """With these entries in the place of those of their paths."""
         return Manifest(settings=self.settings, entries={**self.entries, **{entry.path: entry for entry in entries}})
 
@@ -161,10 +161,10 @@ def _parsed(name: str, number: int, line: bytes) -> dict[str, Any]:
     return value
 
 
-def _entry(name: str, number: int, value: dict[str, Any]) -> Entry:
+def _entry(name: str, number: int, value: dict[str, Any]) -> ManifestEntry:
     try:
-        sources = tuple(Source(**source) for source in value.pop("sources"))
-        entry = Entry(**{**value, "notes": tuple(value.get("notes", ()))}, sources=sources)
+        sources = tuple(ManifestSource(**source) for source in value.pop("sources"))
+        entry = ManifestEntry(**{**value, "notes": tuple(value.get("notes", ()))}, sources=sources)
         sizes = (entry.size, *(source.size for source in sources))
         right = all(isinstance(size, int) for size in sizes) and isinstance(entry.sha256, str)
         inside = not PurePosixPath(entry.path).is_absolute() and ".." not in PurePosixPath(entry.path).parts

@@ -21,7 +21,7 @@ _BESIDE = (mito.SPLITS_NAME, mito.TRUTH)
 
 
 def open(root: str | os.PathLike[str]) -> Dataset:
-    """Open a dataset in the published layout: what there is, by names alone.
+    """Open a dataset in the published layout, by file names, without reading files.
 
     Raises
     ------

@@ -34,13 +34,13 @@ def evaluate(
 ) -> Result:
     """Evaluate simulated images, segmenters or classifiers on a dataset in the published layout.
 
-    A scene that cannot be read is a failure of its own, and stops no other: see `Result.failures`. With an `output`,
-    partial results are cached there. The next run takes those whose files, options and network weights are the same.
+    A scene that cannot be read does not stop the others: see `Result.failures`. With an `output`, partial results are
+    cached there. The next run reuses those with the same files, options and network weights.
 
     Parameters
     ----------
     task : "simulator", "segmentation", "classification", or the name of a plug-in's; or a task with its options
-    dataset : folder, or what `find` found there
+    dataset : folder, or a dataset from `ms.datasets.open`
     output : folder for `index.html`, tables as Markdown and CSV, and figures; None: nothing is written
     objects : ids, names or folders of objects; none: all
     sight : "los" or "nlos"; None: both
@@ -51,11 +51,11 @@ def evaluate(
     Raises
     ------
     UnknownNameError
-        No such task, object, sight or method.
+        Unknown task, object, sight or method.
     InputError
-        The task has no such option, or the options do not go with the data.
+        The task has no such option, or the options do not fit the data.
     FileError
-        The dataset cannot be read, or the folder not be written to.
+        The dataset cannot be read, or the folder cannot be written.
     """
     data = _opened(dataset, objects, sight)
     made = _task(task, options)
@@ -96,7 +96,7 @@ def _task(task: str | Task, options: Mapping[str, Any]) -> Task:
 
 
 class ItemRun(NamedTuple):
-    """What `run_items` did.
+    """Result of `run_items`.
 
     Attributes
     ----------

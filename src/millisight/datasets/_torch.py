@@ -11,7 +11,7 @@ from millisight.io.mito import IMAGE, RADAR_MASK
 
 
 class TorchDataset(TorchBase[Any]):
-    """A map-style dataset of radar images; loaders and samplers of torch take it.
+    """A map-style dataset of radar images for loaders and samplers of torch.
 
     An item is a dictionary: "image", (X, Y, Z) complex64; "mask", (X, Y) bool, where masks are wanted; "x", "y", "z",
     the voxels' coordinates [m], float64; "name", "object", and "index", the place in this dataset. Images differ in

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from millisight.core import record
 from millisight.datasets import _mito
 from millisight.datasets._dataset import Dataset, Item
-from millisight.datasets._manifest import MANIFEST_NAME, Entry, checksum, read_manifest
+from millisight.datasets._manifest import MANIFEST_NAME, ManifestEntry, checksum, read_manifest
 from millisight.datasets._workers import each
 from millisight.io import load, open_capture
 from millisight.io.mito import INFO, RAW, read_experiment, read_info, read_published
@@ -32,7 +32,7 @@ class Checked:
 
 class _Job(NamedTuple):
     item: Item
-    entry: Entry | None
+    entry: ManifestEntry | None
 
 
 def verify(
@@ -41,16 +41,16 @@ def verify(
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[Checked, ...]:
-    """Open and check every file of a dataset, published or converted: one result an item, in the order of their paths.
+    """Open and check every file of a dataset, published or converted; one result per item, sorted by path.
 
-    Of a published one: pickles are read, arrays' shapes and values checked, and of raw captures the log's times, each
-    file's length, order, gaps and numbers, and rows that are listed but not there. Of a converted one: each file is
-    read through and compared with the manifest's checksum.
+    For a published dataset, pickles are read, shapes and values of arrays are checked, and for raw captures the times
+    of the log, the length, order, gaps and numbers of each file, and missing rows. For a converted one, each file is
+    read and compared with its checksum in the manifest.
 
     Parameters
     ----------
     root : the dataset, or some of its objects: `ms.datasets.open(root).only(["004"])`
-    workers : processes; None: one a core, eight at most
+    workers : processes; None: one per core, at most eight
     progress : called with (items done, items in all)
 
     Raises
@@ -108,7 +108,7 @@ def _check(job: _Job) -> tuple[list[str], list[str]]:
     return problems, notes
 
 
-def _differences(path: Path, entry: Entry) -> list[str]:
+def _differences(path: Path, entry: ManifestEntry) -> list[str]:
     try:
         size = path.stat().st_size
         if size != entry.size:

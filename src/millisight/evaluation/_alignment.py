@@ -20,7 +20,7 @@ _SHIFTS = (-0.015, 0.0, 0.015)  # starts, along each axis [m]
 
 
 class Alignment(NamedTuple):
-    """Where the moving cloud goes: rotation @ point + translation.
+    """The transform of the moving cloud: rotation @ point + translation.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ def align(
     most_iterations: int = 60,
     tolerance: float = 1e-5,
 ) -> Alignment:
-    """Lay the cloud `moving` on the cloud `fixed`.
+    """Align the cloud `moving` with the cloud `fixed`.
 
     The starts: the clouds' means, and the middles of their bounding boxes, on each other; then 15 mm off along each
     axis; of a rigid alignment also turned by 8 degrees about z. All are compared on a thinned cloud, and the best goes
@@ -64,7 +64,7 @@ def align(
     mode : "translation", or "rigid": with a rotation
     surfaces : whether the points are samples of surfaces: then the distances along the normals of `fixed` count (Chen
         and Medioni 1991), which is sharper; the points of a voxel grid fill volumes
-    most_points : of each cloud; of larger ones every so-manieth point is taken
+    most_points : of each cloud; larger clouds are thinned evenly
     most_iterations : of the last stage
     tolerance : the alignment has converged when no point moves further in a step [m]
 

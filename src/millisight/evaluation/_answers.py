@@ -43,7 +43,7 @@ class Variant(NamedTuple):
 
 @record
 class ClassifierAnswer:
-    """What one classifier said of one image in one mask.
+    """Answer of one classifier for one image in one mask.
 
     Attributes
     ----------
@@ -91,7 +91,7 @@ class ClassifierAnswer:
 
     @property
     def right(self) -> bool:
-        """Whether that is what it is."""
+        """Whether the label is the true class."""
         return self.label == self.truth
 
 
@@ -109,13 +109,22 @@ def chosen(answers: Iterable[ClassifierAnswer], **wanted: Hashable) -> list[Clas
 
 
 class Accuracy(NamedTuple):
-    """How many of the images were named rightly."""
+    """Number of images classified correctly, with intervals.
+
+    Attributes
+    ----------
+    right : number of images classified correctly
+    images : number of images
+    objects : number of objects that they show
+    wilson : 95 % interval, with images taken as independent
+    by_object : 95 % bootstrap interval, objects drawn with all their images; None for a single object
+    """
 
     right: int
     images: int
     objects: int
-    wilson: tuple[float, float]  # 95 %, as if images were independent
-    by_object: tuple[float, float] | None  # 95 % bootstrap, objects drawn with all their images; None of a single one
+    wilson: tuple[float, float]
+    by_object: tuple[float, float] | None
 
     @property
     def share(self) -> float:
@@ -148,11 +157,18 @@ def by_object(answers: Iterable[ClassifierAnswer]) -> dict[str, list[ClassifierA
 
 
 class Confusion(NamedTuple):
-    """How often each class was taken for which."""
+    """Confusion matrix.
 
-    truths: tuple[str, ...]  # (T,) classes that there were, in the classifier's order
-    answers: tuple[str, ...]  # (A,) classes that it knows, and NO_MASK where that occurred
-    counts: np.ndarray  # (T, A) images
+    Attributes
+    ----------
+    truths : (T,) true classes, in the classifier's order
+    answers : (A,) classes that the classifier knows, and NO_MASK where that occurred
+    counts : (T, A) numbers of images
+    """
+
+    truths: tuple[str, ...]
+    answers: tuple[str, ...]
+    counts: np.ndarray
 
 
 def confusion(answers: Sequence[ClassifierAnswer]) -> Confusion:
@@ -178,17 +194,26 @@ def confusion(answers: Sequence[ClassifierAnswer]) -> Confusion:
 
 
 class Bin(NamedTuple):
-    """Answers of like confidence, above `low` and up to `high`."""
+    """Answers with confidences above `low` and up to `high`.
+
+    Attributes
+    ----------
+    low : lower bound of the confidence, not included
+    high : upper bound, included
+    images : number of images
+    right : number of images classified correctly
+    confidence : mean confidence
+    """
 
     low: float
     high: float
     images: int
     right: int
-    confidence: float  # their mean
+    confidence: float
 
 
 def reliability(answers: Iterable[ClassifierAnswer], *, bins: int = 10) -> list[Bin]:
-    """How often the classifier was right when it was how sure: bins of equal widths that are not empty."""
+    """Accuracy over confidence, in bins of equal width that are not empty."""
     count = checked_integer(bins, name="bins")
     pairs = [(one.prediction.confidence, one.right) for one in answers if one.prediction is not None]
     if not pairs:
@@ -221,16 +246,28 @@ def brier_score(answers: Iterable[ClassifierAnswer]) -> float | None:
 
 
 class PairedComparison(NamedTuple):
-    """Two variants on the same images."""
+    """Two variants on the same images.
+
+    Attributes
+    ----------
+    first : one variant
+    second : the other
+    images : number of images that both classified
+    objects : number of objects that they show
+    only_first : number of images that only `first` classified correctly (b)
+    only_second : number of images that only `second` classified correctly (c)
+    p : p-value of McNemar's exact test, with images taken as independent
+    p_by_object : p-value of the sign-flip test, with objects taken as independent
+    """
 
     first: Variant
     second: Variant
     images: int
     objects: int
-    only_first: int  # images that it alone named rightly (b)
-    only_second: int  # (c)
-    p: float  # of McNemar's exact test, images as if they were independent
-    p_by_object: float  # of the sign-flip test, objects independent
+    only_first: int
+    only_second: int
+    p: float
+    p_by_object: float
 
 
 def compare_classifiers(

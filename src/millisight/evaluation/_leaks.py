@@ -26,7 +26,7 @@ _NAMES = {entry.ycb_id: name for name, entry in CATALOGUE.items()}
 
 
 class Training(NamedTuple):
-    """What a classifier learned from, as the description beside its weights tells.
+    """Training data of a classifier, from the description beside its weights.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class Training(NamedTuple):
 
 
 def training_of(name: str, description: Mapping[str, Any]) -> Training:
-    """What the description of a classifier's weights says of its training.
+    """Read the training data of a classifier from the description of its weights.
 
     Raises
     ------
@@ -100,7 +100,7 @@ def nearest_pose_deg(training: Training, name: str, angles_deg: ArrayLike) -> fl
 
 
 class TestImage(NamedTuple):
-    """What is known of a test image.
+    """Facts about a test image.
 
     Attributes
     ----------
@@ -120,7 +120,7 @@ class TestImage(NamedTuple):
 
 
 class SplitPlan(NamedTuple):
-    """Where test images stand for one classifier.
+    """Split of the test images for one classifier.
 
     Attributes
     ----------
@@ -133,7 +133,7 @@ class SplitPlan(NamedTuple):
 
 
 def plan_splits(training: Training, images: Sequence[TestImage], classes: Mapping[str, str]) -> SplitPlan:
-    """Which images test a classifier on objects that it knows, which on new ones, and which not; leaks checked.
+    """Split images into tests on known objects, tests on new objects, and others; check for leaks.
 
     Parameters
     ----------

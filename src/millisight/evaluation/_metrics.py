@@ -129,10 +129,10 @@ class MaskScores(dict[str, float]):
 
 
 def score_mask(predicted: Mask, truth: Mask) -> MaskScores:
-    """How well `predicted` fits `truth`, by every metric of METRICS.
+    """Score `predicted` against `truth` with every metric of METRICS.
 
-    With TP, FP, FN and TN pixels. Where a ratio is 0 / 0, it is 1 if both masks are empty, for nothing was to be found
-    and nothing was, and 0 otherwise: an empty mask of something has precision 0.
+    With TP, FP, FN and TN pixels. Where a ratio is 0 / 0, it is 1 if both masks are empty, and 0 otherwise: an empty
+    mask of an existing object has precision 0.
 
     Raises
     ------

@@ -20,13 +20,13 @@ def point_cloud(image: SarImage, threshold: float = 0.3, *, relative: bool = Tru
     Parameters
     ----------
     image : SarImage
-    threshold : tau_P; `relative`, a share of the largest |I|, else in the image's own unit
-    flat : of the mean of |I| along z, all points at z = 0: for images without resolution in depth
+    threshold : tau_P; if `relative`, a share of the largest |I|, else an absolute magnitude
+    flat : use the mean of |I| along z, with all points at z = 0, for images without depth resolution
 
     Returns
     -------
     PointCloud
-        Without points where the image is zero, or nowhere above an absolute threshold.
+        Empty if the image is zero, or nowhere above an absolute threshold.
 
     Raises
     ------
@@ -51,7 +51,7 @@ def _cloud(axes: tuple[np.ndarray, ...], values: np.ndarray, threshold: float, r
 
 
 def write_point_cloud(path: str | os.PathLike[str], cloud: PointCloud, *, binary: bool = True) -> None:
-    """Write a cloud as PLY or PCD, by the suffix: x, y, z as doubles [m] and `intensity`, |I|, as a float.
+    """Write a cloud as PLY or PCD, depending on the suffix: x, y, z as doubles [m] and `intensity`, |I|, as a float.
 
     Raises
     ------
@@ -117,7 +117,7 @@ def f_score(measured: ArrayLike, simulated: ArrayLike, within: float) -> FScore:
     Parameters
     ----------
     measured, simulated : (N, 3) and (M, 3) points [m]
-    within : tau_F: points nearer than this match [m]
+    within : tau_F: points closer than this match [m]
 
     Raises
     ------

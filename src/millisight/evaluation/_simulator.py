@@ -27,7 +27,7 @@ WEIGHTS: tuple[tuple[float, float], ...] = (
 
 @record
 class CloudSettings:
-    """How clouds are made, aligned and compared. The paper's main text prints neither tau_P nor tau_F.
+    """Settings to make, align and compare point clouds. The main text of the paper states neither tau_P nor tau_F.
 
     Attributes
     ----------
@@ -68,21 +68,37 @@ class CloudSettings:
 
 
 class WeightTrial(NamedTuple):
-    """What one pair of weights scores."""
+    """What one pair of weights scores.
 
-    weights: tuple[float, float]  # (a1, a2), their sum 1
+    Attributes
+    ----------
+    weights : (a1, a2), their sum 1
+    score : F-score of the simulated cloud against the measured one
+    points : number of points of the simulated cloud
+    converged : whether the alignment converged; False where there was none
+    translation : shift of the simulated cloud [m]; None: not aligned
+    problem : why there was no alignment; "" otherwise
+    """
+
+    weights: tuple[float, float]
     score: FScore
-    points: int  # of the simulated cloud
-    converged: bool  # whether the alignment did; False where there was none
-    translation: tuple[float, float, float] | None = None  # of the simulated cloud [m]; None: not aligned
-    problem: str = ""  # why there was none; "" otherwise
+    points: int
+    converged: bool
+    translation: tuple[float, float, float] | None = None
+    problem: str = ""
 
 
 class SimulatorComparison(NamedTuple):
-    """A measured image against a specular and an edge image, for every weight."""
+    """A measured image against a specular and an edge image, for every weight.
 
-    points: int  # of the measured cloud
-    trials: tuple[WeightTrial, ...]  # one for each of W
+    Attributes
+    ----------
+    points : number of points of the measured cloud
+    trials : one for each pair of weights in W
+    """
+
+    points: int
+    trials: tuple[WeightTrial, ...]
 
     @property
     def best(self) -> WeightTrial:
@@ -174,7 +190,7 @@ def sensitivity(
     thresholds: Sequence[float],
     distances: Sequence[float],
 ) -> np.ndarray:
-    """(thresholds, distances) F-scores of one simulated image, aligned anew for each tau_P.
+    """(thresholds, distances) F-scores of one simulated image, aligned again for each tau_P.
 
     Parameters
     ----------

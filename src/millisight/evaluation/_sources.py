@@ -107,13 +107,22 @@ class EvaluationData(Protocol):
 
 
 class Survey(NamedTuple):
-    """What a dataset's scenes say of themselves, and how to read them."""
+    """What the scenes of a dataset are, and how to read them.
 
-    data: str  # what the data are, in words for titles
-    simulated: bool  # whether they are
-    physics: dict[str, str]  # what made each scene, by its name; "" of real ones
-    failures: tuple[tuple[str, str], ...]  # (name, reason) of scenes that do not say
-    reading: dict[str, Any]  # options of `SceneSource.read`
+    Attributes
+    ----------
+    data : what the data are, in words for titles
+    simulated : whether the data are simulated
+    physics : what simulated each scene, by its name; "" for real ones
+    failures : (name, reason) of scenes that do not state it
+    reading : options of `SceneSource.read`
+    """
+
+    data: str
+    simulated: bool
+    physics: dict[str, str]
+    failures: tuple[tuple[str, str], ...]
+    reading: dict[str, Any]
 
 
 def survey(data: EvaluationData, *, transform: str | None, **reading: Any) -> Survey:

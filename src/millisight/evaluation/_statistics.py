@@ -52,7 +52,8 @@ def mcnemar(only_first: int, only_second: int) -> float:
 
 
 def sign_flip(differences: Sequence[int]) -> float:
-    """Two-sided p of the exact sign-flip test (Fisher 1935): were the two alike, each object's sign would be a toss.
+    """Two-sided p of the exact sign-flip test (Fisher 1935): if the two were equal, the sign of each object would be
+    random.
 
     By counting sums, not by listing all 2^n signs as `scipy.stats.permutation_test` does: exact for many objects.
 

@@ -19,7 +19,7 @@ from millisight.evaluation._tables import Table
 
 @record
 class EvaluationItem:
-    """A piece of work: it is done in one process, and fails alone.
+    """A unit of work, done in one process; its failure does not stop others.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ class EvaluationItem:
 
 @record
 class EvaluationSet:
-    """What is to be done of a dataset.
+    """The work of a task on a dataset.
 
     Attributes
     ----------
@@ -100,7 +100,7 @@ class Task(ABC):
 
     @abstractmethod
     def plan(self, data: EvaluationData) -> EvaluationSet:
-        """What is to be done; raises InputError where the options do not go with the data."""
+        """Plan the work; raises InputError if the options do not fit the data."""
 
     @staticmethod
     @abstractmethod
@@ -138,7 +138,7 @@ TASKS: Registry[type[Task]] = Registry("task", "millisight.tasks", package="mill
 
 @record
 class Result:
-    """What an evaluation found.
+    """Result of an evaluation.
 
     Attributes
     ----------
@@ -167,12 +167,12 @@ class Result:
 
     @property
     def summary(self) -> tuple[Table, ...]:
-        """The tables that say most."""
+        """The main tables."""
         return tuple(table for table in self.tables.values() if table.place == "summary")
 
     @property
     def page_tables(self) -> tuple[Table, ...]:
-        """All tables but those for other programs alone."""
+        """All tables except those only for other programs."""
         return tuple(table for table in self.tables.values() if table.place != "file")
 
     def figures(self) -> Iterable[ReportFigure]:

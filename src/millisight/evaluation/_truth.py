@@ -97,7 +97,7 @@ def published_radar_from_camera(
 def camera_truth(
     mask: CameraMask, grid_xy: PixelGrid, T_radar_camera: ArrayLike, *, intrinsics: Intrinsics | None = None
 ) -> Mask:
-    """The object's mask on a radar image's grid, from its mask in the camera's picture.
+    """Project the object's mask from the camera picture onto the grid of a radar image.
 
     Parameters
     ----------

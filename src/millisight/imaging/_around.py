@@ -14,21 +14,21 @@ _MARGIN = 0.02  # around the bounding box, on every side [m]
 def grid_around(
     scene: Scene | Capture, spacing: float | tuple[float, float, float] | None = None, *, margin: float = _MARGIN
 ) -> VoxelGrid:
-    """A regular grid around what there is to see.
+    """A regular grid around a scene or the scene of a capture.
 
     Parameters
     ----------
-    scene : a Scene; or a Capture, which knows the box of its scene if it was simulated, or the box that its
-        description states: that one has no margin
-    spacing : of the voxels, one or along x, y and z [m]; None: of a capture, as its description states, or half a
+    scene : a Scene, or a Capture with a known scene: simulated captures store the bounding box, descriptions may
+        state one, which gets no margin
+    spacing : of the voxels, one number or three [m]; None: for a capture as its description states, or half a
         wavelength at the centre frequency, twice that in depth
-    margin : how far the grid stands out around the scene on every side [m]
+    margin : distance of the grid beyond the scene on every side [m]
 
     Raises
     ------
     InputError
-        The capture does not know where its scene is, as real ones do not; or a scene comes without spacing, or the
-        spacing leaves two voxels along each axis at most.
+        The scene of the capture is unknown, as in real captures; a scene is given without spacing; or the spacing
+        leaves at most two voxels along each axis.
 
     Examples
     --------
@@ -61,6 +61,6 @@ def grid_around(
 
 
 def scene_bounds(capture: Capture) -> np.ndarray | None:
-    """(2, 3) the box that the capture's scene fills [m], where the capture says."""
+    """(2, 3) bounding box of the capture's scene [m], if known."""
     bounds = capture.metadata.get("scene_bounds")
     return None if bounds is None else checked_array(bounds, name="scene_bounds", shape=(2, 3), unit="m")

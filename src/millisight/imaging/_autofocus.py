@@ -33,8 +33,10 @@ _CLIMBS = ((40, 12), (80, 12), (10**6, 15), (10**6, 40))
 UNOBSERVABLE = (
     "A shift of the whole path moves the image and changes nothing else: the path as a whole stays where it was given.",
     "A path stretched, sheared or turned evenly stretches, shears or turns the image: such an error may remain.",
-    "Displacements across the line of sight to the bright places show little: only distances to them are told well.",
-    "A slow bend of the path looks like a curved reflector: scenes without several small reflectors do not tell it.",
+    "Displacements across the line of sight to the bright points have little effect: only distances to them are "
+    "accurate.",
+    "A slow bend of the path looks like a curved reflector: it can only be found in scenes with several small "
+    "reflectors.",
 )
 """What no sharpness tells, in words."""
 

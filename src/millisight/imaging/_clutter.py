@@ -8,7 +8,8 @@ from millisight.data import SarImage, VoxelGrid
 
 
 def crop_slices(image: SarImage, *, low: int = 0, high: int = 0) -> SarImage:
-    """The image without its lowest and highest slices along z: the table under the object, the arm above it.
+    """The image without its lowest and highest slices along z: for example the table under the object or the arm above
+    it.
 
     The published 77 GHz images lose the lowest 12 and the highest 7, or 17 and 3.
 

@@ -31,7 +31,7 @@ def combine(specular, edge, alpha):
     Raises
     ------
     InputError
-        The two do not belong together, or the weights cannot be right.
+        The two do not match, or the weights are invalid.
     """
     a1, a2 = checked_numbers(alpha, name="alpha", count=2, minimum=0)
     if not a1 + a2 > 0:

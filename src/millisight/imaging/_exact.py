@@ -22,7 +22,7 @@ def image_at(
     layers: Layers | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Complex[np.ndarray, " V"]:
-    """The image at any points, in float64 (paper Eq. 1, primer 4).
+    """Compute the image at any points, in float64 (paper Eq. 1, primer 4).
 
     I(x) = 1 / (K N) sum_k sum_j S_kj exp(+i 2 pi f_j d_k(x) / c),  d = |x - p_t| + |x - p_r| + path_offset.
 
@@ -33,7 +33,7 @@ def image_at(
     frequencies : (N,) of the samples [Hz]; they need not be evenly spaced
     points : (V, 3) [m]
     path_offset : constant extra path [m]
-    layers : of the capture that the antennas are from (`Capture.layers`); None: paths are straight
+    layers : layers of the capture (`Capture.layers`); None: straight paths
     progress : called with (poses done, poses in all)
 
     Returns
@@ -43,7 +43,7 @@ def image_at(
     Raises
     ------
     InputError
-        The shapes do not fit together, or a value is no finite number.
+        The shapes do not match, or a value is not a finite number.
 
     Examples
     --------

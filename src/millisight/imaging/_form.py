@@ -45,34 +45,34 @@ def form_image(
     device: str = "cpu",
     progress: Callable[[int, int], None] | None = None,
 ) -> SarImage:
-    """Fuse a capture's frames into a 3-D image (paper Eq. 1, primer 4).
+    """Form a 3-D image from the frames of a capture (paper Eq. 1, primer 4).
 
     Parameters
     ----------
     capture : frames in memory, or on disk (`ms.open_capture`), then read in blocks
-    grid : the voxels wanted, in the world frame
-    method : "fast": factorised backprojection, or direct where that is no slower (the metadata says which);
-        "backprojection": direct; "exact": float64, the yardstick, some thousand times slower; "sparse": for half or
-        a quarter of the rows, some hundred times slower than "backprojection" (`sparse`)
+    grid : voxels of the image, in the world frame
+    method : "fast": factorised backprojection, or direct where that is not slower (the metadata states which);
+        "backprojection": direct; "exact": the reference in float64, about a thousand times slower; "sparse": for scans
+        with half or a quarter of the rows, about a hundred times slower than "backprojection" (`sparse`)
     window : None, "hann" or "taylor" over range and aperture, or a pair of them (range, aperture) (primer 9)
-    tolerance : relative L2 error that the image may have against "exact", at random voxels and at the brightest, from
-        0.0005 to 0.1; default 0.005. It decides the oversampling, and for "fast" the sub-apertures and their grids.
-        The metadata state the error that was measured. Not for "exact" and "sparse"
-    oversampling : entries of a range profile per range bin, in place of what the tolerance asks for; not for "exact"
+    tolerance : largest relative L2 error of the image against "exact", at random voxels and at the brightest, from
+        0.0005 to 0.1; default 0.005. It determines the oversampling, and for "fast" the sub-apertures and their grids.
+        The metadata state the measured error. Not for "exact" and "sparse"
+    oversampling : entries of a range profile per range bin, instead of the number from the tolerance; not for "exact"
     device : "cpu", or "cuda" for "fast" and "backprojection" where there is a GPU
     progress : called with (poses done, poses in all)
 
     Returns
     -------
     SarImage
-        Normalised so that a unit reflector has the value 1 at its place.
+        Normalised so that a unit reflector has the value 1 at its position.
 
     Raises
     ------
     UnknownNameError, InputError
-        An argument cannot be right, or the frames hold NaN.
+        An argument is invalid, or the frames hold NaN.
     DeviceError
-        "cuda" was asked for, and there is no GPU that can be used.
+        `device` is "cuda", and there is no usable GPU.
 
     Examples
     --------

@@ -68,29 +68,29 @@ def estimate_clock(
     rng: int | np.random.Generator = 0,
     progress: Callable[[int, int], None] | None = None,
 ) -> ClockEstimate:
-    """Offset and drift of the robot's clock against the radar's, from the frames and the robot's log alone.
+    """Estimate offset and drift of the robot's clock relative to the radar's, from the frames and the robot log.
 
-    Rows that run forward and rows that run backward see the scene shifted against each other by the clocks' offset
-    times their speeds; a drift makes that shift grow along the scan. So both are fitted together: first roughly from
-    the rows, then to the largest sum of |I|⁴ around the brightest places of the scene, over frames drawn at random.
-    The uncertainty is from the scatter of the answers that disjoint sets of frames give.
+    Rows that run forward and rows that run backward see the scene with a relative shift of the clock offset times their
+    speeds; a drift makes this shift grow along the scan. Both are fitted together: first roughly from the rows, then
+    for the largest sum of |I|⁴ around the brightest points of the scene, over random frames. The uncertainty is the
+    scatter of the results from disjoint sets of frames.
 
-    Where an offset does no more than shift the whole image (rows that all run one way), or where the frames do not
-    tell (a radar at rest, too few rows, nothing bright), there is no clock but a reason: it is never guessed.
+    If an offset only shifts the whole image (all rows run in one direction), or the frames hold too little information
+    (a radar at rest, too few rows, nothing bright), the result has no clock but a reason; it is never guessed.
 
     Parameters
     ----------
     capture : its trajectory's times are the radar clock's; its positions are not used
     log : poses of the radar frame in the world frame, on the robot's clock, times increasing
     grid : where the scene lies; None: under the aperture, at the path lengths where the frames change most
-    max_offset, max_drift : how far to search, either way [s], [s/s]
-    rng : a seed, or a generator: which frames are taken
+    max_offset, max_drift : search range in both directions [s], [s/s]
+    rng : seed or generator for the random choice of frames
     progress : called with (steps done, steps in all)
 
     Raises
     ------
     InputError
-        An argument cannot be right, or frames and log do not meet in time.
+        An argument is invalid, or frames and log do not overlap in time.
     """
     check_follows_log(checked_record(capture, Capture, name="capture"))
     check_log(log)
@@ -160,8 +160,8 @@ def _estimate(capture, log, grid, limits, rng, step_done, found) -> tuple[ClockC
     counts = _count(guess.error, limits[0], step), int(np.ceil(longest_late / step))
     if counts[0] > _MOST_STEPS:
         raise Unobservable(
-            f"the rows tell the offset to ± {guess.error * 1e3:.3g} ms only, too vaguely for the image to go on "
-            "from: what the radar hears to and fro is too faint or too even"
+            f"the rows determine the offset only to ± {guess.error * 1e3:.3g} ms, too coarse a start for the search by "
+            "images: the echoes are too faint or too uniform"
         )
     step_done()
 
@@ -247,7 +247,7 @@ def _refined(
     error = np.sqrt(np.sum(np.square(errors), axis=0))
     if not error.max() < step:
         raise Unobservable(
-            f"the image tells the offset to ± {error[0] * 1e3:.3g} ms only: the scene is too faint, or too even"
+            f"the image determines the offset only to ± {error[0] * 1e3:.3g} ms: the scene is too faint, or too uniform"
         )
     return best, error
 

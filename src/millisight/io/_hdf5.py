@@ -81,19 +81,19 @@ def save(
     extras: Mapping[str, Any] | None = None,
     reproducible: bool = False,
 ) -> None:
-    """Write a record to an HDF5 file; an old file at `path` is replaced only when the new one is whole.
+    """Write a record to an HDF5 file; an old file at `path` is replaced only when the new one is complete.
 
     Parameters
     ----------
     path : the file
-    record : one of millisight's
-    extras : what comes along with the record, by name: arrays of numbers, and what JSON can hold; see `load_extras`
-    reproducible : leave out when and by which command the file was made, so that equal records give equal bytes
+    record : a record of millisight
+    extras : further data by name: arrays of numbers, and values that JSON can hold; see `load_extras`
+    reproducible : leave out date and command, so that equal records give equal bytes
 
     Raises
     ------
     InputError
-        It is no record of millisight, or an extra can be stored in no way.
+        It is not a record of millisight, or an extra cannot be stored.
     FileError
         The folder is missing, read-only, or full.
     """
@@ -121,16 +121,16 @@ def save(
 
 
 def load(path: str | os.PathLike[str]) -> Any:
-    """Read a record from an HDF5 file that `save` wrote, whole and into memory.
+    """Read a record from an HDF5 file of `save` into memory.
 
     Raises
     ------
     FileError
         There is no such file, or it cannot be opened.
     FormatError
-        It is not HDF5, not ours, or of a newer schema.
+        It is not HDF5, was not written by millisight, or has a newer schema.
     DamagedFileError
-        It is ours but truncated or corrupted.
+        It was written by millisight, but is truncated or corrupted.
     """
     with _opened(path) as file:
         return _read(file, path)
@@ -152,7 +152,7 @@ def open_capture(path: str | os.PathLike[str]) -> Iterator[Capture]:
 
 
 def load_extras(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """What `save` was given as `extras`, by name; empty where there were none.
+    """The `extras` that were passed to `save`, by name; empty if there were none.
 
     Raises
     ------
@@ -172,7 +172,7 @@ def load_extras(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 def provenance(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """What the file says of its own making: record, schema_version, code_version, command, created; or "unknown"."""
+    """Provenance of a file: record, schema_version, code_version, command, created; or "unknown"."""
     with _opened(path) as file:
         names = ("record", "schema_version", "code_version", "command", "created")
         told = {name: _plain(file.attrs.get(name, "unknown")) for name in names}

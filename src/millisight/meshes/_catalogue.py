@@ -164,7 +164,7 @@ CATALOGUE: Mapping[str, CatalogueObject] = MappingProxyType({entry.name: entry f
 
 
 def build_object(name: str) -> TriangleMesh:
-    """The mesh of one object [m]: closed, outward-wound, its bounding box centred at the origin.
+    """Build the mesh of one object [m]: closed, outward-wound, with its bounding box centred at the origin.
 
     Raises
     ------

@@ -34,7 +34,7 @@ MENDABLE = 0.01  # share of edges on three or more faces: up to here a flaw of a
 def load_mesh(
     source: "str | os.PathLike[str] | trimesh.Trimesh | trimesh.Scene", *, unit: str | None = None
 ) -> TriangleMesh:
-    """The mesh in a file (STL, OBJ, PLY, OFF or GLB) or in a trimesh object, in metres.
+    """Load a mesh from a file (STL, OBJ, PLY, OFF or GLB) or a trimesh object, in metres.
 
     Materials and textures are skipped, nothing is fetched from elsewhere, and the parts of a scene are put together
     in their places. Equal vertices become one; repeated faces, and faces with a corner twice, are dropped; a few

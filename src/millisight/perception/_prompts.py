@@ -37,17 +37,17 @@ def power_prompts(
     count: int | None = None,
     rng: int | np.random.Generator,
 ) -> Prompts:
-    """Prompts drawn at random from where a picture is bright and from where it is dark, as published.
+    """Draw random prompts from bright and from dark pixels of a picture, as published.
 
     Parameters
     ----------
     picture : of a radar image
     other : the same scene at the radar's other frequency: positives must be bright in both. Its power is interpolated
-        to the picture's grid, and is 0 where its own does not reach
+        to the picture's grid, and is 0 outside its own area
     thresholds : LOS, NLOS or RETRY, or others: shares of each picture's maximum
-    share : of the bright pixels and of the dark ones, how many are drawn; at least one of each
-    count : number of points of each kind, in place of `share`; or all where there are fewer
-    rng : a seed, or a generator to draw from; None is an error, as everywhere in millisight
+    share : share of the bright and of the dark pixels to draw; at least one of each
+    count : number of points of each kind, instead of `share`; all pixels if there are fewer
+    rng : seed or generator; None is an error
 
     Returns
     -------

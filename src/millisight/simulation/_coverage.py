@@ -25,12 +25,12 @@ def aperture_over(
 
     Parameters
     ----------
-    scene : what is looked at
-    radar : what measures; its wavelength is the default step's
-    size : along x and y [m]; None: 5 cm more than the scene on every side
+    scene : the objects
+    radar : its wavelength determines the default step
+    size : along x and y [m]; None: 5 cm beyond the scene on every side
     step : between neighbouring positions [m]; None: half a wavelength at the centre frequency
     height : over `center` [m]
-    center : (3,) what it is centred over [m]; None: the middle of the scene's bounding box
+    center : (3,) point below the centre of the aperture [m]; None: the centre of the scene's bounding box
 
     Raises
     ------
@@ -56,7 +56,7 @@ def aperture_over(
 
 
 def check_coverage(scene: Scene, trajectory: Trajectory) -> None:
-    """Refuse an aperture that the scene outgrows, in width or in height.
+    """Refuse an aperture that is too small or too low for the scene.
 
     Raises
     ------

@@ -18,7 +18,7 @@ from millisight.data import TriangleMesh
 
 @runtime_checkable
 class ScatteringModel(Protocol):
-    """What makes a vertex answer; whether the antennas see it is found by rays, and is no model's affair.
+    """How strongly vertices scatter; visibility is computed separately, by rays.
 
     A dataclass whose fields are its parameters. Declare them with `parameter`, then `simulate` takes them as
     keywords and `millisight simulate` as options.
@@ -31,13 +31,13 @@ class ScatteringModel(Protocol):
     name: ClassVar[str]
 
     def candidates(self, mesh: TriangleMesh) -> np.ndarray:
-        """(V,) bool: the vertices of `mesh` that can answer from somewhere; rays are cast to no others."""
+        """(V,) bool: the vertices of `mesh` that can scatter to any position; rays are cast only to these."""
         ...
 
     def weights(
         self, tx_positions: np.ndarray, rx_positions: np.ndarray, points: np.ndarray, normals: np.ndarray
     ) -> np.ndarray:
-        """How strongly vertices answer if nothing hides them, 0 for not at all.
+        """Scattering weights of the vertices if nothing hides them; 0 for none.
 
         Parameters
         ----------

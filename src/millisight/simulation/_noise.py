@@ -10,7 +10,7 @@ from millisight.data import Capture
 
 
 def add_noise(capture: Capture, *, snr_db: float, rng: int | np.random.Generator | None) -> Capture:
-    """The capture with complex white Gaussian noise: mean |S|² of all its frames over the noise's variance (primer 15).
+    """Add complex white Gaussian noise; the SNR is the mean |S|² of all frames over the noise variance (primer 15).
 
     Parameters
     ----------

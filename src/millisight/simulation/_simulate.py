@@ -31,32 +31,31 @@ def simulate(
     progress: Callable[[int, int], None] | None = None,
     **parameters: Any,
 ) -> Capture:
-    """Simulate what a radar measures of a scene: every lit vertex is a point reflector (paper Eq. 4 to 7, primer 13).
+    """Simulate a radar capture of a scene: every lit vertex is a point reflector (paper Eq. 4 to 7, primer 13).
 
     Parameters
     ----------
-    scene : what stands before the radar, in the world frame
-    radar, trajectory : what measures, and from where
+    scene : objects in the world frame
+    radar, trajectory : radar and its poses
     model : "specular", "edge", "diffuse" or "rough", a name of `SCATTERING_MODELS`, or a ScatteringModel of your own
-    spreading : "none" as in the paper, or "1/d", the amplitude falling with the round-trip path
+    spreading : "none" as in the paper, or "1/d", the amplitude decreases with the round-trip path length
     snr_db : add complex white noise: mean |S|² of the capture over the noise's variance [dB] (primer 15)
-    rng : seed or generator of the noise; its seed goes into the metadata
+    rng : seed or generator of the noise; the seed is stored in the metadata
     device : "cpu", or "cuda" for the sum of signals where there is a GPU; rays are cast on the CPU
     progress : called with (poses done, poses in all)
     **parameters : of the model: `tau_deg` and `two_sided` of "specular", `edge_deg` of "edge", `lobe_deg` of "rough";
-        the first three are accepted with every name, and used by their own model alone
+        the first three are accepted with every model name, but used only by their own model
 
     Returns
     -------
     Capture
-        Frames with the sign of primer (3). In its metadata, `lit_fraction` is the share of the scene's vertices that
-        answered at least once (0: the capture is empty) and `scene_bounds` the scene's bounding box [m].
+        Frames with the sign of primer (3). In its metadata, `lit_fraction` is the share of vertices that reflect to at
+        least one position (0: the capture is empty) and `scene_bounds` the scene's bounding box [m].
 
     Raises
     ------
     InputError, UnknownNameError
-        An argument cannot be right.
-    CoverageError
+        An argument is invalid. CoverageError
         An antenna lies on or inside the scene's bounding box.
 
     Examples

@@ -71,7 +71,7 @@ def range_profiles(capture: Capture, *, poses: slice | None = None) -> RangeProf
 
 @styled
 def plot_capture(capture: Capture, *, dynamic_range_db: float = 60, title: str | None = None) -> Figure:
-    """Where the radar was, from above, and the range profile of every pose; `Capture.plot`.
+    """Plot the positions of the radar from above, and the range profile of every pose; `Capture.plot`.
 
     Of a radar with a single frequency, which has no range profiles, the amplitude of every pose is shown. The figures
     `plot_aperture` and `plot_range_profiles` show more of either.
@@ -118,7 +118,7 @@ def plot_range_profiles(
     dynamic_range_db: float = 60,
     title: str | None = None,
 ) -> Figure:
-    """Range profiles: of a few poses and the RMS over all poses above, of all poses as a picture below.
+    """Plot range profiles: a few poses and the RMS over all poses above, all poses as a picture below.
 
     Profiles have a Hann window and are the RMS over the channels of a pose; of a long capture, 1500 poses at
     most are read, evenly spread. The range axis is cut to where something is.
@@ -222,7 +222,7 @@ def plot_aperture(
     grid: VoxelGrid | None = None,
     title: str | None = None,
 ) -> Figure:
-    """Where the radar was, seen from above and from the side, over the object and the image's box.
+    """Plot the positions of the radar from above and from the side, with the object and the box of the image.
 
     Parameters
     ----------

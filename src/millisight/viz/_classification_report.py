@@ -20,7 +20,7 @@ _ACROSS = 4  # mistakes in a row
 
 @styled
 def plot_accuracy(answers: Sequence[ClassifierAnswer], split: str, *, data: str) -> Figure:
-    """Each variant's accuracy in sight, out of it and overall, with both intervals; the paper's beside.
+    """Plot the accuracy of each variant in line of sight, out of it and overall, with both intervals, and the paper's.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def _kind(variant: Variant) -> str:
 
 @styled
 def plot_confusion(answers: Sequence[ClassifierAnswer], split: str, variant: Variant, *, data: str) -> Figure:
-    """How often each class was taken for which, in sight, out of it, overall: counts, shaded by shares of the class.
+    """Plot confusion matrices in line of sight, out of it and overall: counts, shaded by shares of the class.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ def plot_confusion(answers: Sequence[ClassifierAnswer], split: str, variant: Var
 
 @styled
 def plot_reliability(answers: Sequence[ClassifierAnswer], split: str, *, data: str) -> Figure:
-    """How often each variant was right when it was how sure, with Wilson intervals; below, how many answers.
+    """Plot accuracy over confidence of each variant, with Wilson intervals; below, the number of answers.
 
     Parameters
     ----------
@@ -159,7 +159,7 @@ def plot_reliability(answers: Sequence[ClassifierAnswer], split: str, *, data: s
 
 @styled
 def plot_mistakes(mistakes: Sequence[Mistake], *, title: str) -> Figure:
-    """Each mistake as two pictures: the image with the mask and the true one as outlines, and what was classified.
+    """Plot each mistake as two pictures: the image with outlines of mask and truth, and the classified part.
 
     Parameters
     ----------

@@ -97,7 +97,7 @@ def plot_sensitivity(pairs: Sequence[ImagePair], *, settings: CloudSettings, tit
 
 @styled
 def plot_scores(pairs: Sequence[ImagePair]) -> Figure:
-    """Every pair's F, sorted: the share of pairs with a lower score, for the combination and for both parts alone."""
+    """Plot the sorted F-scores of all pairs, for the combination and for both parts alone."""
     there = [sight for sight in SIGHTS if any(pair.sight == sight for pair in pairs)]
     figure = Figure(figsize=(1.0 + 3.8 * len(there), 3.4))
     width = 0.82 / len(there)

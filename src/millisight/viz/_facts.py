@@ -12,7 +12,7 @@ _MOST_VOXELS = 8_000_000  # of which the peak is looked for quickly
 
 
 def facts_of(record: Any, *, quick: bool = False) -> list[tuple[str, str]]:
-    """What there is to say of a record: (name, fact), one "step" for everything that was done to it.
+    """Facts of a record: (name, fact), with one "step" for each entry of its history.
 
     Parameters
     ----------

@@ -167,7 +167,7 @@ def plot_hidden(
     colormap: str | Colormap | None = None,
     axes: Sequence[Axes] | np.ndarray | None = None,
 ) -> np.ndarray:
-    """What a camera sees, what it sees when the box is shut, and the radar's image through it (the paper's Fig. 1).
+    """The camera picture with open and with closed box, and the radar image through the box (the paper's Fig. 1).
 
     Parameters
     ----------

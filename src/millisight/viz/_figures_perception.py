@@ -91,7 +91,7 @@ def plot_depth_holes(
     colormap: str | None = None,
     axes: Sequence[Axes] | np.ndarray | None = None,
 ) -> np.ndarray:
-    """Where a depth camera fails on what shines or is clear, and a radar does not (Fig. "Qualitative Segmentation").
+    """Holes in the depth of shiny or transparent objects, and their radar image (Fig. "Qualitative Segmentation").
 
     a) the photo; b) its depth, without which pixels are red; c) the radar's image; d) its segmentation.
 
@@ -188,7 +188,7 @@ def plot_prediction(
     dynamic_range_db: float = 30,
     axes: Sequence[Axes] | np.ndarray | None = None,
 ) -> np.ndarray:
-    """A prediction: the image in dB with the mask's outline, and a bar for each class.
+    """Plot a prediction: the image in dB with the outline of the mask, and a bar for each class.
 
     The most probable class's bar is blue where the answer is sure, and orange where it is not; a dashed line stands at
     the probability from which it is.
@@ -248,7 +248,7 @@ def _draw_bars(axes: Axes, prediction: Prediction) -> None:
 
 @styled
 def plot_segmentation(found: "Segmented", *, dynamic_range_db: float = 30, title: str | None = None) -> Figure:
-    """A segmentation: the power in the rainbow's colours with the prompts, and in dB with the mask.
+    """Plot a segmentation: the power in rainbow colours with the prompts, and in dB with the mask.
 
     Parameters
     ----------
@@ -289,7 +289,7 @@ def _draw_prompts(axes: Axes, found: "Segmented", grid: PixelGrid) -> None:
 
 @styled
 def plot_table(table: "Table", *, bold_largest: bool = True, axes: Axes | None = None) -> Axes:
-    """A table as a figure with ruled lines; numbers at the right.
+    """Plot a table as a figure with ruled lines; numbers are right-aligned.
 
     Parameters
     ----------

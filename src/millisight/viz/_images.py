@@ -24,7 +24,7 @@ def plot_image(
     colormap: str | Colormap | Sequence[str | Colormap | None] | None = None,
     title: str | None = None,
 ) -> Figure:
-    """The mean of |I| along z, y and x, each over its own maximum; `SarImage.plot`.
+    """Plot the mean of |I| along z, y and x, each relative to its own maximum; `SarImage.plot`.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def plot_slices(
     colormap: str | Colormap | None = None,
     title: str | None = None,
 ) -> Figure:
-    """|I| in the three planes through a point, relative to the maximum of the whole image.
+    """Plot |I| in three planes through a point, relative to the maximum of the whole image.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ def plot_sheet(
     colormap: str | Colormap | None = None,
     title: str | None = None,
 ) -> Figure:
-    """Many images side by side, all equally large: the mean of |I| along z, each over its own maximum.
+    """Plot many images side by side: the mean of |I| along z, each relative to its own maximum.
 
     Parameters
     ----------

@@ -86,7 +86,7 @@ def plot_mask(mask: Mask, *, title: str | None = None) -> Figure:
 
 
 def html_card(record: SarImage | Capture | TriangleMesh) -> str:
-    """A small picture of a record and a table of facts, as HTML; what a notebook shows where a cell ends with it.
+    """A small picture of a record and a table of facts, as HTML, for notebooks.
 
     The picture is left out where there are no data to make it of, or where finding it would take long: of captures
     over 64 MB on disk. Of images over 8 million voxels it shows every few; of meshes over 200 000 faces, too.

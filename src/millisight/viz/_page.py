@@ -51,7 +51,7 @@ footer { color: var(--soft); font-size: .85rem; padding-bottom: 2.5rem; }
 
 @record
 class PageItem:
-    """One picture of a page and what is to be seen in it.
+    """One picture of a page, with its description.
 
     Attributes
     ----------

@@ -23,7 +23,7 @@ _DEEP = 0.3  # of the colours of depth [m]
 
 @styled
 def plot_world(layout: WorldLayout, frame: CameraFrame, masks: list[np.ndarray]) -> Figure:
-    """A layout from above and from the side, and what the camera sees of it, with depth.
+    """Plot a layout from above and from the side, and the camera picture with depth.
 
     Parameters
     ----------

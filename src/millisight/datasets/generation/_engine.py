@@ -74,7 +74,7 @@ def _one_blas_thread() -> Iterator[None]:
 
 
 def engine_of(scheduler: str = "processes", workers: int | None = None) -> Engine:
-    """The engine that goes by a name or an address.
+    """The engine with a name or at an address.
 
     Parameters
     ----------

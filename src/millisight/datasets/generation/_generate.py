@@ -16,7 +16,7 @@ from typing import Any
 
 from millisight.core import make_folder, printable, record, write_text
 from millisight.core.errors import FileError, InputError
-from millisight.datasets import DatasetObject, Entry, Manifest, checksum, prepare_objects
+from millisight.datasets import DatasetObject, Manifest, ManifestEntry, checksum, prepare_objects
 from millisight.datasets.generation._card import write_card
 from millisight.datasets.generation._cost import Cost, Total, slowness, total
 from millisight.datasets.generation._engine import Engine
@@ -40,7 +40,7 @@ _FEW = 10  # jobs that one process has checked before others have started
 
 @record
 class Plan:
-    """What is to be done for a dataset.
+    """The jobs of a dataset.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class Plan:
     ledger: Ledger
 
     def total(self, workers: int) -> Total:
-        """What is to be spent by so many workers of one core each."""
+        """Total cost for a number of workers with one core each."""
         return total([cost._replace(seconds=cost.seconds * self.slowness) for cost in self.costs], workers)
 
 
@@ -87,20 +87,20 @@ def plan_dataset(
     engine: Engine | None = None,
     progress: Progress | None = None,
 ) -> Plan:
-    """What a recipe asks for, every job of it checked, and what of it is there already.
+    """Plan the jobs of a recipe: check each, and find those that are done.
 
     Parameters
     ----------
     recipe : Recipe
-    out : the dataset's folder, which is only read; what an earlier run left in it is kept where it is right
-    meshes : folder of real scans, which take the places of the catalogue's shapes
-    engine : what checks the jobs, on this machine; None: this process
+    out : the dataset's folder, which is only read; valid results of an earlier run are kept
+    meshes : folder of real scans, which replace shapes of the catalogue
+    engine : checks the jobs, on this machine; None: this process
     progress : called with (jobs checked, jobs to check)
 
     Raises
     ------
     InputError
-        Jobs are impossible: the first of them and why.
+        Jobs are impossible; the message lists the first and the reason.
     FormatError, FileError, MeshError, UnknownNameError
         The recipe, a mesh or the folder cannot be used.
     """
@@ -142,21 +142,21 @@ def _checked(
 
 
 def run_plan(plan: Plan, engine: Engine, *, progress: Progress | None = None) -> Generated:
-    """Do what a plan asks for; a job that fails stops no other, and none that is done is lost.
+    """Run the jobs of a plan; a job that fails does not stop the others, and finished jobs are kept.
 
-    Interrupted at any point, a plan made anew holds what is left; in the end the bytes are those of a run that was
-    never interrupted, by whatever engine.
+    After an interruption, make a new plan to run the remaining jobs. The final bytes are the same as without
+    interruption, with every engine.
 
     Parameters
     ----------
     plan : as `plan_dataset` in the dataset's own folder
-    engine : what does the jobs
+    engine : runs the jobs
     progress : called with (core-seconds done, core-seconds in all), both estimated
 
     Raises
     ------
     FileError
-        The disk has too little room, or another run is at work in the folder.
+        There is not enough disk space, or another run is using the folder.
     """
     check_room(plan, engine.workers)
     failures: dict[str, str] = {}
@@ -195,7 +195,7 @@ def run_plan(plan: Plan, engine: Engine, *, progress: Progress | None = None) ->
 
 
 def check_room(plan: Plan, workers: int) -> None:
-    """Refuse a plan for which the disk has too little room.
+    """Refuse a plan that needs more disk space than there is.
 
     Raises
     ------
@@ -264,7 +264,7 @@ def _sha256(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def _make(root: Path, version: str, item: tuple[Job, str]) -> tuple[Entry, ...]:
+def _make(root: Path, version: str, item: tuple[Job, str]) -> tuple[ManifestEntry, ...]:
     """Do one job, wherever this is: its files to their places, and what they are."""
     job, text = item
     if version != _version():
@@ -299,8 +299,8 @@ def _place(stage: Path, root: Path, folders: Sequence[str], files: Sequence[str]
         os.replace(stage / name, target)
 
 
-def _entry(root: Path, path: str, kind: str, sources: tuple[Any, ...]) -> Entry:
-    return Entry(path, kind, (root / path).stat().st_size, checksum(root / path), sources)
+def _entry(root: Path, path: str, kind: str, sources: tuple[Any, ...]) -> ManifestEntry:
+    return ManifestEntry(path, kind, (root / path).stat().st_size, checksum(root / path), sources)
 
 
 def _answers_for(job: Job, path: str) -> bool:

@@ -15,7 +15,7 @@ import numpy as np
 from millisight.core import rotation_from_euler_deg
 from millisight.core.errors import FormatError
 from millisight.datasets import DatasetObject
-from millisight.datasets.generation._recipe import Poses, Recipe, Rig, catalogue_name
+from millisight.datasets.generation._recipe import PoseSettings, Recipe, Rig, catalogue_name
 from millisight.datasets.generation._rig_job import PHYSICS, RigJob
 from millisight.datasets.generation._simulator_job import Seen, SimulatorJob, cover
 from millisight.io.mito import angles_folder, experiment_folder
@@ -37,7 +37,7 @@ class Pose(NamedTuple):
     offset: tuple[float, float]
 
 
-class Subject(NamedTuple):
+class RecipeObject(NamedTuple):
     """What one experiment looks at."""
 
     folder: str  # `<id>_<name>` in the dataset; of several things their names, one after the other
@@ -85,22 +85,22 @@ def seed_of(recipe: Recipe, *name: object) -> int:
     return int.from_bytes(hashlib.sha256(text.encode()).digest()[:6])
 
 
-def _subjects(recipe: Recipe, things: Mapping[str, DatasetObject]) -> Iterator[Subject]:
+def _subjects(recipe: Recipe, things: Mapping[str, DatasetObject]) -> Iterator[RecipeObject]:
     own = [file.name for file in recipe.files]
     for name in (*recipe.objects.chosen, *own):
         thing = things[name]
         for number, pose in enumerate(poses_of(recipe.poses, np.random.default_rng(seed_of(recipe, "poses", name)))):
-            yield Subject(thing.folder, number, (thing,), (pose,))
+            yield RecipeObject(thing.folder, number, (thing,), (pose,))
     counts: Counter[str] = Counter()
     for scene in recipe.scenes:
         several = tuple(things[p.object if p.object in own else catalogue_name(p.object)] for p in scene.objects)
         folder = "+".join(thing.folder for thing in several)
         poses = tuple(Pose(placed.angles_deg, placed.offset) for placed in scene.objects)
-        yield Subject(folder, counts[folder], several, poses)
+        yield RecipeObject(folder, counts[folder], several, poses)
         counts[folder] += 1
 
 
-def poses_of(poses: Poses, rng: np.random.Generator) -> list[Pose]:
+def poses_of(poses: PoseSettings, rng: np.random.Generator) -> list[Pose]:
     """The stated poses of an object, then the drawn ones, no two with the same angles."""
     angles = list(poses.stated)
     while len(angles) < len(poses.stated) + poses.count:
@@ -114,7 +114,7 @@ def poses_of(poses: Poses, rng: np.random.Generator) -> list[Pose]:
 class _Scans:
     """The rig's jobs."""
 
-    def __init__(self, recipe: Recipe, rig: Rig, subjects: Sequence[Subject]):
+    def __init__(self, recipe: Recipe, rig: Rig, subjects: Sequence[RecipeObject]):
         self._recipe, self._rig, self._subjects = recipe, rig, subjects
         for name, table in {"rig.world": rig.world, **{f"rig.scans[{i}]": t for i, t in enumerate(rig.scans)}}.items():
             for key in ("seed", "objects"):
@@ -143,7 +143,7 @@ class _Scans:
         place = f"rig.world with rig.scans[{number}]" if self._rig.scans else "rig.world"
         return World.from_table(table, source=f"{self._recipe.source}: {place}")
 
-    def _experiments(self, subject: Subject) -> Iterator[Job]:
+    def _experiments(self, subject: RecipeObject) -> Iterator[Job]:
         """The scans of a subject in every condition on every background; experiments are numbered through."""
         hidden = self._rig.conditions[1:]
         for b, background in enumerate(self._rig.backgrounds):
@@ -155,7 +155,7 @@ class _Scans:
                 yield from self._scanned(subject, background, condition, number, conditions)
 
     def _scanned(
-        self, subject: Subject, background: str, condition: str, number: int, conditions: dict[str, str]
+        self, subject: RecipeObject, background: str, condition: str, number: int, conditions: dict[str, str]
     ) -> Iterator[Job]:
         sight = "los" if condition == "los" else "nlos"
         folder = experiment_folder(".", subject.folder, subject.poses[0].angles_deg, number, sight).as_posix()
@@ -212,7 +212,7 @@ class _Scans:
             first=first, sources=sources, empty=empty, image_folder=image_folder,
         )  # fmt: skip
 
-    def _around(self, world: World, subject: Subject) -> World:
+    def _around(self, world: World, subject: RecipeObject) -> World:
         """The world with its aperture cut to what the subject needs."""
         if self._rig.margin is None:
             return world
@@ -249,7 +249,7 @@ def _merged(table: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any
     return {**table, **other, **both}
 
 
-def _simulations(recipe: Recipe, subjects: Sequence[Subject]) -> Iterator[Job]:
+def _simulations(recipe: Recipe, subjects: Sequence[RecipeObject]) -> Iterator[Job]:
     """The simulator's jobs: whatever shift an object has, it is the aperture's that follows."""
     settings = recipe.simulator
     if settings is None:

@@ -13,7 +13,15 @@ from typing import Any
 
 from millisight.core import make_folder, printable
 from millisight.core.errors import FileError, InputError
-from millisight.datasets import MANIFEST_NAME, Entry, Manifest, Source, checksum, read_manifest, write_manifest
+from millisight.datasets import (
+    MANIFEST_NAME,
+    Manifest,
+    ManifestEntry,
+    ManifestSource,
+    checksum,
+    read_manifest,
+    write_manifest,
+)
 from millisight.datasets._manifest import size_of
 
 JOURNAL_NAME = ".journal.jsonl"
@@ -28,7 +36,7 @@ class Ledger:
 
     def __init__(self, out: Path, settings: Mapping[str, Any]):
         self._out, self._settings = out, dict(settings)
-        self._done: dict[str, tuple[str, tuple[Entry, ...]]] = {}
+        self._done: dict[str, tuple[str, tuple[ManifestEntry, ...]]] = {}
         before = read_manifest(out)
         if before is None and out.is_dir() and any(not entry.name.startswith(".") for entry in out.iterdir()):
             raise InputError(f"{printable(out)} is not empty, and not a dataset of this recipe; choose another folder")
@@ -47,7 +55,7 @@ class Ledger:
         told = self._done.get(job)
         return told is not None and told[0] == sha256 and all(size_of(self._out / e.path) == e.size for e in told[1])
 
-    def files(self, jobs: Iterable[str]) -> list[Entry]:
+    def files(self, jobs: Iterable[str]) -> list[ManifestEntry]:
         """The files of some jobs."""
         return [entry for job in jobs if job in self._done for entry in self._done[job][1]]
 
@@ -64,7 +72,7 @@ class Ledger:
                 write_manifest(self._out, Manifest(settings=self._settings, entries={}))
             yield
 
-    def add(self, entries: Iterable[Entry]) -> None:
+    def add(self, entries: Iterable[ManifestEntry]) -> None:
         """Tell of a job that is done."""
         entries = tuple(entries)
         self._take(entries)
@@ -74,7 +82,7 @@ class Ledger:
             file.flush()
             os.fsync(file.fileno())
 
-    def close(self, jobs: Iterable[str], others: Iterable[Entry]) -> Manifest:
+    def close(self, jobs: Iterable[str], others: Iterable[ManifestEntry]) -> Manifest:
         """Write the manifest, of these jobs and other files, in the journal's place."""
         entries = {entry.path: entry for entry in (*self.files(jobs), *others)}
         manifest = Manifest(settings=self._settings, entries=entries)
@@ -82,8 +90,8 @@ class Ledger:
         (self._out / JOURNAL_NAME).unlink(missing_ok=True)
         return manifest
 
-    def _take(self, entries: Iterable[Entry]) -> None:
-        by_job: dict[str, list[Entry]] = {}
+    def _take(self, entries: Iterable[ManifestEntry]) -> None:
+        by_job: dict[str, list[ManifestEntry]] = {}
         for entry in entries:
             if entry.sources and entry.sources[0].path.endswith(JOB_NAME):
                 by_job.setdefault(entry.sources[0].path, []).append(entry)
@@ -95,12 +103,12 @@ JOB_NAME = "job.json"
 """The file that holds a job's description; its checksum stands for all that the job's files follow from."""
 
 
-def job_source(path: Path, name: str) -> Source:
+def job_source(path: Path, name: str) -> ManifestSource:
     """The description at `path` as the source of a job's files, under its name in the dataset."""
-    return Source(name, path.stat().st_size, checksum(path))
+    return ManifestSource(name, path.stat().st_size, checksum(path))
 
 
-def _journal(out: Path) -> Iterator[list[Entry]]:
+def _journal(out: Path) -> Iterator[list[ManifestEntry]]:
     """What the journal tells; a last line that was cut off tells nothing."""
     try:
         lines = (out / JOURNAL_NAME).read_bytes().splitlines()
@@ -109,7 +117,7 @@ def _journal(out: Path) -> Iterator[list[Entry]]:
     for line in lines:
         try:
             yield [
-                Entry(**{**value, "sources": tuple(Source(**source) for source in value["sources"])})
+                ManifestEntry(**{**value, "sources": tuple(ManifestSource(**source) for source in value["sources"])})
                 for value in json.loads(line)
             ]
         except (ValueError, TypeError, KeyError):

@@ -92,7 +92,7 @@ class Objects:
 
 @record
 class MeshFile:
-    """An object of one's own.
+    """A mesh file as an object.
 
     Attributes
     ----------
@@ -148,7 +148,7 @@ class SceneRecipe:
 
 
 @record
-class Poses:
+class PoseSettings:
     """How every object lies: the stated angles, then drawn ones, other ones for each object."""
 
     angles_deg: tuple[tuple[int, int, int], ...] | None = None  # about the fixed x, y, then z axis, whole
@@ -253,7 +253,7 @@ class Simulator:
 
 @record
 class Shares:
-    """What share of the objects, and of the poses of each, goes to training, validation and test."""
+    """Shares of objects, and of their poses, for training, validation and test."""
 
     train: float = 0.7
     val: float = 0.15
@@ -270,7 +270,7 @@ class Shares:
 
 @record
 class Recipe:
-    """What a dataset is to hold.
+    """Contents of a dataset to generate.
 
     Attributes
     ----------
@@ -291,7 +291,7 @@ class Recipe:
     objects: Objects = field(default_factory=Objects)
     files: tuple[MeshFile, ...] = ()
     scenes: tuple[SceneRecipe, ...] = ()
-    poses: Poses = field(default_factory=Poses)
+    poses: PoseSettings = field(default_factory=PoseSettings)
     rig: Rig | None = None
     simulator: Simulator | None = None
     splits: Shares = field(default_factory=Shares)
@@ -323,7 +323,7 @@ class Recipe:
 
 
 def read_recipe(path: str | os.PathLike[str]) -> Recipe:
-    """The recipe that a TOML file holds; relative paths in it start at its own folder.
+    """Read a recipe from a TOML file; relative paths in it start at its folder.
 
     Raises
     ------

@@ -291,8 +291,8 @@ def _seen(method: str, tested: set[str]) -> str:
     if sides is None:
         return by.name
     seen = sorted(tested & {name for names in sides.values() for name in names})
-    told = f"; of the tested objects its network saw {len(seen)}: {', '.join(seen)}" if seen else ""
-    return f"{by.name}{told or ', whose network saw none of the tested objects'}"
+    told = f"; of the tested objects its network was trained on {len(seen)}: {', '.join(seen)}" if seen else ""
+    return f"{by.name}{told or ', whose network was trained on none of the tested objects'}"
 
 
 def time_classifiers(

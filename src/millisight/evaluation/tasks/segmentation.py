@@ -182,10 +182,10 @@ def _seen(by: Any, tested: set[str]) -> str:
     told = getattr(by, "description", {})
     sides = told.get("objects")
     if sides is None:
-        return f"{by.name}: which objects its network saw in training is not known."
+        return f"{by.name}: the training objects of its network are not known."
     seen = {name for names in sides.values() for name in names}
     both = sorted(tested & seen)
     name = f"{by.name} (weights {told['sha256'][:8]})"
     if both:
         return f"{name}: NOT a fair test, its network saw {len(both)} of the tested objects: {', '.join(both)}."
-    return f"{name}: its network saw {len(seen)} objects in training and validation, none of the {len(tested)} tested."
+    return f"{name}: its network used {len(seen)} objects in training and validation, none of the {len(tested)} tested."

@@ -34,7 +34,7 @@ def read_arrays(
     max_bytes: int | None = None,
     finite: bool = True,
 ) -> dict[str, np.ndarray]:
-    """The arrays of a file, by name; its content says the format, whatever its suffix.
+    """Read the arrays of a file, by name; the format is found from the content, not the suffix.
 
     - `.npy`: "0", and "1", "2", ... where several arrays follow one another in the file
     - `.npz`: as saved
@@ -86,7 +86,7 @@ def read_arrays(
 
 
 def array_shapes(path: str | os.PathLike[str], *, max_bytes: int | None = None) -> dict[str, tuple[int, ...]]:
-    """The shapes of a file's arrays, by name, their values unread; what is no array is left out.
+    """Shapes of the arrays of a file, by name, without reading values; entries that are not arrays are left out.
 
     Raises
     ------
@@ -126,7 +126,7 @@ def _check_finite(array: np.ndarray, name: str) -> None:
         first = tuple(int(i) for i in np.argwhere(bad)[0])
         raise DamagedFileError(
             f"array {name!r} has {int(bad.sum())} values that are NaN or infinite, the first at {first}; remove or "
-            "mend them"
+            "correct them"
         )
 
 

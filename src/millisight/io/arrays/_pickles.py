@@ -27,7 +27,8 @@ _KEYS = (str, bytes, bool, int, float, type(None))
 
 
 def read_pickle(path: str | os.PathLike[str]) -> Any:
-    """What a pickle holds: NumPy arrays, scalars and types; dict, list, tuple, set; text, bytes, numbers, None.
+    """Read a pickle without running code: NumPy arrays, scalars and types; dict, list, tuple, set; text, bytes,
+    numbers, None.
 
     Nothing is run, whatever the file says. Arrays are read-only; arrays of objects hold such values, never others.
 

@@ -55,7 +55,7 @@ class TextTable(NamedTuple):
 def read_table(
     path: str | os.PathLike[str], *, skip_rows: int = 0, rows: int | None = None, decimal: str | None = None
 ) -> TextTable:
-    """A table of numbers: one row a line, separated by commas, semicolons, tabs or blanks.
+    """Read a table of numbers: one row per line, separated by commas, semicolons, tabs or blanks.
 
     # starts a comment, and so does ! at the start of a line. Numbers may be complex: 1.5-2i, 1.5 - 2j, (1.5-2j). The
     encoding is UTF-8, UTF-16 with its mark, or Latin-1.
@@ -156,7 +156,7 @@ def _text(data: bytes, source: str) -> str:
             return data.decode(encoding)
         except UnicodeDecodeError:
             pass
-    raise FormatError(f"{source} is not a text of numbers: it is no UTF-16")
+    raise FormatError(f"{source} is not a text of numbers: it is not UTF-16")
 
 
 def _words(line: str, separator: str) -> list[str]:

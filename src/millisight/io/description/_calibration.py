@@ -11,7 +11,7 @@ import numpy as np
 
 from millisight.data import CalibrationStep, Capture, Radar, Trajectory
 from millisight.io.description._frames import FrameReader
-from millisight.io.description._tables import REFERENCE, Table
+from millisight.io.description._tables import REFERENCE, TomlTable
 
 KEYS = ("background", "subtract_mean", "gains", "reference", "phase", "samples")
 MEDIUM_KEYS = ("permittivity", "layers", "towards", "max_angle")
@@ -22,7 +22,7 @@ _LAYER_KEYS = ("thickness", "permittivity")
 
 
 def calibration_steps(
-    table: Table, reader: FrameReader, radar: Radar, capture: Capture | None
+    table: TomlTable, reader: FrameReader, radar: Radar, capture: Capture | None
 ) -> Iterator[CalibrationStep]:
     """The steps of [calibration] for frames of `radar` that `reader` read; `capture` has their poses, where known.
 
@@ -58,11 +58,11 @@ def calibration_steps(
         if "samples" in table:
             samples = table.wholes("samples")
             if samples.shape != (2,):
-                raise table.error("samples", "[first, stop]: the samples from first on, before stop")
+                raise table.error("samples", "[first, stop]: the samples from first to stop - 1")
             yield step("crop_samples", first=int(samples[0]), stop=int(samples[1]))
 
 
-def medium_steps(table: Table, reach: tuple[float, float] | None) -> Iterator[CalibrationStep]:
+def medium_steps(table: TomlTable, reach: tuple[float, float] | None) -> Iterator[CalibrationStep]:
     """The steps of [medium]; `reach`: how far across rays go at most, and how deep at least, where that is known [m].
 
     Raises
@@ -75,7 +75,7 @@ def medium_steps(table: Table, reach: tuple[float, float] | None) -> Iterator[Ca
         table.number("permittivity", "")  # so there is nothing else
         for key in ("towards", "max_angle"):
             if key in table:
-                raise table.error(key, "it beside layers alone")
+                raise table.error(key, "this key only beside layers")
         yield CalibrationStep(name="set_medium", settings={"permittivity": permittivity}, source=table.place)
         return
     listed = table.get("layers")
@@ -92,7 +92,7 @@ def medium_steps(table: Table, reach: tuple[float, float] | None) -> Iterator[Ca
     yield CalibrationStep(name="see_through", settings=settings, source=table.place)
 
 
-def _background(table: Table, reader: FrameReader, radar: Radar, capture: Capture | None) -> tuple[Capture, str]:
+def _background(table: TomlTable, reader: FrameReader, radar: Radar, capture: Capture | None) -> tuple[Capture, str]:
     """The frames of the empty scene, which lie in a file like that of the frames, and which of them count."""
     if isinstance(table.get("background"), str):
         path, array, frame = table.files.one(table.text("background")), None, "mean"
@@ -109,7 +109,7 @@ def _background(table: Table, reader: FrameReader, radar: Radar, capture: Captur
     return Capture(radar=radar, trajectory=nowhere, frames=values, metadata=metadata), frame
 
 
-def _gains(table: Table, radar: Radar) -> np.ndarray:
+def _gains(table: TomlTable, radar: Radar) -> np.ndarray:
     """(T, R) complex gains of the channels."""
     gains = table.table("gains", _GAINS_KEYS)
     shape = len(radar.array.tx_positions), len(radar.array.rx_positions)

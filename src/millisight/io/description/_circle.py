@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from millisight.io.description._tables import Table
+from millisight.io.description._tables import TomlTable
 
 _KEYS = (
     "radius", "far_field", "angles", "step", "start", "unit", "height", "axis", "center", "turns", "range_from",
@@ -12,7 +12,7 @@ _KEYS = (
 _FAR = 1e4  # radius of a circle that stands for a far field [m]
 
 
-def circle(table: Table, scan: dict[str, int]) -> tuple[np.ndarray, np.ndarray, float]:
+def circle(table: TomlTable, scan: dict[str, int]) -> tuple[np.ndarray, np.ndarray, float]:
     """The poses (P, 3) [m] and orientations (P, 4) of a circle about an axis, and its path offset [m].
 
     At the angle 0 the radar is on the next axis after the circle's own (x of a circle about z), its own frame as the
@@ -27,11 +27,11 @@ def circle(table: Table, scan: dict[str, int]) -> tuple[np.ndarray, np.ndarray, 
     about = table.table("circle", _KEYS)
     for axis in ("x", "y"):
         if axis in scan:
-            raise table.error("circle", "raster, since the axes name x or y; of a circle they name angle, or pose")
+            raise table.error("circle", "raster, since the axes include x or y; a circle has the axis angle or pose")
     center = about.array("center", "m", (3,)) if "center" in about else np.zeros(3)
     far = about.flag("far_field")
     if far == ("radius" in about):
-        raise about.error("radius", "the antenna's distance from the axis [m], or far_field = true, one of the two")
+        raise about.error("radius", "either the antenna's distance from the axis [m], or far_field = true")
     radius = _FAR if far else about.number("radius", "m")
     if not radius > 0:
         raise about.error("radius", "more than 0 [m]")
@@ -48,7 +48,7 @@ def circle(table: Table, scan: dict[str, int]) -> tuple[np.ndarray, np.ndarray, 
         angles, heights = (grid.ravel() for grid in (grids if slow_is_angle else grids[::-1]))
     frm = about.text("range_from", "axis" if far else "antenna", among=("antenna", "axis"))
     if far and frm == "antenna":
-        raise about.error("range_from", '"axis": from an antenna far away no range can be counted')
+        raise about.error("range_from", '"axis": ranges cannot be counted from an antenna far away')
     if far and heights.any():
         raise about.error("height", "none in a far field")
     if frm == "axis" and np.ptp(np.abs(heights)) > 0:
@@ -64,17 +64,17 @@ def circle(table: Table, scan: dict[str, int]) -> tuple[np.ndarray, np.ndarray, 
     return positions + center, turned, offset
 
 
-def _angles(about: Table, count: int) -> np.ndarray:
+def _angles(about: TomlTable, count: int) -> np.ndarray:
     """(count,) angles of the antenna as the scene sees it [rad]."""
     factor = about.unit("rad")
     if about.only_one("angles", "step") == "angles":
         for key in ("start",):
             if key in about:
-                raise about.error(key, "it beside step alone")
+                raise about.error(key, "this key only beside step")
         listed = about.get("angles")
         if isinstance(listed, dict) and "unit" in listed:
             if "unit" in about:
-                raise about.error("unit", "one unit, in the circle or in the reference to the angles")
+                raise about.error("unit", "a single unit, in the circle or in the reference to the angles")
             factor = 1.0
         angles = about.array("angles", "rad").reshape(-1) * factor
         if len(angles) != count:

@@ -22,7 +22,7 @@ from millisight.data import (
 )
 from millisight.io.description import _calibration, _frames, _positions, _radar
 from millisight.io.description._frames import FrameReader, Frames
-from millisight.io.description._tables import Files, Table
+from millisight.io.description._tables import Files, TomlTable
 
 Progress = Callable[[int, int], None]
 
@@ -57,7 +57,7 @@ class Description:
 
     def __init__(self, content: dict[str, Any], files: Files, source: Path):
         known = _tables()
-        whole = Table(content, "its tables", source, files, ("title", *known))
+        whole = TomlTable(content, "its tables", source, files, ("title", *known))
         self._source = source
         self._title = whole.text("title", source.stem)
         self._tables = {name: whole.table(name, keys, f"[{name}]") for name, keys in known.items() if name in whole}
@@ -96,8 +96,8 @@ class Description:
         """
         if "positions" not in self._tables:
             raise InputError(
-                f"{printable(self._source)} has no table [positions]: its frames can be read, but nothing can be "
-                "imaged from them; say by raster, circle, points or log where the radar was at each of them"
+                f"{printable(self._source)} has no table [positions]: its frames can be read, but not imaged; add "
+                "raster, circle, points or log with the positions of the radar"
             )
         table = self._tables["positions"]
         read = list(self._read(progress))
@@ -144,7 +144,7 @@ class Description:
         times = self._times([len(lost) for _, lost, _ in looked])
         if times is None:
             raise InputError(
-                f"{printable(self._source)} names a robot's log, but no table [times] says when the frames were taken"
+                f"{printable(self._source)} names a robot log, but has no table [times] with the times of the frames"
             )
         rows = [
             ScanRow(times=t, read=partial(self._values, path), source=printable(path.name), missing=lost)

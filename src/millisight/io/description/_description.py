@@ -34,7 +34,7 @@ def read_scan(path: str | os.PathLike[str], *, data: str | os.PathLike[str] | No
     """
     content = read(path, data=data)
     if not isinstance(content, RawScan):
-        raise InputError(f"{printable(path)} names no log of a robot under [positions]; use read_capture")
+        raise InputError(f"{printable(path)} names no robot log under [positions]; use read_capture")
     return content
 
 
@@ -83,7 +83,7 @@ def description_in(folder: str | os.PathLike[str]) -> Path | None:
         raise FileError(f"cannot read the folder {printable(folder)}: {error.strerror}") from error
     if len(found) > 1:
         names = ", ".join(printable(path.name) for path in found)
-        raise FileError(f"{printable(folder)} holds several descriptions, {names}; pass the one that is meant")
+        raise FileError(f"{printable(folder)} holds several descriptions, {names}; pass one of them")
     return found[0] if found else None
 
 
@@ -99,7 +99,9 @@ def _opened(path: str | os.PathLike[str], data: str | os.PathLike[str] | None) -
     path = checked_path(path)
     folder = None if data is None else checked_path(data)
     if folder is not None and not folder.is_dir():
-        raise FileError(f"{printable(folder)} is no folder; expected the one that holds the files of the description")
+        raise FileError(
+            f"{printable(folder)} is not a folder; expected the folder of the files named in the description"
+        )
     if path.is_dir():
         found = description_in(path)
         if found is None:
@@ -120,8 +122,8 @@ def _shipped(path: Path) -> Description:
             return Description(content, Files(path, None, path), Path(entry.name))
     there = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
     raise FormatError(
-        f"{printable(path)} holds the arrays {there}, which no shipped description knows; write one, a TOML file that "
-        "says what they are: docs/how-to/your-own-scanner.md"
+        f"{printable(path)} holds the arrays {there}, which no shipped description covers; write a description in "
+        "TOML: see docs/how-to/your-own-scanner.md"
     )
 
 

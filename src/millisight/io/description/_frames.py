@@ -10,7 +10,7 @@ from millisight.core import as_array, printable
 from millisight.core.errors import FormatError, UnknownNameError
 from millisight.data import PHASE_SIGN
 from millisight.io.description import _time_domain
-from millisight.io.description._tables import Table
+from millisight.io.description._tables import TomlTable
 from millisight.io.raw import RAW_FORMATS, RawArray, RawFormat
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ class FrameReader:
         A file is missing, or the table cannot be right.
     """
 
-    def __init__(self, table: Table, radar: Table, config: "TiConfig | None"):
+    def __init__(self, table: TomlTable, radar: TomlTable, config: "TiConfig | None"):
         self._table, self._radar, self._config = table, radar, config
         self.paths = self._find()
         self._along = table.text("files_along", among=_STACKED) if "files_along" in table else None
@@ -77,7 +77,7 @@ class FrameReader:
         self._time = table.text("domain", "frequency", among=("frequency", "time")) == "time"
         for key in _time_domain.KEYS:
             if key in table and not self._time:
-                raise table.error(key, 'it only with domain = "time"')
+                raise table.error(key, 'this key only with domain = "time"')
         self._sign = table.get("phase_sign") if "phase_sign" in table else self._format.phase_sign
         if self._sign not in (-1, 1) and not (self._time and self._sign is None):
             raise self._sign_error()
@@ -107,7 +107,7 @@ class FrameReader:
         values = np.flip(values, tuple(i for i, axis in enumerate(axes) if axis in self._backwards))
         values = self._complex(values, axes, path)
         if "chirp" in self._table and "chirp" not in axes:
-            raise self._table.error("chirp", 'it only with "chirp" among the axes')
+            raise self._table.error("chirp", 'this key only with "chirp" among the axes')
         if "chirp" in axes:
             values = self._one_chirp(values, axes.index("chirp"))
             axes.remove("chirp")
@@ -147,8 +147,8 @@ class FrameReader:
     def _sign_error(self) -> FormatError:
         return self._table.error(
             "phase_sign",
-            "1 or -1, the s in exp(s i 2 pi f d / c), which is what a reflector at path length d answers; where it "
-            "is not known, try both: with the wrong one nothing comes into focus",
+            "1 or -1, the s in exp(s i 2 pi f d / c), the signal of a reflector at path length d; if you do not know "
+            "it, try both: with the wrong one the image is out of focus",
         )
 
     def _find(self) -> list[Path]:
@@ -179,7 +179,7 @@ class FrameReader:
         for key in given:
             if key not in RAW_FORMATS[name].keys:
                 raise self._table.error(
-                    key, f"it not with the format {name!r}, whose keys are {', '.join(RAW_FORMATS[name].keys)}"
+                    key, f"no such key with the format {name!r}, whose keys are {', '.join(RAW_FORMATS[name].keys)}"
                 )
         return RAW_FORMATS[name]
 
@@ -198,13 +198,13 @@ class FrameReader:
         if "sample" not in every or len(set(every)) < len(every) or sum(map(bool, planes)) > 1:
             raise self._table.error(
                 "axes",
-                "the array's axes in turn, each once: sample, pose or x and y or angle and height, and others; an axis "
-                "along which each file is one entry goes into files_along instead",
+                "the array's axes in turn, each once: sample, pose or x and y or angle and height, and others; if "
+                "each file is one entry of an axis, name that axis in files_along instead",
             )
         if "pair" in axes and {"tx", "rx"} & set(axes):
             raise self._table.error("axes", '"pair" without "tx" and "rx": a pair is one of each')
         if known is not None and "shape" not in self._table and not _may_have(self._format, axes):
-            swapped = ', or "tx" in the place of "chirp", or others where shape says them' if "chirp" in known else ""
+            swapped = ', or "tx" instead of "chirp", or others where shape says them' if "chirp" in known else ""
             raise self._table.error("axes", f'{list(known)}{swapped}; a text of numbers has format = "text"')
         if len(self.paths) > 1 and "pose" not in axes and self._along is None:
             raise self._table.error(
@@ -247,7 +247,7 @@ class FrameReader:
     def _stacked(self, path: Path, array: str | None) -> np.ndarray:
         """The arrays of all files along a new first axis."""
         if path != self.paths[0]:
-            raise self._table.error("files_along", f"it not beside another file of frames, {printable(path)}")
+            raise self._table.error("files_along", f"no such key beside another file of frames, {printable(path)}")
         raws = [self._raw(one, array) for one in self.paths]
         arrays = [self._shaped(raw, one) for raw, one in zip(raws, self.paths, strict=True)]
         for raw, values, one in zip(raws, arrays, self.paths, strict=True):
@@ -290,16 +290,16 @@ class FrameReader:
                 raise self._table.error("axes", f'"part" of length 2; {printable(path)} has shape {values.shape}')
             axes.remove("part")
             if np.iscomplexobj(values):
-                raise self._table.error("parts", f"it of real numbers; {printable(path)} holds complex ones")
+                raise self._table.error("parts", f"parts only of real numbers; {printable(path)} holds complex ones")
             names = parts if parts in _PARTS else parts[::-1]
             first, second = (values.take(parts.index(part), place) for part in names)
             return _whole(first, second, names)
         if "parts" in self._table:
-            raise self._table.error("parts", 'it only with "part" among the axes, or as files_along')
+            raise self._table.error("parts", 'this key only with "part" among the axes, or as files_along')
         if np.iscomplexobj(values) or self._time:
             if self._table.flag("analytic"):
                 raise self._table.error(
-                    "analytic", f"it of real samples over frequency alone, and not of {printable(path)}"
+                    "analytic", f"this key only for real samples over frequency, and not for {printable(path)}"
                 )
             return values
         if not self._table.flag("analytic"):
@@ -307,7 +307,7 @@ class FrameReader:
                 "analytic",
                 f"true, since {printable(path)} holds real numbers: they become complex by leaving out the negative "
                 'half of their spectrum. Or, where I and Q are both there, "part" among the axes, or files_along = '
-                '"part" of two files, and parts. Or domain = "time", where they are pulses',
+                '"part" of two files, and parts. Or domain = "time", if they are pulses',
             )
         from scipy.signal import hilbert
 
@@ -329,7 +329,7 @@ class FrameReader:
             return None
         numbers = self._table.wholes("use_receivers")
         if numbers.ndim != 1 or numbers.min() < 0 or len(set(numbers.tolist())) < len(numbers):
-            raise self._table.error("use_receivers", "numbers of receivers, from 0 on, each once")
+            raise self._table.error("use_receivers", "numbers of receivers, from 0, each once")
         return numbers.tolist()
 
     def _chosen(self, values: np.ndarray, path: Path) -> np.ndarray:

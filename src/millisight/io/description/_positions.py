@@ -9,7 +9,7 @@ import numpy as np
 from millisight.data import Trajectory
 from millisight.io.arrays import TEXT_SUFFIXES
 from millisight.io.description._circle import circle
-from millisight.io.description._tables import Table
+from millisight.io.description._tables import TomlTable
 
 KEYS = (
     "raster", "circle", "points", "log", "tx_points", "rx_points", "pairs", "count_from", "orientations", "origin",
@@ -38,14 +38,14 @@ class Poses:
     rx_points: np.ndarray | None = None
 
 
-def read_log(table: Table) -> Trajectory | None:
+def read_log(table: TomlTable) -> Trajectory | None:
     """The robot's log that [positions] names, in the frame that `origin` shifts it to; None: it names none."""
     if "log" not in table:
         return None
     table.only_one("raster", "circle", "points", "log")
     for key in (*_ANTENNAS, "count_from"):
         if key in table:
-            raise table.error(key, "it not beside log")
+            raise table.error(key, "no such key beside log")
     from millisight.io.raw import read_robot_log
 
     if isinstance(table.get("log"), str):
@@ -55,7 +55,9 @@ def read_log(table: Table) -> Trajectory | None:
         path = about.file()
         names = {key: about.text(key) for key in ("times", "positions", "orientations") if key in about}
         if names and path.suffix.lower() in TEXT_SUFFIXES:
-            raise about.error(next(iter(names)), "it of arrays alone; of a text, columns says which are time, x, y, z")
+            raise about.error(
+                next(iter(names)), "this key only for arrays; for a text file, columns selects time, x, y, z"
+            )
         settings = about.text_settings(path)
         with about.errors():
             log = read_robot_log(path, **names, **settings, columns=about.get("columns"), scale=about.unit("m"))
@@ -63,7 +65,7 @@ def read_log(table: Table) -> Trajectory | None:
         return Trajectory(times=log.times, positions=log.positions - _origin(table), orientations=log.orientations)
 
 
-def read_poses(table: Table, times: np.ndarray | None, scan: dict[str, int], antennas: tuple[int, int]) -> Poses:
+def read_poses(table: TomlTable, times: np.ndarray | None, scan: dict[str, int], antennas: tuple[int, int]) -> Poses:
     """The poses of frames on a raster, on a circle, at listed points, or of antennas that are listed themselves.
 
     Parameters
@@ -102,14 +104,14 @@ def read_poses(table: Table, times: np.ndarray | None, scan: dict[str, int], ant
         return Poses(trajectory, offset, points.get("tx_points"), points.get("rx_points"))
 
 
-def _scanned(table: Table, times: np.ndarray | None, scan: dict[str, int]) -> tuple[Trajectory, float]:
+def _scanned(table: TomlTable, times: np.ndarray | None, scan: dict[str, int]) -> tuple[Trajectory, float]:
     """The poses on a raster, on a circle or at points, and the path offset that comes with them."""
     count, offset, turned = math.prod(scan.values()), 0.0, None
     way = table.only_one("raster", "circle", "points", "log")
     if way == "circle":
         positions, turned, offset = circle(table, scan)
     elif {"angle", "height"} & set(scan):
-        raise table.error(way, "circle, since the axes name angle or height")
+        raise table.error(way, "circle, since the axes include angle or height")
     elif way == "raster":
         positions = _raster(table.table("raster", _RASTER_KEYS), scan)
     else:
@@ -129,7 +131,7 @@ def _times(times: np.ndarray | None, count: int) -> np.ndarray:
     return _INTERVAL * np.arange(count) if times is None else times
 
 
-def _antenna_points(table: Table, key: str, count: int, antennas: int) -> np.ndarray:
+def _antenna_points(table: TomlTable, key: str, count: int, antennas: int) -> np.ndarray:
     """(P, A, 3) places of the antennas of one kind at each pose [m]."""
     points = table.array(key, "m")
     if antennas == 1 and points.shape in ((count, 3), (3,)):
@@ -137,19 +139,20 @@ def _antenna_points(table: Table, key: str, count: int, antennas: int) -> np.nda
     if points.shape not in ((count, antennas, 3), (1, antennas, 3), (antennas, 3)):
         one = f", or ({count}, 3)" if antennas == 1 else ""
         raise table.error(
-            key, f"({count}, {antennas}, 3), each antenna at each frame, or ({antennas}, 3) where they stay{one}; its "
+            key, f"({count}, {antennas}, 3), each antenna at each frame, or ({antennas}, 3) if they do not move{one}; "
+                "its "
             f"shape is {points.shape}"
         )  # fmt: skip
     return np.array(np.broadcast_to(points, (count, antennas, 3)))
 
 
-def _paired(table: Table, times: np.ndarray | None, scan: dict[str, int]) -> Poses:
+def _paired(table: TomlTable, times: np.ndarray | None, scan: dict[str, int]) -> Poses:
     """The poses of measured pairs: each pair of each pose becomes a pose of one transmitter and one receiver."""
     pairs = table.wholes("pairs")
     first = table.integer("count_from", 0, minimum=0)
     with table.errors(), _unbounded():
         if "tx_points" not in table:
-            raise table.error("tx_points", "the places of the antennas that pairs speaks of, one [x, y, z] each [m]")
+            raise table.error("tx_points", "the positions of the antennas in pairs, one [x, y, z] each [m]")
         antennas = [table.array(key, "m", ("antenna", 3)) for key in ("tx_points", "rx_points") if key in table]
         antennas = [antennas[0], antennas[-1]]
         if pairs.ndim != 2 or pairs.shape[1] != 2:
@@ -180,7 +183,7 @@ def _paired(table: Table, times: np.ndarray | None, scan: dict[str, int]) -> Pos
             # One time for each pair of each pose: the poses have those of their first pairs.
             trajectory, offset = _scanned(table, None if times is None else times[:: len(pairs)], rest)
         elif count > 1:
-            raise table.error("points", "raster, circle or points, where the antennas were at each pose")
+            raise table.error("points", "raster, circle or points, with the positions of the antennas")
         else:
             trajectory = Trajectory(times=np.zeros(1), positions=-_origin(table)[None])
         tx, rx = (
@@ -199,7 +202,7 @@ def _paired(table: Table, times: np.ndarray | None, scan: dict[str, int]) -> Pos
         )
 
 
-def read_times(table: Table, counts: Sequence[int]) -> list[np.ndarray]:
+def read_times(table: TomlTable, counts: Sequence[int]) -> list[np.ndarray]:
     """When the frames of each file were taken [s], by file; `counts` are their numbers.
 
     Raises
@@ -224,11 +227,11 @@ def _unbounded() -> np.errstate:
     return np.errstate(over="ignore", invalid="ignore")
 
 
-def _origin(table: Table) -> np.ndarray:
+def _origin(table: TomlTable) -> np.ndarray:
     return table.array("origin", "m", (3,)) if "origin" in table else np.zeros(3)
 
 
-def _raster(table: Table, scan: dict[str, int]) -> np.ndarray:
+def _raster(table: TomlTable, scan: dict[str, int]) -> np.ndarray:
     """(P, 3) positions on a raster parallel to x and y, the frames' slow axis first [m]."""
     counts = _counts(table, scan)
     steps = table.numbers("step", "m", 2) if "step" in table else np.zeros(2)
@@ -237,24 +240,26 @@ def _raster(table: Table, scan: dict[str, int]) -> np.ndarray:
     for place, (axis, count) in enumerate(counts.items()):
         number = "xy".index(axis)
         if count > 1 and not steps[number]:
-            raise table.error("step", "the distance of neighbouring positions along x and y [m], one number or two")
+            raise table.error(
+                "step", "the distance between neighbouring positions along x and y [m], one number or two"
+            )
         index = np.arange(count) - (0 if corner else (count - 1) / 2)
         along = [-1 if other == place else 1 for other in range(len(counts))]
         places[..., number] = (index * steps[number]).reshape(along)
     if table.flag("serpentine"):
         if len(counts) < 2:
-            raise table.error("serpentine", "two axes of the scan, x and y, where rows run to and fro")
+            raise table.error("serpentine", "two axes of the scan, x and y, where rows alternate in direction")
         places[1::2] = places[1::2, ::-1].copy()
     key = "start" if corner else "center"
     return places.reshape(-1, 3) + (table.array(key, "m", (3,)) if key in table else 0)
 
 
-def _counts(table: Table, scan: dict[str, int]) -> dict[str, int]:
+def _counts(table: TomlTable, scan: dict[str, int]) -> dict[str, int]:
     """The number of positions along x and y, the slow axis first; frames one after another are dealt out."""
     if "pose" not in scan:
         for key in ("counts", "along"):
             if key in table:
-                raise table.error(key, "it only where the axes name pose, and neither x nor y")
+                raise table.error(key, "this key only if the axes include pose, and neither x nor y")
         return scan
     if scan["pose"] == 1 and "counts" not in table:
         return {}

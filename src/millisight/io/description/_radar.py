@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from millisight.data import AntennaArray, Radar, Waveform, radar_names
-from millisight.io.description._tables import Table
+from millisight.io.description._tables import TomlTable
 
 if TYPE_CHECKING:
     from millisight.io.raw import TiConfig
@@ -19,7 +19,7 @@ _LOWEST, _NARROWEST = 1e6, 1e3  # frequency and bandwidth of a radar [Hz]
 _UNEVEN = 0.01  # by so much of a step may a list of frequencies stray from even ones
 
 
-def read_config(table: Table) -> "TiConfig | None":
+def read_config(table: TomlTable) -> "TiConfig | None":
     """The TI profile (.cfg) that [radar] names, if it does."""
     if "config" not in table:
         return None
@@ -34,7 +34,7 @@ def read_config(table: Table) -> "TiConfig | None":
 
 
 def read_radar(
-    table: Table,
+    table: TomlTable,
     config: "TiConfig | None",
     shape: tuple[int, ...],
     name: str,
@@ -61,12 +61,12 @@ def read_radar(
         rx_axis = table.text("rx_axis", among=("x", "y")) if "rx_axis" in table else None
         preset = Radar.preset(table.text("preset", among=radar_names()), rx_axis=rx_axis) if "preset" in table else None
         if preset is None and rx_axis is not None:
-            raise table.error("rx_axis", "it beside preset only; elsewhere rx_positions say it")
+            raise table.error("rx_axis", "this key only beside preset; otherwise give rx_positions")
         antennas = {"tx_positions": np.zeros((1, 3)), "rx_positions": np.zeros((1, 3))}
         for key in antennas:
             if placed is not None and key in placed:
                 if key in table:
-                    raise table.error(key, "them in [positions] alone, which says where the antennas were")
+                    raise table.error(key, "antenna positions only in [positions], which has them already")
                 antennas[key] = placed[key]
             elif key in table:
                 antennas[key] = table.array(key, "m", ("antenna", 3))
@@ -94,13 +94,13 @@ def read_radar(
 
 
 def _waveform(
-    table: Table, config: "TiConfig | None", preset: Radar | None, samples: int, found: np.ndarray | None
+    table: TomlTable, config: "TiConfig | None", preset: Radar | None, samples: int, found: np.ndarray | None
 ) -> Waveform:
     """The chirp, of the frames' number of samples unless something says otherwise."""
     if found is not None:
         for key in ("frequencies", "step", "slope", "sample_rate", "adc_start"):
             if key in table:
-                raise table.error(key, "it not here: the frames' files say the frequencies, or their times do")
+                raise table.error(key, "no such key here: the frequencies come from the files or times of the frames")
         return _listed(table, found)
     if "frequencies" in table:
         for key in ("start_frequency", "stop_frequency", "step", "slope"):
@@ -116,7 +116,7 @@ def _waveform(
     start = table.number("start_frequency", "Hz", stated.get("start_frequency"))
     if "adc_start" in table:
         if config is not None:
-            raise table.error("adc_start", "it not beside config, whose profile has its own")
+            raise table.error("adc_start", "no such key beside config, whose profile sets it")
         delay = table.number("adc_start", "s")
         if delay < 0:
             raise table.error("adc_start", "0 or more [s], from the start of the ramp to the first sample")
@@ -136,7 +136,7 @@ def _waveform(
     return Waveform.stepped(start, (table.number("stop_frequency", "Hz") - start) / max(1, samples - 1), samples)
 
 
-def _check_band(table: Table, waveform: Waveform) -> None:
+def _check_band(table: TomlTable, waveform: Waveform) -> None:
     """Refuse what no radar sends, and what forgotten units make."""
     key = "frequencies" if "frequencies" in table else "start_frequency"
     if waveform.frequencies[-1] < _LOWEST:
@@ -148,7 +148,7 @@ def _check_band(table: Table, waveform: Waveform) -> None:
         raise table.error(key, f"a sweep in Hz, with slopes in Hz/s: it is {waveform.bandwidth:.4g} Hz wide")
 
 
-def _listed(table: Table, frequencies: np.ndarray) -> Waveform:
+def _listed(table: TomlTable, frequencies: np.ndarray) -> Waveform:
     """The waveform of frequencies that are listed one by one."""
     frequencies = frequencies.reshape(frequencies.size)  # MATLAB's lists are rows or columns
     count = len(frequencies)

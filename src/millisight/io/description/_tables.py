@@ -42,7 +42,7 @@ def parse(path: str | os.PathLike[str]) -> dict[str, Any]:
     path = check_readable(path)
     try:
         if os.path.getsize(path) > _LONGEST:
-            raise ValueError(f"{os.path.getsize(path)} bytes are no description")
+            raise ValueError(f"{os.path.getsize(path)} bytes are too many for a description")
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except (ValueError, RecursionError) as error:
         raise FormatError(f"{printable(path)} is not a description in TOML: {error}") from error
@@ -67,8 +67,8 @@ class Files:
             if os.path.exists(place):
                 return check_readable(place)
         raise FileError(
-            f"{printable(places[0])}: no such file; say with --data (data= in Python) which folder holds the files "
-            "that the description names"
+            f"{printable(places[0])}: no such file; pass the folder of the files named in the description with --data "
+            "(data= in Python)"
         )
 
     def many(self, pattern: str) -> list[Path]:
@@ -85,10 +85,10 @@ class Files:
                 raise FileError(f"the pattern {pattern!r} cannot be read: {error}") from error
             if found:
                 return sorted(found, key=lambda path: [part.zfill(30) for part in re.split(r"(\d+)", str(path))])
-        raise FileError(f"no file in {printable(self._folders[0])} is meant by {pattern!r}")
+        raise FileError(f"no file in {printable(self._folders[0])} matches {pattern!r}")
 
 
-class Table:
+class TomlTable:
     """One table of a description, such as [frames], its keys among the `known` ones.
 
     Raises
@@ -231,16 +231,16 @@ class Table:
         if "file" in self:
             return self.files.one(self.text("file"))
         if self.files.subject is None:
-            raise self.error("file", "the name of a file: the frames do not lie in a single one")
+            raise self.error("file", "the name of a file, since the frames are in several files")
         return self.files.subject
 
-    def table(self, key: str, known: Sequence[str], name: str | None = None) -> "Table":
+    def table(self, key: str, known: Sequence[str], name: str | None = None) -> "TomlTable":
         """A table inside this one, for messages called `name`."""
         return self.inner(self._values.get(key), name or f"{self.name} {key}", known)
 
-    def inner(self, values: Any, name: str, known: Sequence[str]) -> "Table":
+    def inner(self, values: Any, name: str, known: Sequence[str]) -> "TomlTable":
         """A table of `values` inside this one."""
-        return Table(values, name, self.source, self.files, known)
+        return TomlTable(values, name, self.source, self.files, known)
 
     def _referred(self, key: str, unit: str, *, whole: bool) -> tuple[np.ndarray, float]:
         """The numbers that a reference leads to, and the factor that makes them SI units."""
@@ -276,7 +276,7 @@ class Table:
         settings: dict[str, Any] = {"decimal": decimal}
         for key in ("skip_rows", "rows", "decimal"):
             if key in self and path.suffix.lower() not in TEXT_SUFFIXES:
-                raise self.error(key, f"it of texts alone, and not of {printable(path)}")
+                raise self.error(key, f"this key only for text files, and not for {printable(path)}")
         if "skip_rows" in self:
             settings["skip_rows"] = self.integer("skip_rows", minimum=0)
         if "rows" in self:
@@ -290,10 +290,10 @@ class Table:
         places = self._values["slice"]
         whole = isinstance(places, list) and all(type(place) is int for place in places)
         if not whole or len(places) not in (2, 3) or min(places) < 0 or (len(places) == 3 and places[2] < 1):
-            raise self.error("slice", "[start, stop] or [start, stop, step], whole numbers from 0 on")
+            raise self.error("slice", "[start, stop] or [start, stop, step], whole numbers from 0")
         count = len(values) if values.ndim else 0
         if not places[0] < places[1] <= count:
-            raise self.error("slice", f"start below stop, and stop up to {count}, the entries that are there")
+            raise self.error("slice", f"start below stop, and stop at most {count}, the number of entries")
         return values[slice(*places)]
 
     def _picked(self, values: np.ndarray, axis: int, key: str, places: Any) -> np.ndarray:

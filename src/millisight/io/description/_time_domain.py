@@ -3,12 +3,12 @@
 import numpy as np
 
 from millisight.core import SPEED_OF_LIGHT
-from millisight.io.description._tables import Table
+from millisight.io.description._tables import TomlTable
 
 KEYS = ("time_start", "time_step", "range_start", "range_step", "carrier")
 
 
-def to_frequencies(values: np.ndarray, frames: Table, radar: Table) -> tuple[np.ndarray, np.ndarray]:
+def to_frequencies(values: np.ndarray, frames: TomlTable, radar: TomlTable) -> tuple[np.ndarray, np.ndarray]:
     """Samples over time (..., N) as (..., M) complex over the M frequencies of the band, and these [Hz].
 
     The transform is sum s(t) exp(-i 2 pi f t): an echo that comes after d / c answers exp(-i 2 pi f d / c), the sign
@@ -28,7 +28,7 @@ def to_frequencies(values: np.ndarray, frames: Table, radar: Table) -> tuple[np.
         radar.number(key, "Hz") if key in radar else None for key in ("start_frequency", "stop_frequency")
     )
     if real and "carrier" in frames:
-        raise frames.error("carrier", "it of complex samples alone; those in the file are real")
+        raise frames.error("carrier", "this key only for complex samples; those in the file are real")
     carrier = frames.number("carrier", "Hz", 0.0)
     if lowest is None or highest is None:
         if real or not carrier:
@@ -56,7 +56,7 @@ def to_frequencies(values: np.ndarray, frames: Table, radar: Table) -> tuple[np.
     return (2 if real else 1) * spectrum * turns, frequencies
 
 
-def _times(frames: Table) -> tuple[float, float]:
+def _times(frames: TomlTable) -> tuple[float, float]:
     """The time of the first sample, and from sample to sample [s]."""
     key = frames.only_one("time_step", "range_step")
     other = "range_start" if key == "time_step" else "time_start"

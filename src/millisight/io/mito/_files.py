@@ -32,7 +32,7 @@ class Published(NamedTuple):
 
 
 def read_published(path: str | os.PathLike[str]) -> Published:
-    """A pickle of the layout, of the kind that its name tells.
+    """Read a pickle of the published layout; its name tells the kind.
 
     `processed_image*.pkl` gives a SarImage, `radar_masks*.pkl` a Mask on the pixels of the image beside it,
     `camera_masks*.pkl` a CameraMask, and `continuous*.pkl` in a folder `camera` a CameraFrame.
@@ -62,7 +62,7 @@ def read_published(path: str | os.PathLike[str]) -> Published:
 
 
 def write_published(path: str | os.PathLike[str], record: Any, extras: Mapping[str, Any] | None = None) -> None:
-    """The inverse of `read_published`: the pickle from which it reads this record and these extras.
+    """Write the pickle from which `read_published` reads this record and these extras.
 
     Where both hold an array, the extras' is written, since it is the one as stored: leave extras out of a record that
     was changed.

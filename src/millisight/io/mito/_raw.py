@@ -52,7 +52,7 @@ _CUT = 20  # where times and places differ in number, so many poses fewer than t
 def read_experiment(
     folder: str | os.PathLike[str], radar: str, *, progress: Callable[[int, int], None] | None = None
 ) -> RawScan:
-    """The raw capture of one radar in an experiment of the published layout.
+    """Read the raw capture of one radar in an experiment of the published layout.
 
     The world frame is that of the published images: the radar's frame at the start, the robot's base frame shifted by
     `BASE_ORIGIN`. The log's orientations are not used: receivers lie along the world axis that `experiment_info.json`

@@ -54,7 +54,7 @@ def read_dca1000(
     sample_swap: bool = False,
     truncated: str = "refuse",
 ) -> RawFrames:
-    """The frames of a DCA1000 `.bin` or `.pcap` file, complex, as recorded, in twice the file's size of memory.
+    """Read the complex frames of a DCA1000 `.bin` or `.pcap` file, as recorded; needs memory of twice the file's size.
 
     Parameters
     ----------

@@ -20,7 +20,7 @@ RECORDED = ("pose", "chirp", "rx", "sample")
 
 @record
 class RawArray:
-    """What one raw file holds, as recorded: axes, phase sign and positions are the description's.
+    """Contents of one raw file, as recorded; the description gives axes, phase sign and positions.
 
     Attributes
     ----------

@@ -19,7 +19,7 @@ _MAX_CELL = 64  # characters, comma included
 def read_position2go(
     path: str | os.PathLike[str], *, samples: int = 256, chirps: int = 16, receivers: int = 2
 ) -> RawFrames:
-    """The frames of a Position2Go text file, complex, as recorded (I + iQ).
+    """Read the complex frames of a Position2Go text file, as recorded (I + iQ).
 
     A chirp has 2 R rows of N numbers: I-RX1, Q-RX1, I-RX2, Q-RX2. Numbers may be whole or not, and a row may end
     with a comma.

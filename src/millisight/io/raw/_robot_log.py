@@ -33,7 +33,7 @@ def read_robot_log(
     rows: int | None = None,
     decimal: str | None = None,
 ) -> Trajectory:
-    """The poses of a robot's log, by its own clock.
+    """Read the poses of a robot log, on its own clock.
 
     Text (CSV, or columns set apart by blanks) has the columns time, x, y, z and, if it says how the radar was turned,
     qx, qy, qz, qw; a line of names may give them in any order and among others. Arrays (.npz, .npy, .mat, HDF5) are
@@ -100,7 +100,7 @@ def read_robot_log(
 
 
 def write_robot_log(path: str | os.PathLike[str], log: Trajectory) -> None:
-    """Write a log as text, every number exactly: what `read_robot_log` reads back bit for bit.
+    """Write a log as text with exact numbers, so that `read_robot_log` returns the same bits.
 
     Raises
     ------

@@ -15,7 +15,7 @@ _MAX_CHIRPS = 512  # chirp indices of the devices
 
 @record
 class TiConfig:
-    """What a `.cfg` file sets, as far as captures need it.
+    """Settings of a `.cfg` file that captures need.
 
     Attributes
     ----------
@@ -110,7 +110,7 @@ class _Command:
 
 
 def read_ti_config(path: str | os.PathLike[str]) -> TiConfig:
-    """The waveform and the frame of a `.cfg` file.
+    """Read the waveform and the frame of a `.cfg` file.
 
     A ramp starts at profileCfg's startFrequency, and the ADC adcStartTime after the knee of the ramp (TI mmWave
     SDK user guide and mmWaveLink's rlProfileCfg_t; chirpCfg adds its own variations to each). So the first sample

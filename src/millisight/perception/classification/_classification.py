@@ -12,7 +12,7 @@ from millisight.data import Mask, Prediction, SarImage
 
 @runtime_checkable
 class Classifier(Protocol):
-    """What names the object under a mask.
+    """Protocol of classifiers of the object under a mask.
 
     A class of your own needs these attributes and this method, and nothing else of millisight. To give it a name, add
     it to `CLASSIFIERS`, or to the entry points "millisight.classifiers" of your package.
@@ -20,9 +20,9 @@ class Classifier(Protocol):
     Attributes
     ----------
     name : of the classifier, or of its weights
-    class_names : (C,) the classes it tells apart
-    bands : the images it looks at: "77_ghz" first, and perhaps "24_ghz", without which it works too
-    description : what is known of its training; may be empty
+    class_names : (C,) its classes
+    bands : its input images: "77_ghz" first, and perhaps "24_ghz", which may be missing
+    description : facts about its training; may be empty
     """
 
     name: str
@@ -54,7 +54,7 @@ CLASSIFIERS: Registry[Any] = Registry(
 
 
 def classifier(method: str = "network", **options: Any) -> Classifier:
-    """The classifier of that name, with these options.
+    """Create a classifier by name, with options.
 
     Parameters
     ----------
@@ -79,13 +79,13 @@ def classify(
     method: str | Classifier = "network",
     weights: str | os.PathLike[str] | None = None,
 ) -> Prediction:
-    """What the object under a mask is.
+    """Classify the object under a mask.
 
     Parameters
     ----------
-    image : of 77 GHz, as a rule
-    mask : on the image's pixels, as from `segment`
-    other_band : an image of the same place by the other radar; None: there is none
+    image : usually at 77 GHz
+    mask : on the pixels of the image, as from `segment`
+    other_band : image of the same scene at the other frequency, or None
     method : name of a classifier, or a classifier
     weights : ONNX file of a trained network, for "network"; None: the shipped one
 

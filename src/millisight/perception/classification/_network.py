@@ -61,7 +61,7 @@ def classifier_input(image: SarImage, mask: Mask, *, other_band: SarImage | None
             f"the mask is on {mask.grid_xy!r}, the image on {grid!r}; expected one grid: make the mask of this image"
         )
     if not mask.inside.any():
-        raise InputError("the mask is empty, and there is nothing to classify; segment the image anew")
+        raise InputError("the mask is empty, and there is nothing to classify; segment the image again")
     x, y = canvas_axes(grid)
     along_x, along_y = resampling_weights(grid.x, x), resampling_weights(grid.y, y)
     inside = along_x @ mask.inside.astype(np.float32) @ along_y.T

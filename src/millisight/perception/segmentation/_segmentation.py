@@ -169,7 +169,7 @@ class Segmented:
             The picture is a photo.
         """
         if self.picture.grid_xy is None:
-            raise InputError("the picture is a photo, which lies on no grid; take `inside`")
+            raise InputError("the picture is a photo, which has no grid; use `inside`")
         return Mask(grid_xy=self.picture.grid_xy, inside=self.inside)
 
 
@@ -183,19 +183,19 @@ def find_mask(
     condition: str = "los",
     largest: float | None = None,
 ) -> Segmented:
-    """The object's mask on a picture, by the paper's rules.
+    """Find the object's mask on a picture, by the paper's rules.
 
-    Prompts are drawn from power where the segmenter needs some and none are given. Masks over `largest` of the picture
-    are passed over for the next best. If all are, prompts are drawn once more, five of each kind above 0.5 and below
-    0.2 of the maximum; prompts that were given are not replaced.
+    Prompts are drawn from power if the segmenter needs some and none are given. Masks over `largest` of the picture are
+    skipped for the next best. If all are too large, prompts are drawn once more, five of each kind above 0.5 and below
+    0.2 of the maximum; given prompts are not replaced.
 
     Parameters
     ----------
     by : Segmenter
-    picture : what it looks at
+    picture : its input
     other : the same scene at the radar's other frequency: positives are drawn where both are bright
-    prompts : taken as they are, instead of drawn ones
-    rng : a seed, or a generator to draw prompts from; None: draw none
+    prompts : used as they are, instead of random ones
+    rng : seed or generator for random prompts; None: draw none
     condition : "los" or "nlos", the thresholds for drawing
     largest : share of the picture; None: `largest_share`
 
@@ -250,16 +250,16 @@ def segment(
     rng: int | np.random.Generator | None = None,
     condition: str = "los",
 ) -> Mask:
-    """The mask of the object in an image, by the rules of `find_mask` (paper section 6.1).
+    """Segment the object in an image, by the rules of `find_mask` (paper section 6.1).
 
     Parameters
     ----------
     image : SarImage, best at 77 GHz
-    other_band : the same scene at the radar's other frequency, on a grid of its own. Prompts are drawn where both
-        bands are bright; "wave" looks at both
+    other_band : the same scene at the radar's other frequency, on its own grid. Prompts are drawn where both bands are
+        bright; "wave" uses both
     method : name of a segmenter, such as "wave", "classical" or "sam", or a segmenter
-    prompts : taken as they are; None: drawn from power, where the segmenter needs some
-    rng : a seed, or a generator to draw prompts from; needed where prompts are drawn
+    prompts : used as they are; None: drawn from power, if the segmenter needs them
+    rng : seed or generator for random prompts; required where prompts are drawn
     condition : "los" or "nlos", the thresholds for drawing
 
     Returns
@@ -270,10 +270,10 @@ def segment(
     Raises
     ------
     InputError
-        The image is blank, the bands have no place in common or are nowhere bright together, prompts must be drawn and
+        The image is blank, the bands do not overlap or no pixel is bright in both, prompts must be drawn and
         `rng` is missing, or every mask is too large.
     UnknownNameError
-        No such method, or condition.
+        Unknown method or condition.
     """
     by = segmenter(method) if isinstance(method, str) else _checked(method)
     picture = project(image, other_band=other_band)

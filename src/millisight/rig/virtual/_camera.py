@@ -25,7 +25,7 @@ _FILL = np.array([-0.5, 0.3, 0.81]) / np.linalg.norm([-0.5, 0.3, 0.81])
 _BLOTCH = 2.5  # size of a hole [pixels]
 
 
-class CameraView(NamedTuple):
+class RenderedView(NamedTuple):
     """What the pixels' rays meet, row after row: hits, points [m], normals towards the camera, directions."""
 
     mesh: np.ndarray
@@ -141,17 +141,17 @@ def _directions(pose: np.ndarray, intrinsics: Intrinsics, shift: float = 0.0) ->
     return np.stack([columns / lengths, rows / lengths, 1 / lengths], axis=1) @ pose[:3, :3].T
 
 
-def _view(layout: WorldLayout, pose: np.ndarray, intrinsics: Intrinsics, shift: float = 0.0) -> CameraView:
+def _view(layout: WorldLayout, pose: np.ndarray, intrinsics: Intrinsics, shift: float = 0.0) -> RenderedView:
     directions = _directions(pose, intrinsics, shift)
     mesh, face, distance = layout.view.first(pose[:3, 3], directions)
     reached = np.where(np.isfinite(distance), distance, 0.0)
     points = pose[:3, 3] + reached[:, None] * directions
     normals = layout.view.normals(face, points)
     away = np.einsum("ni,ni->n", normals, directions) > 0
-    return CameraView(mesh, points, np.where(away[:, None], -normals, normals), directions, distance)
+    return RenderedView(mesh, points, np.where(away[:, None], -normals, normals), directions, distance)
 
 
-def _shade(layout: WorldLayout, view: CameraView) -> np.ndarray:
+def _shade(layout: WorldLayout, view: RenderedView) -> np.ndarray:
     """(n, 3) colours from 0 to 1: a lamp with shadows and a glint, a weaker one, and light from everywhere."""
     appearances = [appearance_of(surface.material, surface.name) for surface in layout.surfaces]
     colours = np.array([*(one.colour for one in appearances), (0.0, 0.0, 0.0)])
@@ -170,7 +170,7 @@ def _shade(layout: WorldLayout, view: CameraView) -> np.ndarray:
 
 
 def _holes(
-    layout: WorldLayout, view: CameraView, pose: np.ndarray, shape: tuple[int, int], rng: np.random.Generator
+    layout: WorldLayout, view: RenderedView, pose: np.ndarray, shape: tuple[int, int], rng: np.random.Generator
 ) -> np.ndarray:
     """(n,) bool: no depth. Whether a pixel is one is drawn in blotches, by chances that depend on the surface."""
     from scipy.ndimage import gaussian_filter

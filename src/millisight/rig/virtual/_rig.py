@@ -30,7 +30,7 @@ _VALUE_BYTES = {"77_ghz": 2, "24_ghz": 6}  # int16, and text
 
 
 class VirtualRig:
-    """The devices of a world: what `record_scan` takes, besides the plan.
+    """The devices of a world, for `record_scan`.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ class VirtualRig:
         self.plan: ScanPlan = plan_of(world)
 
     def truth(self, name: str) -> Trajectory:
-        """Where the radar `name` truly was when it took its frames: radar frame [m], times of its own clock [s].
+        """True trajectory of the radar `name` at its frames: radar frame [m], times on its own clock [s].
 
         Raises
         ------
@@ -88,7 +88,7 @@ class VirtualRig:
         return self.world.camera.pose(self.plan.photo.position - BASE_ORIGIN)  # type: ignore[union-attr]
 
     def estimated_seconds(self) -> float:
-        """How long the echoes of the whole plan would take here [s], from those of a piece of its middle row."""
+        """Estimated time to compute the echoes of the whole plan on this machine [s], from a part of its middle row."""
         start, end = self.plan.rows[len(self.plan.rows) // 2]
         length = float(np.linalg.norm(end.position - start.position))
         total = 0.0
@@ -106,7 +106,7 @@ class VirtualRig:
         return total
 
     def estimated_bytes(self) -> int:
-        """How large the raw files would be."""
+        """Estimated size of the raw files."""
         values = 0
         for radar in self.radars:
             shape = (int(radar.settings.chirps or 1), len(radar.radar.array.rx_positions))

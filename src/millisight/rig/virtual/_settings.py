@@ -117,7 +117,7 @@ _DOWN = np.diag([1.0, -1.0, -1.0])
 
 @record
 class ArmSettings:
-    """How well the arm moves, and how it logs.
+    """Motion and logging errors of the arm.
 
     Attributes
     ----------
@@ -186,7 +186,7 @@ _PUBLISHED = {
 
 @record
 class RadarSettings:
-    """A radar, and how well it works.
+    """A radar and its errors.
 
     Attributes
     ----------
@@ -284,7 +284,7 @@ class RadarSettings:
 
 @record
 class CameraSettings:
-    """Where the camera is.
+    """Position of the camera.
 
     Attributes
     ----------

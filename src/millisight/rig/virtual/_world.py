@@ -38,7 +38,7 @@ PATTERNS = ("serpentine", "one-way")
 
 @record
 class WorldObject:
-    """A thing to look at.
+    """An object of the scene.
 
     Attributes
     ----------
@@ -77,7 +77,7 @@ class WorldObject:
 
 @record
 class Support:
-    """What the objects stand on.
+    """The support under the objects.
 
     Attributes
     ----------
@@ -111,7 +111,7 @@ class Support:
 
 @record
 class Carton:
-    """A box around everything that stands on the support, open at its bottom.
+    """A box around everything on the support, open at the bottom.
 
     Attributes
     ----------
@@ -165,7 +165,7 @@ class Cloth:
 
 @record
 class Wall:
-    """A block that stands somewhere: a wall, a board, a table.
+    """A block, such as a wall, a board or a table.
 
     Attributes
     ----------

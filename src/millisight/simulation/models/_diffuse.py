@@ -12,7 +12,7 @@ from millisight.simulation._models import SCATTERING_MODELS
 @SCATTERING_MODELS.add("diffuse")
 @record
 class DiffuseModel:
-    """Every visible vertex answers (paper Eq. 4, primer 10)."""
+    """Every visible vertex reflects (paper Eq. 4, primer 10)."""
 
     name: ClassVar[str] = "diffuse"
 

@@ -12,7 +12,7 @@ from millisight.simulation._models import SCATTERING_MODELS, check_angle, parame
 @SCATTERING_MODELS.add("edge")
 @record
 class EdgeModel:
-    """Vertices on sharp edges answer (paper Eq. 7, primer 12).
+    """Vertices on sharp edges reflect (paper Eq. 7, primer 12).
 
     Attributes
     ----------

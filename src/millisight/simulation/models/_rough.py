@@ -15,7 +15,7 @@ _LEAST = 1e-4
 @SCATTERING_MODELS.add("rough")
 @record
 class RoughModel:
-    """Vertices scatter into a lobe about the direction of the mirrored wave (primer 17).
+    """Vertices scatter into a lobe around the specular direction (primer 17).
 
     The power goes as ((1 + cos ψ) / 2)^α, with ψ the angle between the directions to the receiver and of the mirrored
     wave: the directive model of V. Degli-Esposti, F. Fuschini, E. M. Vitucci and G. Falciasecca, "Measurement and

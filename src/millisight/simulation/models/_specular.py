@@ -12,7 +12,7 @@ from millisight.simulation._models import SCATTERING_MODELS, check_angle, parame
 @SCATTERING_MODELS.add("specular")
 @record
 class SpecularModel:
-    """Vertices answer whose normal about halves the angle between transmitter and receiver (paper Eq. 6, primer 11).
+    """Vertices reflect if their normal bisects the angle between transmitter and receiver (paper Eq. 6, primer 11).
 
     Attributes
     ----------

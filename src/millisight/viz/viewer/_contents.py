@@ -79,7 +79,7 @@ def gather(
     alpha: tuple[float, float] = (0.5, 0.5),
     unit: str | None = None,
 ) -> Contents:
-    """Everything that files hold for the viewer, put together by what belongs to what.
+    """Read files for the viewer, and group those that belong together.
 
     Images in HDF5 that have more than 32 million voxels are read in slabs and looked at in blocks. A mask goes over
     the image in its folder, or else over every image with its pixels. A capture goes around the images made of it, or
