@@ -210,7 +210,7 @@ class _Search:
         if uncertainty > least:
             return (
                 f"two halves of the scene differ by {1e3 * uncertainty:.2f} mm on the path, expected "
-                f"{1e3 * least:.2f} at most: a bend of the path cannot be told from a curved reflector here"
+                f"{1e3 * least:.2f} at most"
             )
         gain = float(np.exp(np.mean([self._grown(m, p) for m, p in zip(halves, seen, strict=True)])))
         size = _rms(subject.sighted(np.mean(halves, axis=0), places))
