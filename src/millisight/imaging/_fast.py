@@ -35,7 +35,11 @@ from millisight.imaging._windows import Window
 _PROFILE_BYTES = 1_000_000_000
 
 _PICKS = 256  # random voxels, and as many of the brightest, at which the image is compared with direct backprojection
-_ATTEMPTS = 2  # plans that are tried before direct backprojection does it
+_ATTEMPTS = 3  # plans that are tried before direct backprojection does it
+
+# Of the tolerance, what the first plan may take: where it is dark an image errs by more than the waves of the probe,
+# and a finer plan costs little beside a second image.
+_PLANNED = 0.65
 
 
 class Factorised(NamedTuple):
@@ -97,7 +101,7 @@ def _fast_box(
     tx, rx = capture.tx_positions - origin, capture.rx_positions - origin
     axes = tuple(axis - o for axis, o in zip((grid.x, grid.y, grid.z), origin, strict=True))
     # The errors of range profiles and of factorising have nothing to do with each other: their squares add up.
-    planned = float(np.sqrt(max(tolerance**2 - profiles**2, 0.0)))
+    planned = _PLANNED * float(np.sqrt(max(tolerance**2 - profiles**2, 0.0)))
     for _ in range(_ATTEMPTS):
         plan = make_plan(tx, rx, axes, capture, planned)
         if plan is None:
