@@ -2,6 +2,7 @@
 
 import inspect
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -9,7 +10,7 @@ import typer
 
 from millisight.cli.console import check_outputs, length, progress, say, size
 from millisight.core.errors import InputError, UnknownNameError
-from millisight.data import Capture, Radar, Scene, Trajectory, radar_names
+from millisight.data import Radar, Scene, Trajectory, radar_names
 from millisight.imaging import combine
 from millisight.simulation import (
     SCATTERING_MODELS,
@@ -140,8 +141,7 @@ def simulate(
     capture = captures[0] if len(captures) == 1 else combine(captures[0], captures[1], alpha or scene.alpha)
     # How the mesh was placed, for who wants to draw it over the image.
     placed = {"unit": unit, "rotate_deg": rotate}
-    capture = Capture(radar=chosen, trajectory=trajectory, frames=capture.frames,
-                      metadata={**capture.metadata, "placed": placed})  # fmt: skip
+    capture = replace(capture, metadata={**capture.metadata, "placed": placed})
     if snr_db is not None:
         # After the two were combined: noise of each would be the same noise, and the stated ratio none of the sum's.
         capture = add_noise(capture, snr_db=snr_db, rng=seed)

@@ -1,35 +1,34 @@
 """Autofocus: where the radar was, put right by the sharpness of the image."""
 
 from collections.abc import Callable
-from dataclasses import field
-from typing import NamedTuple
+from dataclasses import field, replace
 
 import numpy as np
 
-from millisight.core import checked_array, checked_number, checked_record, put, record
+from millisight.core import checked_array, checked_number, checked_record, put, record, with_step
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.data import Capture, VoxelGrid
-from millisight.imaging._autofocus_model import Pieces, View, rows_of_path
+from millisight.imaging._autofocus_model import Pieces
 from millisight.imaging._autofocus_search import (
-    Places,
     Subject,
-    bright_places,
+    bright_points,
     climb,
+    follow_rows,
     path_modes,
     row_modes,
-    sample,
-    search_rows,
-    smooth,
-    told,
+    without_common,
 )
+from millisight.imaging._path_rows import Row, rows_of_path
 
 FOCUSES = ("rows", "path")
 
 _LEAST_ROWS = 3
-# Of the log of the contrast, at places that were not fitted: more than a path that is right gains by chance.
-_LEAST_GAIN = 0.04
-_STEPS = 70  # uphill
-_FOLDS, _FOLDS_OF = 2, 3  # of the bright places: so many are asked in turn, each a third of them
+_LEAST_AGREEMENT = 1 / 15  # wavelengths rms by which two halves of the scene may differ on the path
+_LEAST_CORRECTION = 3  # times the uncertainty: what is less stays as it was given
+_LEAST_GAIN = 1.005  # of the sharpness of places that were not fitted
+# Rows whose images' powers are added to find what is bright, and steps uphill.
+_FIRST, _ALIGNED = 3, 12
+_CLIMBS = ((40, 12), (80, 12), (10**6, 15), (10**6, 40))
 
 UNOBSERVABLE = (
     "A shift of the whole path moves the image and changes nothing else: the path as a whole stays where it was given.",
@@ -54,7 +53,7 @@ class Focused:
     row_uncertainty : standard error of a row's offset [frames]; infinite where it is not known
     displacements : (P, 3) what was added to the given positions [m], offsets of rows included
     uncertainty : standard error of the distance from a pose to the bright places [m]; infinite where it is not known
-    gain : by what factor the contrast of places that were not fitted grew; 1 where nothing was corrected
+    gain : by what factor (sum of |I|³)^(1/3) of places that were not fitted grew; 1 where nothing was corrected
     applied : what was corrected: (), ("rows",), ("path",) or ("rows", "path")
     reason : why not all that was asked for was; empty where it was
     unobservable : what cannot be observed, in words
@@ -86,7 +85,7 @@ class Focused:
         largest = 1e3 * float(np.linalg.norm(self.displacements, axis=1).max())
         return (
             f"Focused({' and '.join(self.applied)} corrected by up to {largest:.2f} mm, "
-            f"± {self.uncertainty * 1e3:.3f} mm along the line of sight, contrast x {self.gain:.2f})"
+            f"± {self.uncertainty * 1e3:.3f} mm along the line of sight, sharper x {self.gain:.2f})"
         )
 
 
@@ -102,12 +101,13 @@ def autofocus(
 ) -> Focused:
     """The path that makes the image sharpest: rows begun early or late, then smooth errors along the way.
 
-    Sharp is an image that holds its energy in few voxels: sqrt(sum of |I|²) over the sum of |I|. Each row's offset
-    along its own direction is searched by its likeness with the rows before it and by that contrast; the smooth errors
-    of all three coordinates, cubic splines over the way, go uphill along its gradient.
+    Each row is laid on the image of the rows before it: its offset along its own direction, and how much nearer or
+    farther it runs. Then the smooth errors of all three coordinates, cubic splines over the way, and the rows' offsets
+    go uphill along the gradient of the sum of |I|³ over the brightest cells, which are looked for again on the way.
 
-    Nothing is corrected on its own word: the bright places are parted in three, and only what makes one part sharper
-    when it was fitted to the others is believed. What the answers differ by is the uncertainty.
+    Nothing is corrected on one word: the scene is parted in two like a chess board, each half tells the path alone, and
+    only what both agree on, and what makes each half sharper when the other was fitted, is believed. What the two
+    differ by is the uncertainty.
 
     Parameters
     ----------
@@ -125,103 +125,45 @@ def autofocus(
         An argument cannot be right.
     """
     checked_record(capture, Capture, name="capture")
-    if capture.tx_points is not None or capture.rx_points is not None:
-        raise InputError("the capture states the antenna positions of each pose; there is no path to correct")
     checked_record(grid, VoxelGrid, name="grid")
     if focus not in FOCUSES:
         raise UnknownNameError("focus", focus, FOCUSES)
     max_offset = checked_number(max_offset, name="max_offset", unit="frames", above=0)
     smoothness = checked_number(smoothness, name="smoothness", unit="m", above=0)
     path = capture.trajectory
+    if capture.tx_points is not None or capture.rx_points is not None:
+        raise InputError(
+            "the capture states the antennas' places at each pose (tx_points, rx_points), which no path moves; "
+            "autofocus expects the radar's array carried along the trajectory"
+        )
     rows = rows_of_path(path)
-    trials = _trials(focus, smoothness, max_offset, len(rows) >= _LEAST_ROWS)
-    steps = _Steps(progress, 2 + 2 * _FOLDS * len(trials))
-    mean = capture.frames_of(slice(None)).mean(axis=0)
-    subject = Subject(capture, rows, Pieces.of(path, rows, capture.radar.waveform.wavelength), mean)
-    places = bright_places(subject, grid.bounds, _FOLDS_OF)
-    steps()
+    tried = (("rows", "path"), ("rows",)) if focus == "path" else (("rows",),)
+    if len(rows) < _LEAST_ROWS:
+        rows, tried = [], (("path",),) if focus == "path" else ()
     if not np.ptp(path.positions, axis=0).any():
-        return _unchanged(subject, "the radar did not move")
-    if not trials:
-        return _unchanged(subject, f"the path has {len(rows)} rows; expected {_LEAST_ROWS} at least")
-    if len(np.unique(places.folds)) < _FOLDS_OF:
+        return _unchanged(capture, rows, "the radar did not move")
+    if not tried:
         return _unchanged(
-            subject,
-            f"{len(places.folds)} bright points are too few: path errors cannot be distinguished from "
-            "extended reflectors",
+            capture, rows, f"the path has {len(rows_of_path(path))} rows; expected {_LEAST_ROWS} at least"
         )
-    search = _Search(subject, places, np.random.default_rng(rng), steps)
-    tried: list[_Found] = []
-    for trial in trials:
-        # A path alone is tried last, where offsets of rows were no part of what is wrong.
-        if trial.max_offset or not any(found.gain >= _LEAST_GAIN for found in tried):
-            tried.append(search.validated(trial))
-    best = max(tried, key=lambda found: found.gain)
-    if best.gain < _LEAST_GAIN:
-        gains = ", ".join(f"{' and '.join(found.trial.name)} {100 * np.expm1(found.gain):+.1f} %" for found in tried)
-        return _unchanged(
-            subject, f"no correction makes places sharper that it was not fitted to (change of their contrast: {gains})"
-        )
-    moves = search.fitted_to_all(best)
-    steps()
-    offsets = np.zeros(len(rows))
-    if best.trial.max_offset:
-        offsets = np.array([(moves[row.poses] @ row.step).mean() / (row.step @ row.step) for row in rows])
-    between = (best.moves[0] - best.moves[1]) / 2
-    apart = _without_common(subject, between)
-    frames = [np.sqrt((apart[row.poses] ** 2).sum(axis=1).mean()) / np.linalg.norm(row.step) for row in rows]
-    settings = {
-        "focus": focus,
-        "applied": list(best.trial.name),
-        "smoothness": smoothness,
-        "row_offsets": [round(float(offset), 3) for offset in offsets],
-        "gain": round(float(np.exp(best.gain)), 4),
-    }
+    mean = np.mean([capture.frames_of(slice(i, i + 1)).mean(axis=0) for i in range(len(path))], axis=0)
+    subject = Subject(capture, rows, Pieces.of(path, rows, capture.radar.waveform.wavelength), mean, grid.bounds)
+    search = _Search(subject, max_offset, smoothness, rng, _Steps(progress, 3 * len(_CLIMBS) * len(tried)))
+    reasons = []
+    for what in tried:
+        found = search.focused(what)
+        if isinstance(found, Focused):
+            return replace(found, reason="; ".join(reasons))
+        reasons.append(f"{' and '.join(what)}: {found}")
+    return _unchanged(capture, rows, "; ".join(reasons))
+
+
+def _unchanged(capture: Capture, rows: list[Row], reason: str) -> Focused:
     return Focused(
-        capture=told(capture, moves, settings),
-        row_offsets=offsets,
-        row_uncertainty=float(np.sqrt(np.mean(np.square(frames)))) if best.trial.max_offset else float("inf"),
-        displacements=moves,
-        uncertainty=float(np.sqrt((subject.sighted(between, places) ** 2).mean())),
-        gain=float(np.exp(best.gain)),
-        applied=best.trial.name,
-        reason="",
-    )
-
-
-class _Trial(NamedTuple):
-    """What is corrected: offsets of rows up to so many frames; a path, its knots so far apart [m]; 0: not."""
-
-    name: tuple[str, ...]
-    max_offset: float
-    smoothness: float
-
-
-def _trials(focus: str, smoothness: float, max_offset: float, has_rows: bool) -> list[_Trial]:
-    rows, path, both = (
-        _Trial(("rows",), max_offset, 0.0), _Trial(("path",), 0.0, smoothness),
-        _Trial(("rows", "path"), max_offset, smoothness),
-    )  # fmt: skip
-    if focus == "rows":
-        return [rows] if has_rows else []
-    return [rows, both, path] if has_rows else [path]
-
-
-class _Found(NamedTuple):
-    """A trial, its answers (P, 3) when fitted to some of the places [m], and the mean growth of the log of the contrast
-    of the other places."""
-
-    trial: _Trial
-    moves: list[np.ndarray]
-    gain: float
-
-
-def _unchanged(subject: Subject, reason: str) -> Focused:
-    return Focused(
-        capture=subject.capture,
-        row_offsets=np.zeros(len(subject.rows)),
+        capture=capture,
+        row_offsets=np.zeros(len(rows)),
         row_uncertainty=float("inf"),
-        displacements=np.zeros_like(subject.capture.trajectory.positions),
+        displacements=np.zeros_like(capture.trajectory.positions),
         uncertainty=float("inf"),
         gain=1.0,
         applied=(),
@@ -242,80 +184,106 @@ class _Steps:
 
 
 class _Search:
-    """Fits trials to some of the bright places, and asks the others."""
+    """Fits the path to each half of the scene, lets the other half judge it, and then fits it to all."""
 
-    def __init__(self, subject: Subject, places: Places, rng: np.random.Generator, steps: _Steps):
-        self._subject, self._places, self._rng, self._step_done = subject, places, rng, steps
+    def __init__(self, subject: Subject, most: float, smoothness: float, rng, steps: _Steps):
+        self._subject, self._most, self._smoothness, self._steps = subject, most, smoothness, steps
+        self._rng = np.random.default_rng(rng)
         self._nothing = np.zeros_like(subject.capture.trajectory.positions)
-        self._views: dict[int, View] = {}
 
-    def validated(self, trial: _Trial) -> _Found:
-        """A trial fitted to all places but those of one fold, which are asked, for each of two folds."""
-        found, grown = [], []
-        for fold in range(_FOLDS):
-            found.append(self._fit(trial, fold))
-            self._step_done()
-            asked = self._asked(fold)
-            still, moved = (asked.contrast(self._subject.pieces.means(m))[0] for m in (self._nothing, found[-1]))
-            grown.append(moved - still)
-            self._step_done()
-        return _Found(trial, found, float(np.mean(grown)))
-
-    def fitted_to_all(self, best: _Found) -> np.ndarray:
-        """(P, 3) the sharpest of the answers that all places give, from nothing and from each fold's answer."""
-        points = self._points(np.ones(len(self._places.folds), bool))
-        view = self._subject.view(self._nothing, points)
-
-        def sharpest(answers: list[np.ndarray]) -> np.ndarray:
-            return max(answers, key=lambda moves: view.contrast(self._subject.pieces.means(moves))[0])
-
-        answers = [*best.moves, self._begun(best.trial, view)]
-        if best.trial.smoothness:
-            # The last one begins from the rows that all places tell; the sharper one of all is brought to its top.
-            answers[-1] = answers[-1] + self._climbed(best.trial, answers[-1], points)
-            moves = sharpest(answers)
-            answers.append(moves + self._climbed(best.trial, moves, points))
-        moves = sharpest(answers)
-        # A shift of everything only moves the image.
-        return moves - moves.mean(axis=0)
-
-    def _fit(self, trial: _Trial, fold: int) -> np.ndarray:
-        """(P, 3) a trial's answer from all places but those of a fold [m]."""
-        points = self._points(self._places.folds != fold)
-        moves = self._begun(trial, self._subject.view(self._nothing, points))
-        return moves + self._climbed(trial, moves, points) if trial.smoothness else moves
-
-    def _begun(self, trial: _Trial, view: View) -> np.ndarray:
-        """(P, 3) what the rows one by one tell [m]; where there are none, nothing."""
+    def focused(self, what: tuple[str, ...]) -> Focused | str:
+        """The correction; where it is not to be believed, the reason."""
         subject = self._subject
+        points = self._points(self._nothing, _FIRST, None, self._rng)
+        if not len(points):
+            return "no echo comes from the grid"
+        begun = self._begun(what, points)
+        begun = self._begun(what, self._points(begun, _ALIGNED, None))
+        halves = [self._fit(what, begun, fold) for fold in range(2)]
+        seen = [self._points(m, 10**6, 1 - fold) for fold, m in enumerate(halves)]
+        if not all(len(p) for p in seen):
+            return "the grid is too small to be parted: one half of the scene cannot judge what the other tells"
+        between = (halves[0] - halves[1]) / 2
+        places = np.concatenate(seen)
+        uncertainty = _rms(subject.sighted(between, places))
+        least = _LEAST_AGREEMENT * subject.wavelength
+        if uncertainty > least:
+            return (
+                f"two halves of the scene differ by {1e3 * uncertainty:.2f} mm on the path, expected "
+                f"{1e3 * least:.2f} at most"
+            )
+        gain = float(np.exp(np.mean([self._grown(m, p) for m, p in zip(halves, seen, strict=True)])))
+        size = _rms(subject.sighted(np.mean(halves, axis=0), places))
+        if size < _LEAST_CORRECTION * uncertainty or gain < _LEAST_GAIN:
+            return (
+                f"nothing to correct: what was found is {1e3 * size:.3f} mm along the line of sight, uncertain by "
+                f"{1e3 * uncertainty:.3f}, and places that were not fitted got sharper by {100 * gain - 100:.1f} %"
+            )
+        seen_by_all = subject.view(self._nothing, places)
+        started = [seen_by_all.sharpness(subject.pieces.means(m))[0] for m in (begun, *halves)]
+        moves = self._fit(what, (begun, *halves)[int(np.argmax(started))], None)
+        # The halves were fitted apart; an answer of all that is far from theirs is less certain than they are.
+        uncertainty = max(uncertainty, _rms(subject.sighted(moves - np.mean(halves, axis=0), places)))
+        offsets = np.array([(moves[row.poses] @ row.step).mean() / (row.step @ row.step) for row in subject.rows])
+        apart = without_common(subject.capture.trajectory, between)
+        frames = [_rms(apart[row.poses] @ row.step / (row.step @ row.step)) for row in subject.rows]
+        settings = {
+            "focus": what[-1],
+            "applied": list(what),
+            "smoothness": self._smoothness,
+            "row_offsets": [round(float(offset), 3) for offset in offsets],
+            "row_uncertainty": round(_rms(np.array(frames)), 4) if "rows" in what else None,
+            "largest": float(np.linalg.norm(moves, axis=1).max()),
+            "uncertainty": uncertainty,
+            "gain": round(gain, 4),
+        }
+        capture = subject.at(moves)
+        return Focused(
+            capture=replace(capture, metadata=with_step(capture.metadata, "autofocus", **settings)),
+            row_offsets=offsets if "rows" in what else np.zeros(len(offsets)),
+            row_uncertainty=_rms(np.array(frames)) if "rows" in what else float("inf"),
+            displacements=moves,
+            uncertainty=uncertainty,
+            gain=gain,
+            applied=what,
+            reason="",
+        )
+
+    def _points(self, moves: np.ndarray, together: int, fold: int | None, rng=None) -> np.ndarray:
+        return bright_points(self._subject, moves, together, fold, rng)
+
+    def _begun(self, what: tuple[str, ...], points: np.ndarray) -> np.ndarray:
+        """(P, 3) what the rows one after another tell [m]; where there are none, nothing."""
         moves = np.zeros_like(self._nothing)
-        if len(subject.rows) < _LEAST_ROWS:
-            return moves
-        offsets, shifts = search_rows(subject, view, trial.max_offset, depths=trial.smoothness > 0)
-        if trial.smoothness:
-            for row, shift in zip(subject.rows, shifts, strict=True):
-                moves[row.poses] = shift
-            moves = smooth(path_modes(subject, trial.smoothness), moves)
-        for row, offset in zip(subject.rows, offsets, strict=True):
-            moves[row.poses] += offset * row.step
+        if self._subject.rows and len(points):
+            offsets, shifts = follow_rows(self._subject, points, self._most)
+            for row, offset, shift in zip(self._subject.rows, offsets, shifts, strict=True):
+                moves[row.poses] = offset * row.step + (shift if "path" in what else 0)
         return moves
 
-    def _climbed(self, trial: _Trial, moves: np.ndarray, points: np.ndarray) -> np.ndarray:
-        modes = [path_modes(self._subject, trial.smoothness)]
-        if trial.max_offset:
-            modes.append(row_modes(self._subject))
-        return climb(self._subject, self._subject.view(moves, points), modes, _STEPS)
+    def _fit(self, what: tuple[str, ...], moves: np.ndarray, fold: int | None) -> np.ndarray:
+        """(P, 3) the answer of one half of the scene, or of all, from `moves` on [m]."""
+        subject = self._subject
+        points = self._points(moves, _ALIGNED, fold)
+        if fold is not None and len(points):
+            moves = self._begun(what, points)
+        modes = [path_modes(subject, self._smoothness)] if "path" in what else []
+        modes += [row_modes(subject)] if "rows" in what else []
+        for together, steps in _CLIMBS:
+            points = self._points(moves, together, fold)
+            if len(points):
+                moves = moves + climb(subject, subject.view(moves, points), modes, steps)
+            # A shift of everything only moves the image.
+            moves = moves - moves.mean(axis=0)
+            self._steps()
+        return moves
 
-    def _points(self, chosen: np.ndarray) -> np.ndarray:
-        return sample(self._subject, self._places, chosen, self._rng)
-
-    def _asked(self, fold: int) -> View:
-        if fold not in self._views:
-            self._views[fold] = self._subject.view(self._nothing, self._points(self._places.folds == fold))
-        return self._views[fold]
+    def _grown(self, moves: np.ndarray, points: np.ndarray) -> float:
+        """By how much the log of the sharpness of some points grew."""
+        still = np.zeros((len(self._subject.pieces.rows), 3))
+        after, before = (self._subject.view(m, points).sharpness(still)[0] for m in (moves, self._nothing))
+        return after - before
 
 
-def _without_common(subject: Subject, moves: np.ndarray) -> np.ndarray:
-    """`moves` (P, 3) without what shifts, stretches, shears or turns the whole path [m]."""
-    terms = np.concatenate([np.ones((len(moves), 1)), subject.capture.trajectory.positions], axis=1)
-    return moves - terms @ np.linalg.lstsq(terms, moves, rcond=None)[0]
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else 0.0

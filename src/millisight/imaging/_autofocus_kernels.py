@@ -48,17 +48,19 @@ def _sine_typed(turns):
 
 
 @kernel(fastmath=True, error_model="numpy")
-def displaced_image(real, imag, places, moves, points, per_metre, pieces, image_re, image_im):
-    """image[v] = sum over `pieces` of the fields real + i imag (S, V) of pieces at `places` (S, 3), moved by `moves`.
+def displaced_images(real, imag, places, pieces, moves, points, per_metre, image_re, image_im):
+    """image[c, v] = sum over `pieces` (n,) of the fields real + i imag (S, V) of pieces at `places` (S, 3), moved by
+    moves[c, n], for each of C trials.
 
     per_metre : turns of the phase per metre of distance, 2 f_c / c
-    points : (3, V); image_re, image_im : (V,), overwritten
+    points : (3, V); image_re, image_im : (C, V), overwritten
     """
-    for tile in prange((points.shape[1] + _TILE - 1) // _TILE):
-        first = tile * _TILE
+    tiles = (points.shape[1] + _TILE - 1) // _TILE
+    for job in prange(len(moves) * tiles):
+        c, first = job // tiles, (job % tiles) * _TILE
         last = min(first + _TILE, points.shape[1])
         x, y, z = points[0, first:last], points[1, first:last], points[2, first:last]
-        sum_re, sum_im = image_re[first:last], image_im[first:last]
+        sum_re, sum_im = image_re[c, first:last], image_im[c, first:last]
         cosine, sine = np.empty(_TILE, points.dtype), np.empty(_TILE, points.dtype)
         for i in range(last - first):
             sum_re[i] = 0
@@ -66,7 +68,7 @@ def displaced_image(real, imag, places, moves, points, per_metre, pieces, image_
         for n in range(len(pieces)):
             s = pieces[n]
             px, py, pz = places[s, 0], places[s, 1], places[s, 2]
-            qx, qy, qz = px + moves[s, 0], py + moves[s, 1], pz + moves[s, 2]
+            qx, qy, qz = px + moves[c, n, 0], py + moves[c, n, 1], pz + moves[c, n, 2]
             re, im = real[s, first:last], imag[s, first:last]
             for i in range(last - first):
                 away = _distance(x[i] - qx, y[i] - qy, z[i] - qz)
@@ -81,7 +83,7 @@ def displaced_image(real, imag, places, moves, points, per_metre, pieces, image_
 
 @kernel(fastmath=True, error_model="numpy")
 def displaced_gradient(real, imag, places, moves, points, per_metre, weights_re, weights_im, gradient):
-    """gradient[s] = d / d moves[s] of Re sum_v conj(weights[v]) I(v): the adjoint of `displaced_image`'s derivative.
+    """gradient[s] = d / d moves[s] of Re sum_v conj(weights[v]) I(v): the adjoint of `displaced_images`' derivative.
 
     d I / d moves[s] = -i k (unit vector from the piece to the point) times the piece's share of I.
     """
@@ -103,32 +105,3 @@ def displaced_gradient(real, imag, places, moves, points, per_metre, weights_re,
             gz += slope * dz
         k = per_metre * phase.TAU
         gradient[s, 0], gradient[s, 1], gradient[s, 2] = k * gx, k * gy, k * gz
-
-
-@kernel(fastmath=True, error_model="numpy")
-def tried_images(real, imag, places, pieces, moves, points, per_metre, image_re, image_im):
-    """image[c, v] = as `displaced_image`, of `pieces` (n,) alone, all moved by moves[c], for each of C moves (C, 3)."""
-    tiles = (points.shape[1] + _TILE - 1) // _TILE
-    for job in prange(len(moves) * tiles):
-        c, first = job // tiles, (job % tiles) * _TILE
-        last = min(first + _TILE, points.shape[1])
-        x, y, z = points[0, first:last], points[1, first:last], points[2, first:last]
-        sum_re, sum_im = image_re[c, first:last], image_im[c, first:last]
-        cosine, sine = np.empty(_TILE, points.dtype), np.empty(_TILE, points.dtype)
-        for i in range(last - first):
-            sum_re[i] = 0
-            sum_im[i] = 0
-        for n in range(len(pieces)):
-            s = pieces[n]
-            px, py, pz = places[s, 0], places[s, 1], places[s, 2]
-            qx, qy, qz = px + moves[c, 0], py + moves[c, 1], pz + moves[c, 2]
-            re, im = real[s, first:last], imag[s, first:last]
-            for i in range(last - first):
-                away = _distance(x[i] - qx, y[i] - qy, z[i] - qz)
-                turn = _wrapped(per_metre * (away - _distance(x[i] - px, y[i] - py, z[i] - pz)))
-                cosine[i] = _cosine(turn)
-                sine[i] = _sine(turn)
-            for i in range(last - first):
-                sum_re[i] += re[i] * cosine[i] - im[i] * sine[i]
-            for i in range(last - first):
-                sum_im[i] += re[i] * sine[i] + im[i] * cosine[i]

@@ -5,17 +5,14 @@ from typing import NamedTuple
 import numpy as np
 
 from millisight.core import SPEED_OF_LIGHT, product
-from millisight.data import Capture, Trajectory, VoxelGrid
+from millisight.data import Capture, Trajectory
 from millisight.imaging import _autofocus_kernels as kernels
 from millisight.imaging._backprojection import OVERSAMPLING, path_bounds, range_steering
-from millisight.imaging._path_rows import Row as Row
-from millisight.imaging._path_rows import rows_of_path as rows_of_path
+from millisight.imaging._path_rows import Row
 from millisight.imaging._sparse_kernels import gather
 
 _PIECE = 4.0  # wavelengths along the path
 _JUMP = 5  # times the usual distance of neighbouring poses: the path is torn there
-_SHORTEST_ROW = 0.5  # of the extent along the rows
-_DARK = 1e-3  # of the mean power, under which a voxel is dark
 _BLOCK = 2000  # poses whose frames are read at a time
 
 
@@ -37,7 +34,7 @@ class Pieces(NamedTuple):
 
     @classmethod
     def of(cls, trajectory: Trajectory, rows: list[Row], wavelength: float) -> "Pieces":
-        """Each row, or each run of a path without rows, in pieces of 2.4 wavelengths at most."""
+        """Each row, or each run of a path without rows, in pieces of about four wavelengths."""
         groups = [row.poses for row in rows]
         if not groups:
             order = np.argsort(trajectory.times, kind="stable")
@@ -55,6 +52,11 @@ class Pieces(NamedTuple):
             [[0], np.cumsum(np.linalg.norm(np.diff(trajectory.positions[order], axis=0), axis=1))]
         )
         return cls(order, starts, np.array(numbers), np.add.reduceat(travelled, starts[:-1]) / np.diff(starts))
+
+    def joined(self, rows: int) -> "Pieces":
+        """So many neighbouring rows as one piece each."""
+        first = np.flatnonzero(np.diff(self.rows // rows, prepend=-1))
+        return Pieces(self.order, np.append(self.starts[first], self.starts[-1]), self.rows[first], self.way[first])
 
     def means(self, values: np.ndarray) -> np.ndarray:
         """(S, ...) means over pieces of values of the poses (P, ...)."""
@@ -101,45 +103,33 @@ class View(NamedTuple):
         real, imag = (np.ascontiguousarray(part) for part in (fields.real, fields.imag))
         return cls(real, imag, places, local, np.float32(2 * frequency))
 
-    def image(self, moves: np.ndarray) -> np.ndarray:
-        """(V,) the sum over pieces, displaced by `moves` (S, 3) [m]."""
-        image = np.empty((2, self.points.shape[1]), self.real.dtype)
-        kernels.displaced_image(
-            self.real, self.imag, self.places, self._typed(moves), self.points, self.per_metre,
-            np.arange(len(self.places)), *image,
-        )  # fmt: skip
-        return image[0] + 1j * image[1]
-
-    def contrast(self, moves: np.ndarray) -> tuple[float, np.ndarray]:
-        """How sharp the image is, and the gradient of that (S, 3) [1/m]: log of sqrt(sum of |I|²) / sum of |I|.
-
-        It is high where few voxels hold the energy and the others are dark. (The sum of |I|⁴ is not used: moving one
-        reflector's energy onto another raises it.) Its differential is Re sum_v conj(w) dI with
-        w = I (1 / sum of |I|² - 1 / (|I| sum of |I|)), and dI turns one phase a piece: the adjoint of backprojection,
-        applied to w, tells all components at the cost of about two images.
-        """
-        image = self.image(moves)
-        power = np.abs(image).astype(float) ** 2
-        energy = power.sum()
-        # Rounded off where it is dark, so that it has a derivative everywhere.
-        size = np.sqrt(power + _DARK * energy / len(power))
-        weights = image * (1 / energy - (1 / size + _DARK / len(power) * (1 / size).sum()) / size.sum())
-        scale = float(np.abs(weights).max())
-        weights = weights / scale
-        gradient = np.empty(self.places.shape, self.places.dtype)
-        kernels.displaced_gradient(
-            self.real, self.imag, self.places, self._typed(moves), self.points, self.per_metre,
-            self._typed(weights.real), self._typed(weights.imag), gradient,
-        )  # fmt: skip
-        return float(0.5 * np.log(energy) - np.log(size.sum())), scale * gradient.astype(float)
-
-    def tried(self, pieces: np.ndarray, moves: np.ndarray) -> np.ndarray:
-        """(C, V) the sum over `pieces` (n,) alone, all displaced by each of `moves` (C, 3) [m]."""
+    def images(self, pieces: np.ndarray, moves: np.ndarray) -> np.ndarray:
+        """(C, V) the sums over `pieces` (n,), displaced by `moves` (C, n, 3) [m]."""
         images = np.empty((2, len(moves), self.points.shape[1]), self.real.dtype)
-        kernels.tried_images(
+        kernels.displaced_images(
             self.real, self.imag, self.places, pieces, self._typed(moves), self.points, self.per_metre, *images
         )
         return images[0] + 1j * images[1]
+
+    def sharpness(self, moves: np.ndarray) -> tuple[float, np.ndarray]:
+        """log of (sum of |I|³)^(1/3) with the pieces displaced by `moves` (S, 3) [m], and its gradient (S, 3) [1/m].
+
+        The differential of the sum is Re sum_v conj(w) dI with w = 3 |I| I, and dI turns one phase a piece: the adjoint
+        of backprojection, applied to w, gives all components at the cost of about one image.
+        """
+        image = self.images(np.arange(len(self.places)), moves[None])[0]
+        size = np.abs(image).astype(float)
+        cubes = float((size**3).sum())
+        if not cubes > 0:
+            return -np.inf, np.zeros(self.places.shape)
+        weights = size * image / cubes
+        scale = float(np.abs(weights).max())
+        gradient = np.empty(self.places.shape, self.places.dtype)
+        kernels.displaced_gradient(
+            self.real, self.imag, self.places, self._typed(moves), self.points, self.per_metre,
+            self._typed(weights.real / scale), self._typed(weights.imag / scale), gradient,
+        )  # fmt: skip
+        return float(np.log(cubes) / 3), scale * gradient.astype(float)
 
     def _typed(self, values: np.ndarray) -> np.ndarray:
         return np.ascontiguousarray(values, dtype=self.real.dtype)
@@ -151,9 +141,3 @@ def lobe(capture: Capture, place: np.ndarray) -> np.ndarray:
 
     span = np.ptp(local_frequencies(capture, capture.trajectory, place), axis=0)
     return 1 / np.maximum(span, 1e-3)
-
-
-def fine_lattice(box: np.ndarray, spacing: np.ndarray, most: float) -> np.ndarray:
-    """(V, 3) points of a box (2, 3), `spacing` (3,) apart, or coarser so that there are no more than `most` [m]."""
-    size = spacing * max(1.0, (np.prod(np.ptp(box, axis=0) / spacing + 1) / most) ** (1 / 3))
-    return VoxelGrid.regular(box[0], box[1], size).points

@@ -1,5 +1,6 @@
 """Two images or captures of one scene as one: the paper's sum of specular and edge returns."""
 
+from dataclasses import replace
 from typing import overload
 
 import numpy as np
@@ -49,7 +50,7 @@ def combine(specular, edge, alpha):
             raise InputError("the two captures' radars or positions differ; simulate both with the same ones")
         frames = weights[0] * specular.frames_of(slice(None)) + weights[1] * edge.frames_of(slice(None))
         metadata["lit_fraction"] = max(c.metadata.get("lit_fraction", 0.0) for c in (specular, edge))
-        return Capture(radar=specular.radar, trajectory=specular.trajectory, frames=frames, metadata=metadata)
+        return replace(specular, frames=frames, metadata=metadata)
     raise InputError(
         f"combine got {type(specular).__name__} and {type(edge).__name__}; expected two images or two captures"
     )

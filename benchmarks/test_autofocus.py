@@ -1,0 +1,85 @@
+"""Autofocus: what is left of rows begun early or late and of a path that wanders, and the seconds it takes.
+
+    make bench TESTS=benchmarks/test_autofocus.py
+
+30 x 30 cm at 77 and 24 GHz, half a wavelength between frames and rows. Takes some minutes on two cores.
+"""
+
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import millisight as ms
+from millisight.core import SPEED_OF_LIGHT
+
+FRAMES, WANDER, CORRELATION = 2.0, 2e-3, 1.0  # standard deviation; rms [m]; over which way it changes [m]
+
+
+def scene(name, count=12):
+    """A capture of points along the true path, how many poses a row has, and a grid."""
+    preset = ms.Radar.preset(name)
+    waveform = ms.Waveform.stepped(preset.waveform.start_frequency, preset.waveform.bandwidth / 32, 32)
+    radar = ms.Radar(name=name, waveform=waveform, array=preset.array)
+    path = ms.Trajectory.raster(size=(0.3, 0.3), step=waveform.wavelength / 2, center=(0, 0, 0.28), serpentine=True)
+    rng = np.random.default_rng(3)
+    points = rng.uniform((-0.12, -0.12, -0.02), (0.12, 0.12, 0.03), (count, 3))
+    frames = np.zeros((len(path), 1, 1, 32), complex)
+    for point, amplitude in zip(points, rng.uniform(0.3, 1, count), strict=True):
+        delay = 2 * np.linalg.norm(path.positions - point, axis=1) / SPEED_OF_LIGHT
+        frames[:, 0, 0] += amplitude * np.exp(-2j * np.pi * np.multiply.outer(delay, waveform.frequencies))
+    frames += rng.normal(size=(*frames.shape, 2)).view(complex)[..., 0] * np.sqrt((abs(frames) ** 2).mean() / 200)
+    spacing = (waveform.wavelength / 2, waveform.wavelength / 2, waveform.wavelength)
+    grid = ms.VoxelGrid.regular((-0.15, -0.15, -0.04), (0.15, 0.15, 0.05), spacing)
+    return ms.Capture(radar=radar, trajectory=path, frames=frames.astype(np.complex64)), grid
+
+
+def errors(path, seed):
+    """(P, 3) [m]: each row's offset, and a Gaussian process over the way."""
+    rng = np.random.default_rng(seed)
+    steps = np.diff(path.positions, axis=0)
+    way = np.concatenate([[0], np.cumsum(np.linalg.norm(steps, axis=1))])
+    waves, phases = rng.normal(size=(3, 256)) / CORRELATION, rng.uniform(0, 2 * np.pi, (3, 256))
+    moved = np.array([np.cos(s * waves + phases).sum(axis=1) for s in way]) * WANDER / np.sqrt(3) * np.sqrt(2 / 256)
+    rows = np.array_split(np.arange(len(path)), len(np.unique(path.positions[:, 0].round(6))))
+    for row in rows:
+        moved[row] += np.clip(rng.normal(0, FRAMES), -2.5 * FRAMES, 2.5 * FRAMES) * steps[row[0]]
+    return moved
+
+
+def left_over(path, moves):
+    """rms along the line of sight [m], less what shifts, stretches, shears or turns the whole."""
+    places = path.positions
+    sight = places / np.linalg.norm(places, axis=1, keepdims=True)
+    centred = np.concatenate([np.ones((len(places), 1)), places - places.mean(axis=0)], axis=1)
+    terms = (sight[:, :, None] * centred[:, None]).reshape(len(places), -1)
+    terms = np.concatenate([terms, np.ones((len(places), 1))], axis=1)
+    along = (moves * sight).sum(axis=1)
+    return np.sqrt(np.mean((along - terms @ np.linalg.lstsq(terms, along, rcond=None)[0]) ** 2))
+
+
+@pytest.mark.parametrize("name", ["mito-sim-77ghz", "mito-sim-24ghz"])
+def test_what_is_left(name):
+    right, grid = scene(name)
+    path, wavelength = right.trajectory, right.radar.waveform.wavelength
+    peak = ms.form_image(right, grid).magnitude.max()
+    ms.autofocus(right, grid)  # compiles, and holds still
+    improved = 0
+    print(f"\n{name}: {len(path)} poses")
+    for seed in range(5):
+        moved = errors(path, seed)
+        bad = replace(right, trajectory=replace(path, positions=path.positions - moved))
+        start = time.perf_counter()
+        found = ms.autofocus(bad, grid)
+        taken = time.perf_counter() - start
+        before, after = (wavelength / left_over(path, m) for m in (moved, found.displacements - moved))
+        peaks = [100 * ms.form_image(c, grid).magnitude.max() / peak for c in (bad, found.capture)]
+        improved += peaks[1] > 95
+        # What is not recovered is left alone.
+        assert peaks[1] > 95 or not found.applied
+        print(
+            f"seed {seed}: wavelength / {before:.1f} to / {after:.1f} (told {wavelength / found.uncertainty:.1f}), "
+            f"peak {peaks[0]:.0f} to {peaks[1]:.0f} %, {taken:.1f} s; {' and '.join(found.applied) or found.reason}"
+        )
+    assert improved
