@@ -111,7 +111,7 @@ def test_frequencies_that_cannot_be_are_refused(frequency):
 
 
 def test_a_material_known_by_its_reflection_alone_has_no_permittivity():
-    with pytest.raises(InputError, match="'odd' is known by its reflection alone"):
+    with pytest.raises(InputError, match="'odd' has only a reflection amplitude"):
         Material(name="odd", reflection=0.2 - 0.1j).permittivity(77e9)
 
 
