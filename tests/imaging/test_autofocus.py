@@ -9,6 +9,7 @@ import millisight as ms
 from helpers.commands import refused, run
 from helpers.oracles import point_frames
 from millisight.core.errors import InputError, UnknownNameError
+from millisight.data import Layers
 from millisight.imaging._autofocus_model import Pieces, View
 from millisight.imaging._path_rows import rows_of_path
 
@@ -166,8 +167,11 @@ def test_a_turntable_has_no_rows_and_its_circle_stays():
 
 def test_what_cannot_be_right_is_refused(right):
     points = right.tx_positions
+    slab = Layers(thicknesses=[0.01], indices=[1.4], normal=[0, 0, -1], moved=0.0, offset=0.0, error=0.0)
     with pytest.raises(InputError, match="tx_points"):
         ms.autofocus(replace(right, tx_points=points, rx_points=points), GRID)
+    with pytest.raises(InputError, match="layers"):
+        ms.autofocus(replace(right, layers=slab), GRID)
     with pytest.raises(UnknownNameError, match="focus"):
         ms.autofocus(right, GRID, focus="sharp")
     with pytest.raises(InputError, match="max_offset"):

@@ -136,6 +136,8 @@ def autofocus(
             "the capture states the antennas' places at each pose (tx_points, rx_points), which no path moves; "
             "autofocus expects the radar's array carried along the trajectory"
         )
+    if capture.layers is not None:
+        raise InputError("the capture was measured through layers; autofocus expects straight paths")
     rows = rows_of_path(path)
     tried = (("rows", "path"), ("rows",)) if focus == "path" else (("rows",),)
     if len(rows) < _LEAST_ROWS:
