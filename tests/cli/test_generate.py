@@ -47,7 +47,7 @@ def test_it_tells_the_cost_makes_the_dataset_and_goes_on(recipe, tmp_path):
     assert first.exit_code == 0, first.output
     lines = first.stdout.splitlines()
     assert lines[:2] == ["quick: 2 objects (2 from the catalogue)", "jobs: 2, of which 0 are done"]
-    assert re.fullmatch(r"estimate: \d+ s of one core, \d+ s on \d+; \d+ MB, and \d+ MB of temporary files", lines[2])
+    assert re.fullmatch(r"estimate: \d+ s on one core, \d+ s on \d+; \d+ MB, and \d+ MB of temporary files", lines[2])
     size = sum(entry.size for entry in read_manifest(out).entries.values())
     assert lines[3] == f"made 2 of 2 jobs; 0 were done before; 12 files, {size / 1e6:.1f} MB in {out}"
     again = run(recipe, "-o", out)
@@ -98,13 +98,17 @@ def test_a_failure_is_told_at_the_end_and_by_the_exit_code(recipe, tmp_path, mon
     [
         (QUICK.replace("strawberry", "strawbery"), FormatError, r"recipe.toml: objects: .*Did you mean 'strawberry'"),
         (QUICK.replace("step", "steps"), FormatError, r"recipe.toml: simulator.steps: .*Did you mean 'step'"),
-        (QUICK.replace("[0.1, 0.2]", "[0.03, 0.2]"), InputError, r"recipe.toml: impossible: 012_strawberry.*cm wide"),
+        (
+            QUICK.replace("[0.1, 0.2]", "[0.03, 0.2]"),
+            InputError,
+            r"cannot be generated: 012_strawberry.*cm wide",
+        ),
         (
             QUICK + "\n[rig]\nworld = { scan = { size = [0.02, 0.5] } }",
             InputError,
             r"058_golf_ball.*aperture only 2.0 cm",
         ),
-        ("name = ", FormatError, "recipe.toml is no TOML"),
+        ("name = ", FormatError, "recipe.toml is not valid TOML"),
         (small_recipe.TEXT.replace("carton", "paper"), FormatError, "unknown condition 'paper'"),
     ],
 )

@@ -42,12 +42,12 @@ def test_a_whole_object_at_once(mug, tmp_path):
     kept = {path.name: path.stat().st_mtime_ns for path in (tmp_path / "images").iterdir()}
     code, out, err = run("image", mug, "--grid", "2cm", "-o", "images", "--resume", cwd=tmp_path)
     assert code == 0, err
-    assert "imaged 1 of 8 captures, 7 done before" in out
+    assert "imaged 1 of 8 captures, 7 already done" in out
     (tmp_path / "pictures" / f"{MUG}.0_0_90.exp1.los.24_ghz.png").unlink()
     arguments = ["image", mug / "robot_collected" / "0_0_90" / "exp1", "--radar", "24_ghz", "-o", "images", "--resume"]
     code, out, err = run(*arguments, "--grid", "2cm", "--plot", "pictures", cwd=tmp_path)
     assert code == 0, err
-    assert "imaged 0 of 2 captures, 2 done before" in out
+    assert "imaged 0 of 2 captures, 2 already done" in out
     assert (tmp_path / "pictures" / f"{MUG}.0_0_90.exp1.los.24_ghz.png").exists()
     code, out, err = run(*arguments, "--grid", "3cm", cwd=tmp_path)  # other options, another image
     assert code == 0, err

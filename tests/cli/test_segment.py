@@ -109,7 +109,7 @@ def test_prompts_of_a_file(tmp_path, here):
     assert told["seed"] is None
     for text, message in (
         ('{"points": [[1, 2]]}', "p.json holds no prompts"),
-        ("[1", "p.json is no JSON"),
+        ("[1", "p.json is not JSON"),
         ('{"points": [[30, 2]], "positive": [true]}', "30 x 40 pixels"),
         ('{"points": [[1]], "positive": [true]}', "p.json: points has shape"),
     ):

@@ -83,7 +83,7 @@ def test_a_recipe_that_cannot_be_right_is_refused_by_its_place(tmp_path):
     with pytest.raises(FormatError, match=r"small\.toml holds no key; expected a recipe"):
         record_from_file(SegmenterRecipe, tmp_path / "small.toml")
     (tmp_path / "small.toml").write_text("= 3")
-    with pytest.raises(FormatError, match=r"small\.toml is no TOML"):
+    with pytest.raises(FormatError, match=r"small\.toml is not valid TOML"):
         record_from_file(SegmenterRecipe, tmp_path / "small.toml")
     shutil.copy(written(tmp_path), tmp_path / "other.toml")
     assert record_from_file(SegmenterRecipe, tmp_path / "other.toml").scenes.poses == 1

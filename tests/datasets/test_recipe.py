@@ -16,7 +16,7 @@ from millisight.datasets import prepare_objects
 from millisight.datasets._generated_objects import lying_like
 from millisight.datasets.generation import RigJob, plan_dataset, read_recipe, recipe_from_table
 from millisight.datasets.generation._jobs import jobs_of, poses_of
-from millisight.datasets.generation._recipe import Objects, Poses
+from millisight.datasets.generation._recipe import Objects, PoseSettings
 from millisight.meshes import CATALOGUE, build_object, find_scans, load_mesh
 
 RIG = small_recipe.table()["rig"]
@@ -231,7 +231,7 @@ def test_another_seed_gives_other_random_numbers_and_nothing_else():
 
 
 def test_drawn_poses_lie_in_their_ranges_and_are_no_two_alike():
-    poses = Poses(angles_deg=((0, 0, 5),), count=59, x_deg=(0, 180), y_deg=(-1, 1), z_deg=(0, 9), shift=0.01)
+    poses = PoseSettings(angles_deg=((0, 0, 5),), count=59, x_deg=(0, 180), y_deg=(-1, 1), z_deg=(0, 9), shift=0.01)
     drawn = poses_of(poses, np.random.default_rng(0))
     assert len(drawn) == 60
     assert drawn[0].angles_deg == (0, 0, 5)

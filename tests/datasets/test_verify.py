@@ -68,7 +68,7 @@ def test_damage_to_a_converted_dataset_is_found(converted):
     ms.save(image, ms.load(image))  # whole, and another: it tells when it was made
     found = {one.path.rsplit("/", 1)[-1]: one for one in verify(converted, workers=1)}
     assert not found["capture.h5"].ok
-    assert found["robot_log.h5"].problems == ("it is in manifest.jsonl, but not there",)
+    assert found["robot_log.h5"].problems == ("it is listed in manifest.jsonl, but missing",)
     assert any("bytes, by manifest.jsonl" in text for text in found["processed_image.h5"].problems)
     assert found["processed_image_more.h5"].notes == ("not in manifest.jsonl",)
 

@@ -56,7 +56,7 @@ def test_where_rows_all_run_one_way_nothing_is_guessed():
     assert not found.observable
     assert found.clock is None
     assert found.against < 0.1
-    assert "one way" in found.reason
+    assert "one direction" in found.reason
     assert np.isinf(found.offset_uncertainty)
 
 

@@ -118,7 +118,7 @@ def test_unknown_orders_must_be_declared(tmp_path):
     (lambda b: b"", DamagedFileError, "holds 0 bytes"),
     (lambda b: b[:1], DamagedFileError, "holds 1 bytes"),
     (lambda b: b[:-1], DamagedFileError, "odd number"),
-    (lambda b: b[:-2], DamagedFileError, "holds 5 whole frames of 4096 bytes, and 4094 bytes over"),
+    (lambda b: b[:-2], DamagedFileError, "holds 5 whole frames of 4096 bytes, and 4094 bytes left over"),
     (lambda b: b[:4094], DamagedFileError, "less than one frame of 4096"),
     (lambda b: b + b[:4096], DamagedFileError, "holds 7 frames of 4096 bytes; expected 6"),
     (lambda b: b"time, x, y, z\n" * 2000, FormatError, "is text"),

@@ -139,7 +139,7 @@ def test_prompts_go_to_plain_values_and_back():
         ({"points": [[1, 2]], "positive": [1]}, "true and false"),
         ({"points": [[1, 2]], "positive": [True, True]}, r"positive has shape \(2,\)"),
         ({"points": [[1, 2.5]], "positive": [True]}, "not whole"),
-        ({"points": [[1, -2]], "positive": [True]}, "down to -2"),
+        ({"points": [[1, -2]], "positive": [True]}, "index -2"),
         ({"points": [], "positive": []}, "shape"),
     ],
 )

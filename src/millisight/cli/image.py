@@ -208,7 +208,7 @@ def _image_all(
         except (MillisightError, MemoryError, OSError) as error:
             failures.append(f"{source.name}: {' '.join(in_options(str(error)).split())}")
             typer.echo(f"millisight: {failures[-1]}", err=True)
-    already = f", {passed_over} skipped" if passed_over else ""
+    already = f", {passed_over} already done" if passed_over else ""
     say(f"imaged {len(found) - len(failures) - passed_over} of {len(found)} captures{already}")
     end_with_failures(failures)
 
