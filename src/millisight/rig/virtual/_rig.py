@@ -187,7 +187,7 @@ def _planned(world: World, settings: RadarSettings) -> Trajectory:
 
 
 def line_of_sight_mask(rig: VirtualRig) -> CameraMask:
-    """The objects' pixels in the picture of the same scene with noitem before it, as the published masks are made."""
+    """The objects' pixels in the picture of the same scene with nothing before it, as the published masks are made."""
     layout, pose = rig.layout.uncovered(), rig.camera.pose
     frame = render(layout, pose, rig.world.camera, np.random.default_rng(rig.world.seed))
     return camera_mask(frame, visible_pixels(layout, pose))
@@ -209,7 +209,7 @@ def write_truth(rig: VirtualRig, folder: str | os.PathLike[str]) -> Path:
     - `<radar>.path.h5`, a Trajectory: where the radar was when it took each frame, radar frame, times of its own clock;
     - `<radar>.footprint.h5`, a Mask: the pixels of the published image grid over which objects lie; with several also
       `<radar>.<number>_<name>.footprint.h5` of each;
-    - `camera.mask.h5`, a CameraMask: the objects in the picture as if noitem hid them;
+    - `camera.mask.h5`, a CameraMask: the objects in the picture as if nothing hid them;
     - `camera.masks.npz`: of each object `<number>_<name>.amodal`, (480, 640) bool, its pixels if it were alone, and
       `.visible`, those on which it is seen;
     - `world.toml`.
