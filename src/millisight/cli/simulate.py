@@ -1,7 +1,6 @@
 """`millisight simulate`: from a mesh to a capture."""
 
 import inspect
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -27,7 +26,7 @@ from millisight.simulation import simulate as simulate_capture
 _COMBINED = ("specular", "edge")
 
 
-def _with_parameters(function: Callable) -> Callable:
+def _with_parameters(function: Any) -> Any:
     """The command with one option more for each parameter of each scattering model, after --height."""
     signature = inspect.signature(function)
     own = [p for p in signature.parameters.values() if p.kind is not p.VAR_KEYWORD]
@@ -46,7 +45,7 @@ def _with_parameters(function: Callable) -> Callable:
             )
     place = [p.name for p in own].index("height") + 1
     own[place:place] = options.values()
-    function.__signature__ = signature.replace(parameters=[p.replace(kind=p.KEYWORD_ONLY) for p in own])  # type: ignore[attr-defined]
+    function.__signature__ = signature.replace(parameters=[p.replace(kind=p.KEYWORD_ONLY) for p in own])
     function.__annotations__ |= {name: option.annotation for name, option in options.items()}
     return function
 

@@ -3,6 +3,7 @@
 Rooms above this one implement these protocols; `millisight.datasets` does for the published layout.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
@@ -28,7 +29,7 @@ class Origin(NamedTuple):
 
 
 @record
-class SceneSource:
+class SceneSource(ABC):
     """A scene of a dataset that is read when it is needed. Records of other rooms inherit it and say how.
 
     Attributes
@@ -49,26 +50,26 @@ class SceneSource:
     sight: str
 
     @property
+    @abstractmethod
     def bands(self) -> tuple[str, ...]:
         """Of its images: "24 GHz" and "77 GHz", or one of them."""
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def paths(self) -> tuple[Path, ...]:
         """Of all its files."""
-        raise NotImplementedError
 
+    @abstractmethod
     def physics(self) -> str:
         """What made its captures; "" where it is not marked as simulated."""
-        raise NotImplementedError
 
+    @abstractmethod
     def read(self, *, view: bool = True, **reading: Any) -> LabelledScene:
         """Images, true masks and, with `view`, the camera's picture."""
-        raise NotImplementedError
 
+    @abstractmethod
     def read_image(self, band: str) -> tuple[SarImage, str]:
         """An image, and what made it by its own file; "" where it is not marked as simulated."""
-        raise NotImplementedError
 
 
 class SimulationSource(Protocol):

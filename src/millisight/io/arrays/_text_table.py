@@ -3,7 +3,7 @@
 import math
 import os
 import re
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,7 +27,7 @@ class TextTable(NamedTuple):
     names: tuple[str, ...]
     source: str
 
-    def columns(self, wanted: object) -> np.ndarray:
+    def columns(self, wanted: Any) -> np.ndarray:
         """(rows, n) the columns with these numbers, from 0 on, or names; or "1:", all from a number on.
 
         Raises
@@ -48,7 +48,7 @@ class TextTable(NamedTuple):
         for name in wanted:
             if str(name) not in known:
                 raise UnknownNameError(f"column in {self.source}:", name, known)
-        places = [self.names.index(n) if n in self.names else int(n) for n in wanted]  # type: ignore[arg-type]
+        places = [self.names.index(n) if n in self.names else int(n) for n in wanted]
         return self.values[:, places]
 
 
@@ -113,13 +113,15 @@ def read_table(
             elif found and not any(map(_LIKE_A_NUMBER.fullmatch, words)):
                 hint = f": {line[:20]!r}; rows = {len(found)} leaves out what follows the numbers"
             raise DamagedFileError(f"{source}, line {number} has {len(row)} columns; expected {width} as before{hint}")
+        numbers: list[complex] = []
         for word, value in zip(words, row, strict=True):
             if value is None or not math.isfinite(abs(value)):
                 raise DamagedFileError(
                     f"{source}, line {number} has {word[:40]!r}; expected a finite number{_hint(word, decimal)}"
                 )
+            numbers.append(value)
         doubtful = doubtful and all(_WHOLE.fullmatch(word) for word in words)
-        found.append(row)  # type: ignore[arg-type]
+        found.append(numbers)
     if len(found) < (rows or 1):
         if rows and found:
             raise DamagedFileError(f"{source} has {len(found)} rows of numbers; expected {rows}")
