@@ -9,16 +9,10 @@ from millisight.core import checked_array, checked_number, checked_record, put, 
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.data import Capture, VoxelGrid
 from millisight.imaging._autofocus_model import Pieces
-from millisight.imaging._autofocus_search import (
-    Subject,
-    bright_points,
-    climb,
-    follow_rows,
-    path_modes,
-    row_modes,
-    without_common,
-)
+from millisight.imaging._autofocus_search import Subject, bright_points, climb, path_modes, row_modes, without_common
 from millisight.imaging._path_rows import Row, rows_of_path
+from millisight.imaging._row_offsets import row_offsets
+from millisight.imaging._row_tracking import tracked_rows
 
 FOCUSES = ("rows", "path")
 
@@ -26,9 +20,8 @@ _LEAST_ROWS = 3
 _LEAST_AGREEMENT = 1 / 15  # wavelengths rms by which two halves of the scene may differ on the path
 _LEAST_CORRECTION = 3  # times the uncertainty: what is less stays as it was given
 _LEAST_GAIN = 1.005  # of the sharpness of places that were not fitted
-# Rows whose images' powers are added to find what is bright, and steps uphill.
-_FIRST, _ALIGNED = 3, 12
-_CLIMBS = ((40, 12), (80, 12), (10**6, 15), (10**6, 40))
+_LEAST_COHERENCE = 1.5  # times what rows that have nothing in common reach, of likeness and of coherence
+_CLIMBS = (20, 30)  # steps uphill, what is bright looked for again before each
 
 UNOBSERVABLE = (
     "A shift of the whole path moves the image and changes nothing else: the path as a whole stays where it was given.",
@@ -101,13 +94,15 @@ def autofocus(
 ) -> Focused:
     """The path that makes the image sharpest: rows begun early or late, then smooth errors along the way.
 
-    Each row is laid on the image of the rows before it: its offset along its own direction, and how much nearer or
-    farther it runs. Then the smooth errors of all three coordinates, cubic splines over the way, and the rows' offsets
-    go uphill along the gradient of the sum of |I|³ over the brightest cells, which are looked for again on the way.
+    Each row's image, without its phases, is laid on those of the rows around it: that tells the rows' offsets. Then the
+    phases of single targets are followed from row to row by a Kalman filter, which tells how far each row lies from where
+    it should. Last, the smooth errors of all three coordinates, cubic splines over the way, and the rows' offsets go
+    uphill along the gradient of the sum of |I|³ over the brightest cells, which are looked for again on the way.
 
-    Nothing is corrected on one word: the scene is parted in two like a chess board, each half tells the path alone, and
-    only what both agree on, and what makes each half sharper when the other was fitted, is believed. What the two
-    differ by is the uncertainty.
+    Nothing is corrected on one word: rows are only followed where that makes the targets more coherent than it makes
+    phases drawn at random. Then the scene is parted in two like a chess board, each half tells the path alone, and only
+    what both agree on, and what makes each half sharper when the other was fitted, is believed. What the two differ by
+    is the uncertainty.
 
     Parameters
     ----------
@@ -196,13 +191,11 @@ class _Search:
     def focused(self, what: tuple[str, ...]) -> Focused | str:
         """The correction; where it is not to be believed, the reason."""
         subject = self._subject
-        points = self._points(self._nothing, _FIRST, None, self._rng)
-        if not len(points):
+        if not len(self._points(self._nothing, None)):
             return "no echo comes from the grid"
-        begun = self._begun(what, points)
-        begun = self._begun(what, self._points(begun, _ALIGNED, None))
+        begun = self._sharpest([self._nothing, *self._begun(what)])
         halves = [self._fit(what, begun, fold) for fold in range(2)]
-        seen = [self._points(m, 10**6, 1 - fold) for fold, m in enumerate(halves)]
+        seen = [self._points(m, 1 - fold) for fold, m in enumerate(halves)]
         if not all(len(p) for p in seen):
             return "the grid is too small to be parted: one half of the scene cannot judge what the other tells"
         between = (halves[0] - halves[1]) / 2
@@ -221,9 +214,7 @@ class _Search:
                 f"nothing to correct: what was found is {1e3 * size:.3f} mm along the line of sight, uncertain by "
                 f"{1e3 * uncertainty:.3f}, and places that were not fitted got sharper by {100 * gain - 100:.1f} %"
             )
-        seen_by_all = subject.view(self._nothing, places)
-        started = [seen_by_all.sharpness(subject.pieces.means(m))[0] for m in (begun, *halves)]
-        moves = self._fit(what, (begun, *halves)[int(np.argmax(started))], None)
+        moves = self._fit(what, self._sharpest([begun, *halves]), None)
         # The halves were fitted apart; an answer of all that is far from theirs is less certain than they are.
         uncertainty = max(uncertainty, _rms(subject.sighted(moves - np.mean(halves, axis=0), places)))
         offsets = np.array([(moves[row.poses] @ row.step).mean() / (row.step @ row.step) for row in subject.rows])
@@ -251,28 +242,36 @@ class _Search:
             reason="",
         )
 
-    def _points(self, moves: np.ndarray, together: int, fold: int | None, rng=None) -> np.ndarray:
-        return bright_points(self._subject, moves, together, fold, rng)
+    def _points(self, moves: np.ndarray, fold: int | None) -> np.ndarray:
+        return bright_points(self._subject, moves, fold)
 
-    def _begun(self, what: tuple[str, ...], points: np.ndarray) -> np.ndarray:
-        """(P, 3) what the rows one after another tell [m]; where there are none, nothing."""
-        moves = np.zeros_like(self._nothing)
-        if self._subject.rows and len(points):
-            offsets, shifts = follow_rows(self._subject, points, self._most)
-            for row, offset, shift in zip(self._subject.rows, offsets, shifts, strict=True):
-                moves[row.poses] = offset * row.step + (shift if "path" in what else 0)
-        return moves
+    def _begun(self, what: tuple[str, ...]) -> list[np.ndarray]:
+        """(P, 3) what the rows tell before anything is in phase [m]: their offsets; these and their distances."""
+        subject, moves = self._subject, np.zeros_like(self._nothing)
+        late = row_offsets(subject, self._most, self._rng) if subject.rows else None
+        if late is None or late.likeness < _LEAST_COHERENCE * late.chance:
+            return []
+        for row, offset in zip(subject.rows, late.frames, strict=True):
+            moves[row.poses] = offset * row.step
+        found = tracked_rows(subject, moves, self._rng) if "path" in what else None
+        if found is None or found.coherence < _LEAST_COHERENCE * found.chance:
+            return [moves]
+        return [moves, moves + found.moves]
+
+    def _sharpest(self, tried: list[np.ndarray]) -> np.ndarray:
+        """The sharpest of displacements (P, 3) [m], each seen where any of them is bright."""
+        points = np.concatenate([self._points(moves, None) for moves in tried])
+        still = np.zeros((len(self._subject.pieces.rows), 3))
+        sharp = [self._subject.view(moves, points).sharpness(still)[0] for moves in tried]
+        return tried[int(np.argmax(sharp))]
 
     def _fit(self, what: tuple[str, ...], moves: np.ndarray, fold: int | None) -> np.ndarray:
         """(P, 3) the answer of one half of the scene, or of all, from `moves` on [m]."""
         subject = self._subject
-        points = self._points(moves, _ALIGNED, fold)
-        if fold is not None and len(points):
-            moves = self._begun(what, points)
         modes = [path_modes(subject, self._smoothness)] if "path" in what else []
         modes += [row_modes(subject)] if "rows" in what else []
-        for together, steps in _CLIMBS:
-            points = self._points(moves, together, fold)
+        for steps in _CLIMBS:
+            points = self._points(moves, fold)
             if len(points):
                 moves = moves + climb(subject, subject.view(moves, points), modes, steps)
             # A shift of everything only moves the image.

@@ -53,10 +53,16 @@ class Pieces(NamedTuple):
         )
         return cls(order, starts, np.array(numbers), np.add.reduceat(travelled, starts[:-1]) / np.diff(starts))
 
-    def joined(self, rows: int) -> "Pieces":
-        """So many neighbouring rows as one piece each."""
-        first = np.flatnonzero(np.diff(self.rows // rows, prepend=-1))
-        return Pieces(self.order, np.append(self.starts[first], self.starts[-1]), self.rows[first], self.way[first])
+    def joined(self) -> "Pieces":
+        """All as one piece."""
+        return Pieces(self.order, self.starts[[0, -1]], self.rows[:1], self.way[:1])
+
+    def thinned(self, every: int) -> "Pieces":
+        """Those of each `every`th row alone."""
+        kept = np.flatnonzero(self.rows % every == 0)
+        lengths = np.diff(self.starts)[kept]
+        runs = [self.order[self.starts[s] : self.starts[s + 1]] for s in kept]
+        return Pieces(np.concatenate(runs), np.append(0, np.cumsum(lengths)), self.rows[kept], self.way[kept])
 
     def means(self, values: np.ndarray) -> np.ndarray:
         """(S, ...) means over pieces of values of the poses (P, ...)."""
