@@ -95,9 +95,9 @@ def autofocus(
     """The path that makes the image sharpest: rows begun early or late, then smooth errors along the way.
 
     Each row's image, without its phases, is laid on those of the rows around it: that tells the rows' offsets. Then the
-    phases of single targets are followed from row to row by a Kalman filter, which tells how far each row lies from where
-    it should. Last, the smooth errors of all three coordinates, cubic splines over the way, and the rows' offsets go
-    uphill along the gradient of the sum of |I|³ over the brightest cells, which are looked for again on the way.
+    phases of single targets are followed from row to row by a Kalman filter, which tells how far each row lies from
+    where it should. Last, the smooth errors of all three coordinates, cubic splines over the way, and the rows' offsets
+    go uphill along the gradient of the sum of |I|³ over the brightest cells, which are looked for again on the way.
 
     Nothing is corrected on one word: rows are only followed where that makes the targets more coherent than it makes
     phases drawn at random. Then the scene is parted in two like a chess board, each half tells the path alone, and only

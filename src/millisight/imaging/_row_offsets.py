@@ -1,7 +1,7 @@
 """Offsets of rows from magnitudes alone: each row's own image, laid on those of the rows around it.
 
-A row of a raster is an aperture of its own. Its image is sharp along the row, and an offset of the row moves it along the
-row as a whole. Magnitudes do not know the phase that a row's distance turns, so this works while nothing is in phase.
+A row of a raster is an aperture of its own. Its image is sharp along the row, and an offset of the row moves it along
+the row as a whole. A row's distance turns phases alone, and magnitudes stay: this works while nothing is in phase.
 """
 
 from typing import NamedTuple
@@ -53,8 +53,8 @@ def row_fields(view: View, pieces: Pieces) -> np.ndarray:
 
 
 class RowOffsets(NamedTuple):
-    """By how many frames each row began late (R,), how alike the rows are then (-1 to 1), and how alike rows become that
-    were shifted at random."""
+    """By how many frames each row began late (R,), how alike the rows are then (-1 to 1), and how alike rows become
+    that were shifted at random."""
 
     frames: np.ndarray
     likeness: float
@@ -80,7 +80,7 @@ def row_offsets(subject: Subject, most: float, rng: np.random.Generator) -> RowO
 
 
 def _aligned(sizes: np.ndarray, reach: np.ndarray) -> tuple[np.ndarray, float]:
-    """(R,) shifts of rows (R, lines, n) by which they are most alike, by `reach` (R,) at most, and how alike [-1, 1]."""
+    """(R,) shifts by which rows (R, lines, n) are most alike, `reach` (R,) at most, and how alike they are [-1, 1]."""
     from scipy.ndimage import gaussian_filter1d
 
     length = 1 << int(np.ceil(np.log2(sizes.shape[-1] + 2 * reach.max() + 8)))

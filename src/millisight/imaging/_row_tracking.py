@@ -20,8 +20,8 @@ _EVERY = 3  # rows looked at for targets: each third
 _TARGETS, _NOISES = (10, 14, 20, 30), (0.35, 0.7)  # of the trials: how many; standard deviation of their phases [rad]
 _JUDGED = 20  # targets that judge a trial
 _SURROGATES = 4  # scrambled phases, each followed from one end
-# Standard deviations: of a row's rate and its change [wavelengths], offset [frames], of a target's place across the rows
-# and in depth [wavelengths].
+# Standard deviations: of a row's rate, its change and what is neither [wavelengths], its offset [frames]; of a target's
+# place from row to row and in depth [wavelengths].
 _RATE, _TURN, _JITTER, _OFFSET, _ACROSS, _DEPTH = 0.1, 0.05, 0.01, 0.25, 0.5, 0.4
 
 
