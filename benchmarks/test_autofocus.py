@@ -59,27 +59,41 @@ def left_over(path, moves):
     return np.sqrt(np.mean((along - terms @ np.linalg.lstsq(terms, along, rcond=None)[0]) ** 2))
 
 
-@pytest.mark.parametrize("name", ["mito-sim-77ghz", "mito-sim-24ghz"])
-def test_what_is_left(name):
+def peak(capture, grid):
+    """The largest magnitude, between the voxels as well."""
+    brightest = grid.points[ms.form_image(capture, grid).magnitude.argmax()]
+    steps = [np.diff(axis)[0] for axis in (grid.x, grid.y, grid.z)]
+    around = np.stack(np.meshgrid(*3 * [np.linspace(-0.5, 0.5, 5)]), axis=-1).reshape(-1, 3) * steps
+    values = ms.image_at(
+        capture.frames,
+        capture.tx_positions,
+        capture.rx_positions,
+        capture.radar.waveform.frequencies,
+        brightest + around,
+    )
+    return abs(values).max()
+
+
+@pytest.mark.parametrize(("name", "least"), [("mito-sim-77ghz", 18), ("mito-sim-24ghz", 6)])
+def test_what_is_left(name, least):
     right, grid = scene(name)
     path, wavelength = right.trajectory, right.radar.waveform.wavelength
-    peak = ms.form_image(right, grid).magnitude.max()
-    ms.autofocus(right, grid)  # compiles, and holds still
-    improved = 0
-    print(f"\n{name}: {len(path)} poses")
+    best = peak(right, grid)
+    same = ms.autofocus(right, grid)  # compiles, and holds still
+    assert not same.applied
+    print(f"\n{name}: {len(path)} poses; the right path: {same.reason}")
     for seed in range(5):
         moved = errors(path, seed)
         bad = replace(right, trajectory=replace(path, positions=path.positions - moved))
-        start = time.perf_counter()
+        start, worked = time.perf_counter(), time.process_time()
         found = ms.autofocus(bad, grid)
-        taken = time.perf_counter() - start
+        taken, worked = time.perf_counter() - start, time.process_time() - worked
         before, after = (wavelength / left_over(path, m) for m in (moved, found.displacements - moved))
-        peaks = [100 * ms.form_image(c, grid).magnitude.max() / peak for c in (bad, found.capture)]
-        improved += peaks[1] > 95
-        # What is not recovered is left alone.
-        assert peaks[1] > 95 or not found.applied
+        peaks = [100 * peak(c, grid) / best for c in (bad, found.capture)]
         print(
             f"seed {seed}: wavelength / {before:.1f} to / {after:.1f} (told {wavelength / found.uncertainty:.1f}), "
-            f"peak {peaks[0]:.0f} to {peaks[1]:.0f} %, {taken:.1f} s; {' and '.join(found.applied) or found.reason}"
+            f"peak {peaks[0]:.0f} to {peaks[1]:.0f} %, {taken:.1f} s ({worked:.0f} s of processor); "
+            f"{' and '.join(found.applied) or found.reason}"
         )
-    assert improved
+        assert after > least
+        assert peaks[1] > 80
