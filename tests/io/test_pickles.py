@@ -59,6 +59,12 @@ def test_plain_values_and_arrays_come_back(tmp_path, protocol):
     assert not found["image"].flags.writeable
 
 
+def test_tuples_with_a_text_may_be_keys(tmp_path):
+    values = {("004", "sugar_box"): "box", ("a", 1, True): [("b", 2)]}
+    for protocol in (0, 2, 4, 5):
+        assert read(tmp_path, pickle.dumps(values, protocol=protocol)) == values
+
+
 def test_arrays_of_other_numpys_and_pythons(tmp_path):
     values = {"a": np.arange(6.0).reshape(2, 3), "s": np.float64(0.5)}
     for protocol in (2, 4, 5):
@@ -111,7 +117,8 @@ def attacks(mark):
         ("expected bytes", Calls(bytes, 10**12)),
         ("_mareconstruct", np.ma.array([1.0])), ("recarray", np.zeros((1, 1)).view(np.recarray)),
         ("__generator_ctor", np.random.default_rng(0)), ("sin", np.sin), ("array of structures", np.zeros(1, "f8,i4")),
-        ("M8", np.zeros(1, "M8[s]")), ("tuple as a key", {(1, 2): 3}), ("complex as a key", {1j}),
+        ("M8", np.zeros(1, "M8[s]")), ("tuple as a key", {(1, 2): 3}), ("tuple as a key", {("a", 1 << 20): 3}),
+        ("tuple as a key", {("a", (1,)): 3}), ("tuple as a key", {("a",) * 9: 3}), ("complex as a key", {1j}),
     ]  # fmt: skip
 
 

@@ -17,6 +17,15 @@ from ._manifest import write_manifest as write_manifest
 from ._mito import experiments_under as experiments_under
 from ._mito import find_object as find_object
 from ._mito import open as open
+from ._published import PUBLISHED_OBJECTS as PUBLISHED_OBJECTS
+from ._published import PUBLISHED_SPLITS as PUBLISHED_SPLITS
+from ._published import PublishedExperiment as PublishedExperiment
+from ._published import PublishedObject as PublishedObject
+from ._published import PublishedSplit as PublishedSplit
+from ._published import SplitImage as SplitImage
+from ._published import published_experiment as published_experiment
+from ._published import published_split as published_split
+from ._published import read_split as read_split
 from ._runner import ItemRun as ItemRun
 from ._runner import evaluate as evaluate
 from ._runner import run_items as run_items

@@ -24,6 +24,8 @@ _DEEPEST = 100
 _EXPANSION, _LEAST_LIMIT = 16, 1 << 26  # how large the content may be, shared parts counted each time they occur
 _ATOMS = (str, bytes, bytearray, int, float, complex, type(None), np.generic, np.dtype)
 _KEYS = (str, bytes, bool, int, float, type(None))
+_LONGEST_KEY = 8  # entries of a tuple that is a key
+_KEY_BITS = 16  # of whole numbers in it
 
 
 def read_pickle(path: str | os.PathLike[str]) -> Any:
@@ -210,9 +212,23 @@ def _expected(value: Any, cls: Any) -> Any:
 def _keys(items: list[Any]) -> list[Any]:
     """Keys of a dictionary or a set, of such kinds that no file can make them collide by design."""
     for item in items:
+        if type(item) is tuple and _is_plain_key(item):
+            continue
         if type(item) not in _KEYS or (type(item) is int and item.bit_length() > 63):
-            raise _Refused(f"a {type(item).__name__} as a key; expected text, bytes, None, or a number of 64 bits")
+            raise _Refused(
+                f"a {type(item).__name__} as a key; expected text, bytes, None, a number of 64 bits, or a short tuple "
+                f"with a text and whole numbers of {_KEY_BITS} bits"
+            )
     return items
+
+
+def _is_plain_key(items: tuple[Any, ...]) -> bool:
+    """A tuple with a text, whose hash no file can foresee; its numbers are too small to be of use for collisions."""
+    return (
+        len(items) <= _LONGEST_KEY
+        and any(type(item) is str for item in items)
+        and all(type(item) in (str, bool) or (type(item) is int and item.bit_length() <= _KEY_BITS) for item in items)
+    )
 
 
 def _pairs(items: list[Any]) -> dict[Any, Any]:
