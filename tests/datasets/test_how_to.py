@@ -27,5 +27,5 @@ def test_what_the_page_shows_is_run(miniature, tmp_path, monkeypatch, capsys):
                 assert result.exit_code == 0, (line, result.output)
     assert run == {"sh": 3, "python": 3}
     assert capsys.readouterr().out.count("025_mug") == 4
-    assert variables["grid"].shape == (220, 240, 22)
+    assert variables["grid"].shape == (220, 241, 22)
     assert Path("processed_image_again.pkl").stat().st_size > 0

@@ -4,6 +4,7 @@ import pickle
 
 import pytest
 
+from helpers.published_mock import split_values
 from millisight.core.errors import DamagedFileError, FileError, UnknownNameError
 from millisight.datasets import (
     PUBLISHED_OBJECTS,
@@ -16,22 +17,6 @@ from millisight.datasets import (
 from millisight.meshes import CATALOGUE
 
 PAPER_CLASSES = ("can", "handle", "box", "sphere")
-
-
-def split_values(split, *, experiments):
-    """What the published pickle of a split holds: tuples as entries and as keys."""
-
-    def key(folder):
-        number, _, name = folder.partition("_")
-        return number, name
-
-    def entry(image):
-        plain = (*key(image.folder), image.simulated, image.sight == "los")
-        return (*plain, None if image.simulated else str(image.experiment)) if experiments else plain
-
-    sides = {"train": split.training, "validation": split.validation, "test": split.test}
-    classes = {key(folder): shape for folder, shape in split.classes.items()}
-    return {side: [entry(one) for one in images] for side, images in sides.items()} | {"classes": classes}
 
 
 def test_the_published_test_has_the_34_images_of_the_papers_table():

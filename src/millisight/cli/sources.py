@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from millisight.cli.console import progress
-from millisight.core import check_readable
-from millisight.core.errors import FileError, InputError
+from millisight.core import check_readable, printable
+from millisight.core.errors import FileError, FormatError, InputError
 from millisight.data import Capture, RawScan, Trajectory
 
 # Read with a description: the user's own, or a shipped one that fits the arrays.
@@ -58,6 +58,11 @@ class Source:
             from millisight.io.mito import read_experiment
 
             yield _placed(read_experiment(self.path, self.radar), label)
+            return
+        if self.path.suffix.lower() == ".pkl":
+            from millisight.io.mito import read_published
+
+            yield Opened(_expect_capture(read_published(self.path).record, self.path))
             return
         if self.path.suffix.lower() not in _DESCRIBED:
             from millisight.io import open_capture
@@ -112,6 +117,7 @@ def _under(path: Path, radar: str | None) -> list[Source]:
     experiments = experiments_under(path)
     found = [Source(raw.folder, raw.name, raw.radar, Path()) for raw in experiments if radar in (None, raw.radar)]
     found += _converted(path, radar)
+    found += _simulated(path, radar)
     if not found:
         wanted = "" if not experiments else f" of the {radar} radar"
         raise FileError(
@@ -132,6 +138,25 @@ def _converted(folder: Path, radar: str | None) -> list[Source]:
         if radar in (None, places[-1]):
             found.append(Source(path, ".".join(places[-5:]), None, Path()))
     return found
+
+
+def _simulated(folder: Path, radar: str | None) -> list[Source]:
+    """Raw simulations of the published layout, as published or converted, at or below a folder."""
+    from millisight.io.mito import RADARS, RAW_SIMULATION, kind_of
+
+    found = []
+    for path in sorted(path for suffix in (".pkl", ".h5") for path in folder.rglob(f"raw_sim_files*{suffix}")):
+        kind, band = kind_of("simulated", path.name), path.resolve().parent.name
+        if kind is not None and kind[0] == RAW_SIMULATION and band in RADARS and radar in (None, band):
+            places = [part for part in path.resolve().parts[-7:-1] if part not in ("unprocessed", "radars")]
+            found.append(Source(path, ".".join(places) + kind[1], None, Path()))
+    return found
+
+
+def _expect_capture(record: object, path: Path) -> Capture:
+    if not isinstance(record, Capture):
+        raise FormatError(f"{printable(path)} holds a {type(record).__name__}; expected a capture")
+    return record
 
 
 def _placed(scan: RawScan, label: str) -> Opened:

@@ -188,6 +188,6 @@ def published_split(name: str = "") -> PublishedSplit:
     ------
     UnknownNameError
     """
-    name = name or next(reversed(PUBLISHED_SPLITS))
+    name = name or list(PUBLISHED_SPLITS)[-1]
     check_known("published split", name, PUBLISHED_SPLITS)
     return PUBLISHED_SPLITS[name]

@@ -1,16 +1,18 @@
 """Scenes of a dataset in the published layout, joined for evaluation: images, camera, and true masks."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from millisight.core import check_known, read_toml, record, rotation_from_quaternion
+from millisight.core import check_known, record, rotation_from_quaternion
 from millisight.core.errors import FileError, InputError
 from millisight.data import CameraFrame, CameraMask, Mask, SarImage
 from millisight.datasets._dataset import Dataset, Experiment, Item, expect, read_item
-from millisight.datasets._manifest import read_manifest
+from millisight.datasets._empty import subtract_published_empty
+from millisight.datasets._origins import origins
+from millisight.datasets._published import PUBLISHED_OBJECTS, PublishedExperiment, published_experiment
 from millisight.evaluation import (
     HIGH,
     LOW,
@@ -23,7 +25,7 @@ from millisight.evaluation import (
     radar_from_camera,
 )
 from millisight.imaging import crop_slices
-from millisight.io import load, load_extras, mito
+from millisight.io import load_extras, mito
 from millisight.meshes import CATALOGUE
 
 TRUTHS = ("camera", "exact")
@@ -31,6 +33,7 @@ TRANSFORMS = ("file", "published")
 _RADARS = {LOW: "24_ghz", HIGH: "77_ghz"}
 _SUPPORTS = {"tripod": -0.30}  # height of what the object stands on [m]; of anything else:
 _BLOCK = -0.48
+_TOP_SLICES = 3  # that 24 GHz and simulated images lose where a 77 GHz image is cropped
 _MARGIN = 0.004  # above the support, what belongs to the object [m]
 
 
@@ -46,6 +49,9 @@ class SceneFiles(SceneSource):
     camera_number : N of the experiment that it comes from
     frame : of this very scene; None: there is none
     info : `experiment_info.json`
+    turns : what may tell how the tool was held in the 77 GHz scan: the image, raw files, the robot's log
+    published : what the table of the published dataset says of the experiment; it holds for measured scenes alone
+    empty : the empty scene's image, to be subtracted at 24 GHz as published; None: there is none
     """
 
     images: Mapping[str, Item]
@@ -54,6 +60,9 @@ class SceneFiles(SceneSource):
     camera_number: int
     frame: Item | None
     info: Item | None
+    turns: tuple[Item, ...] = ()
+    published: PublishedExperiment | None = None
+    empty: Item | None = None
 
     @property
     def bands(self) -> tuple[str, ...]:
@@ -63,7 +72,7 @@ class SceneFiles(SceneSource):
     @property
     def paths(self) -> tuple[Path, ...]:
         """Of all files."""
-        single = [item for item in (self.camera_mask, self.frame, self.info) if item is not None]
+        single = [item for item in (self.camera_mask, self.frame, self.info, self.empty) if item is not None]
         return tuple(item.path for item in (*self.images.values(), *self.masks.values(), *single))
 
     def physics(self) -> str:
@@ -76,14 +85,34 @@ class SceneFiles(SceneSource):
         info = self._info()
         return str(info.get("physics", "simulated")) if info.get("simulated") is True else ""
 
-    def read_image(self, band: str) -> tuple[SarImage, str]:
+    @property
+    def used(self) -> bool:
+        """Whether the authors of the published dataset use the scene; always of simulated scenes, and of others' data.
+
+        Raises
+        ------
+        FileError, DamagedFileError
+        """
+        return self.published is None or self.sight in self.published.available or bool(self.physics())
+
+    def read_image(self, band: str, *, crop: tuple[int, int] | None = None) -> tuple[SarImage, str]:
         """The image of a band, and what made it by its own file; "" where that does not call itself simulated.
+
+        Of published scenes, the empty scene is subtracted at 24 GHz where the dataset holds it. `crop` is the number of
+        the lowest and of the highest slices that a 77 GHz image loses; None: as published, of which images of fewer
+        slices are left whole.
 
         Raises
         ------
         FileError, FormatError, DamagedFileError
         """
-        return _read_image(self.images[band])
+        image, made_by = _read_image(self.images[band])
+        published = None if made_by or (self.info is not None and self.physics()) else self.published
+        if published is not None and band == LOW and self.empty is not None:
+            image = subtract_published_empty(image, read_item(self.empty, SarImage))
+        if crop is None:
+            return cropped_as_published(image, band, published), made_by
+        return crop_slices(image, low=crop[0], high=crop[1]) if band == HIGH else image, made_by
 
     def read(
         self,
@@ -91,7 +120,7 @@ class SceneFiles(SceneSource):
         truth: str = "camera",
         transform: str = "file",
         support: float | None = None,
-        crop: tuple[int, int] = (0, 0),
+        crop: tuple[int, int] | None = None,
         view: bool = True,
     ) -> LabelledScene:
         """The scene with its true masks.
@@ -103,7 +132,7 @@ class SceneFiles(SceneSource):
         transform : camera to radar by the pose in the "file", or by the constants of the "published" evaluation
         support : height of what the object stands on [m], above which the camera's prompts lie; None: -0.30 on a
             tripod, -0.48 otherwise
-        crop : number of the lowest and of the highest slices of 77 GHz images to leave out
+        crop : see `read_image`
         view : whether to read the camera's picture of this very scene
 
         Raises
@@ -116,7 +145,7 @@ class SceneFiles(SceneSource):
         """
         check_known("truth", truth, TRUTHS)
         check_known("camera-to-radar transform", transform, TRANSFORMS)
-        images = {band: read_item(item, SarImage) for band, item in self.images.items()}
+        images = {band: self.read_image(band, crop=crop)[0] for band in self.images}
         turn = self._radar_turn() if transform == "published" and self.number == 1 else None
 
         def placed(pose: np.ndarray) -> np.ndarray:
@@ -133,8 +162,6 @@ class SceneFiles(SceneSource):
         else:
             camera: CameraMask = read_item(self.camera_mask, CameraMask)
             masks = {band: camera_truth(camera, image.grid.xy, placed(camera.pose)) for band, image in images.items()}
-        if HIGH in images:
-            images[HIGH] = crop_slices(images[HIGH], low=crop[0], high=crop[1])
         return LabelledScene(
             name=self.name,
             object=self.object,
@@ -172,14 +199,12 @@ class SceneFiles(SceneSource):
         return mito.read_info(self.info.path)
 
     def _radar_turn(self) -> np.ndarray | None:
-        """(3, 3) of the tool at the radar's first place, where the 77 GHz image tells of it."""
-        item = self.images.get(HIGH)
-        if item is None or item.converted:
-            return None
-        poses = mito.read_published(item.path).extras.get("antenna_locs.tx_77_locs")
-        if poses is None or np.ndim(poses) != 2 or np.shape(poses)[1] != 7:
-            return None
-        return rotation_from_quaternion(np.asarray(poses)[0, 3:])
+        """(3, 3) of the tool at the radar's first place, where the 77 GHz image or the robot's log tells of it."""
+        for item in self.turns:
+            quaternion = mito.first_turn(_turn_extras(item))
+            if quaternion is not None:
+                return rotation_from_quaternion(quaternion)
+        return None
 
 
 @record
@@ -189,9 +214,11 @@ class SimulationFiles:
     Attributes
     ----------
     items : by band and "specular" or "edges"
+    published : what the table of the published dataset says of the object's first experiment
     """
 
     items: Mapping[tuple[str, str], Item]
+    published: PublishedExperiment | None = None
 
     @property
     def paths(self) -> tuple[Path, ...]:
@@ -199,8 +226,9 @@ class SimulationFiles:
         return tuple(item.path for item in self.items.values())
 
     def read_image(self, band: str, part: str) -> tuple[SarImage, str]:
-        """As `SceneFiles.read_image`."""
-        return _read_image(self.items[band, part])
+        """As `SceneFiles.read_image`; a published image loses its highest slices where measured ones are cropped."""
+        image, made_by = _read_image(self.items[band, part])
+        return cropped_as_published(image, LOW, None if made_by else self.published), made_by
 
 
 @record
@@ -211,10 +239,12 @@ class DatasetFiles:
     ----------
     dataset : Dataset
     scenes : those to be evaluated
+    notes : what is to be said of them
     """
 
     dataset: Dataset
     scenes: tuple[SceneFiles, ...]
+    notes: tuple[str, ...] = ()
 
     @property
     def path(self) -> Path:
@@ -232,15 +262,27 @@ class DatasetFiles:
             images = [item for item in one.items if (item.kind, item.radar) == (mito.IMAGE, _RADARS[band])]
             items = {(band, item.ext[1:]): item for item in images if item.ext in ("_specular", "_edges")}
             if len(items) == 2:
-                found[one.object, one.angles] = SimulationFiles(items=items)
+                published = published_experiment(one.object, 1)
+                found[one.object, one.angles] = SimulationFiles(items=items, published=published)
         return found
 
 
-def find_scenes(dataset: Dataset, *, sight: str | None = None) -> tuple[SceneFiles, ...]:
-    """The scenes of a dataset that have radar images, by names alone; with a `sight`, those of it.
+def find_scenes(
+    dataset: Dataset, *, sight: str | None = None, experiment: int | None = None, within: Dataset | None = None
+) -> tuple[SceneFiles, ...]:
+    """The scenes of a dataset that have radar images, by names alone.
 
-    Out of sight the camera's mask is that of the same experiment in line of sight; of simulated ones, where the object
-    was not moved between experiments, also that of the first of the object so turned.
+    Parameters
+    ----------
+    dataset : Dataset
+    sight : those of this sight alone
+    experiment : those of this number alone
+    within : the dataset that holds the empty scenes; None: this one
+
+    Returns
+    -------
+    SceneFiles. Out of sight the camera's mask is that of the same experiment in line of sight; of simulated ones, where
+    the object was not moved between experiments, also that of the first of the object so turned.
 
     Raises
     ------
@@ -251,14 +293,32 @@ def find_scenes(dataset: Dataset, *, sight: str | None = None) -> tuple[SceneFil
         check_known("sight", sight, mito.SIGHTS)
     found = []
     catalogued = {entry.ycb_id: name for name, entry in CATALOGUE.items()}
+    catalogued |= {folder: entry.catalogue for folder, entry in PUBLISHED_OBJECTS.items() if entry.catalogue}
+    empties = _empty_images(dataset if within is None else within)
     for one in dataset.objects:
         if one.role == "object":
             name = catalogued.get(one.folder.name, one.name)
-            found += [_files(experiment, name, one.experiments) for experiment in one.experiments]
-    return tuple(files for files in found if files.images and sight in (None, files.sight))
+            found += [_files(each, name, one.experiments, empties) for each in one.experiments]
+    return tuple(
+        files for files in found if files.images and sight in (None, files.sight) and experiment in (None, files.number)
+    )
 
 
-def _files(experiment: Experiment, name: str, others: tuple[Experiment, ...]) -> SceneFiles:
+def _empty_images(dataset: Dataset) -> dict[tuple[str, int], Item]:
+    """24 GHz images of empty scenes, by their id and the experiment's number."""
+    return {
+        (one.id, experiment.number): item
+        for one in dataset.objects
+        if one.role == "empty"
+        for experiment in one.experiments
+        for item in experiment.items
+        if (item.kind, item.radar, item.ext) == (mito.IMAGE, "24_ghz", "")
+    }
+
+
+def _files(
+    experiment: Experiment, name: str, others: tuple[Experiment, ...], empties: Mapping[tuple[str, int], Item]
+) -> SceneFiles:
     angles = "_".join(map(str, experiment.angles))
     open_view = [e for e in others if e.sight == "los" and e.angles == experiment.angles]
     open_view.sort(key=lambda e: (e.number != experiment.number, e.number))
@@ -272,6 +332,9 @@ def _files(experiment: Experiment, name: str, others: tuple[Experiment, ...]) ->
     def first(kind: str) -> Item | None:
         return next((item for item in experiment.items if item.kind == kind), None)
 
+    images, published = by_band(mito.IMAGE), published_experiment(experiment.object, experiment.number)
+    empty = "" if published is None else published.empty.get(experiment.sight, "")
+    logs = [item for item in experiment.items if item.kind in (mito.RAW, mito.LOG) and item.radar == _RADARS[HIGH]]
     return SceneFiles(
         name=f"{experiment.object}/{angles}/exp{experiment.number}/{experiment.sight}",
         object=name,
@@ -279,50 +342,37 @@ def _files(experiment: Experiment, name: str, others: tuple[Experiment, ...]) ->
         angles=experiment.angles,
         number=experiment.number,
         sight=experiment.sight,
-        images=by_band(mito.IMAGE),
+        images=images,
         masks=by_band(mito.RADAR_MASK),
         camera_mask=camera_mask,
         camera_number=camera_number,
         frame=first(mito.CAMERA_FRAME),
         info=first(mito.INFO),
+        turns=(*([images[HIGH]] if HIGH in images else []), *logs),
+        published=published,
+        empty=empties.get((empty, experiment.number)),
     )
 
 
-def origins(dataset: Dataset, scenes: Sequence[SceneFiles]) -> dict[str, Origin]:
-    """Where each scene comes from, by its name: of generated ones, by `truth` and the manifest.
-
-    Raises
-    ------
-    FileError, FormatError, DamagedFileError
-    """
-    manifest = read_manifest(dataset.root)
-    seed = None if manifest is None else manifest.settings.get("seed")
-    common = {seed} if isinstance(seed, int) else set()
-    found = {}
-    for files in scenes:
-        folder, turned, rest = files.name.split("/", 2)
-        places = sorted((dataset.root / mito.TRUTH / folder / "robot_collected" / turned / rest).glob("*/world.toml"))
-        worlds = [read_toml(path, "world") for path in places]
-        found[files.name] = Origin(
-            shape=_shape(worlds[0], files.object) if worlds else "unknown",
-            seeds=frozenset(common | {world["seed"] for world in worlds if isinstance(world.get("seed"), int)}),
-        )
-    return found
+def cropped_as_published(image: SarImage, band: str, published: PublishedExperiment | None) -> SarImage:
+    """The image without the slices that published ones lose; whole where it has no more than these."""
+    low, high = (0, 0) if published is None else published.crop
+    if band == LOW and (low or high):
+        low, high = 0, _TOP_SLICES
+    return crop_slices(image, low=low, high=high) if 0 < low + high < len(image.grid.z) else image
 
 
-def _shape(world: Mapping[str, Any], name: str) -> str:
-    objects = world.get("objects") or [{}]
-    if not (isinstance(objects, list) and isinstance(objects[0], dict)):
-        return "unknown"
-    if objects[0].get("object"):
-        return "built"
-    return "scan" if name in CATALOGUE else "file"  # a mesh of what the catalogue would have drawn
+def _turn_extras(item: Item) -> Mapping[str, Any]:
+    """Extras of an image, or of the robot's log of raw files, published or converted."""
+    if item.kind != mito.RAW:
+        return item.read_with_extras()[1]
+    if not item.converted:
+        return mito.read_log(item.path, item.radar).extras
+    log = item.path.with_name(mito.RAW_LOG)
+    return load_extras(log) if log.is_file() else {}
 
 
 def _read_image(item: Item) -> tuple[SarImage, str]:
-    if item.converted:
-        image, extras = load(item.path), load_extras(item.path)
-    else:
-        image, extras = mito.read_published(item.path)
+    image, extras = item.read_with_extras()
     made_by = str(extras.get("physics", "simulated")) if extras.get("simulated") else ""
     return expect(image, SarImage, item), made_by

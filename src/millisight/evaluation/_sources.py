@@ -68,8 +68,12 @@ class SceneSource(ABC):
         """Images, true masks and, with `view`, the camera's picture."""
 
     @abstractmethod
-    def read_image(self, band: str) -> tuple[SarImage, str]:
-        """An image, and what made it by its own file; "" where it is not marked as simulated."""
+    def read_image(self, band: str, *, crop: tuple[int, int] | None = None) -> tuple[SarImage, str]:
+        """An image, and what made it by its own file; "" where it is not marked as simulated.
+
+        `crop` is the number of the lowest and of the highest slices that a 77 GHz image loses; None: as published of
+        this scene, and none of others.
+        """
 
 
 class SimulationSource(Protocol):
@@ -81,7 +85,7 @@ class SimulationSource(Protocol):
         ...
 
     def read_image(self, band: str, part: str) -> tuple[SarImage, str]:
-        """The "specular" or the "edges" image of a band, and what made it."""
+        """The "specular" or the "edges" image of a band, and what made it; cropped as published."""
         ...
 
 

@@ -71,21 +71,20 @@ def published_radar_from_camera(
     number : N of `exp<N>`, 1 or 2
     pose : (4, 4) as the file has it [m]
     origin : (3,) of the images' frame, in the base frame [m]
-    radar_turn : (3, 3) of the first experiment: the rotation of the tool at the radar's first place
+    radar_turn : (3, 3) of the first experiment: the rotation of the tool at the radar's first place; None, where no
+        file tells it: that of the pose, as if the tool had been held alike for the picture and the scan
 
     Raises
     ------
     InputError
-        There are no constants for that experiment, or the first one's `radar_turn` is missing.
+        There are no constants for that experiment.
     """
     if number == 2:
         return radar_from_camera(_SECOND_POSE, origin)
     if number != 1:
         raise InputError(f"experiment is {number}; the published transforms are of experiments 1 and 2")
-    if radar_turn is None:
-        raise InputError("experiment 1 needs the rotation of the tool at the first pose of the radar; its log has none")
     tool = checked_array(pose, name="pose", shape=(4, 4))
-    turned = checked_array(radar_turn, name="radar_turn", shape=(3, 3))
+    turned = tool[:3, :3] if radar_turn is None else checked_array(radar_turn, name="radar_turn", shape=(3, 3))
     camera = tool[:3, 3] + tool[:3, :3] @ _FIRST_MOUNT.camera_in_tool
     radar = checked_array(origin, name="origin", shape=(3,), unit="m") + turned @ _FIRST_MOUNT.radar_in_tool
     transform = np.eye(4)

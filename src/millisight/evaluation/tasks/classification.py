@@ -28,7 +28,7 @@ from millisight.evaluation.tasks._classification_tables import (
 )
 from millisight.perception.segmentation import segment
 
-_FORMAT = 2
+_FORMAT = 3
 _TIMED = 8  # scenes, at most
 
 
@@ -101,12 +101,16 @@ class ClassificationTask(Task):
     seed: int = 0
     truth: str = "camera"
     transform: str | None = None
-    crop: tuple[int, int] = (0, 0)
+    crop: tuple[int, int] | None = None
     mistakes: int = 12
 
     def __post_init__(self) -> None:
         weights = (self.weights,) if isinstance(self.weights, str | Path) else self.weights
-        put(self, weights=tuple(dict.fromkeys(str(Path(one).resolve()) for one in weights)), crop=tuple(self.crop))
+        put(
+            self,
+            weights=tuple(dict.fromkeys(str(Path(one).resolve()) for one in weights)),
+            crop=None if self.crop is None else tuple(self.crop),
+        )
         checked_integer(self.seed, name="seed", minimum=0)
         checked_integer(self.mistakes, name="mistakes", minimum=0)
 

@@ -6,21 +6,19 @@ upper left.
 """
 
 import os
-import warnings
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from millisight.core import PUBLISHED_COLORMAP, check_readable, colormap_names, printable, record
-from millisight.core.errors import DamagedFileError, FileError, FormatError, InputError
+from millisight.core.errors import FileError, FormatError, InputError
 from millisight.data import CameraFrame, Picture, SarImage
 from millisight.datasets import checksum
+from millisight.io import read_photo
 from millisight.io.mito import origin, read_published
 from millisight.perception import coloured, project
 
 PHOTO_SUFFIXES = (".png", ".jpg", ".jpeg")
-_MOST_PIXELS = 50_000_000
 _LARGEST_FILE = 1 << 30  # bytes; an image of 130 million voxels
 
 
@@ -114,7 +112,7 @@ def open_picture(path: str | os.PathLike[str], *, other_band: str | os.PathLike[
         `other_band` with a photograph.
     """
     path = _of_bearable_size(check_readable(path))
-    read = _photo if path.suffix.lower() in PHOTO_SUFFIXES else _recorded
+    read = read_photo if path.suffix.lower() in PHOTO_SUFFIXES else _recorded
     content = read(path)
     if isinstance(content, SarImage):
         picture = project(content, other_band=None if other_band is None else _image(Path(other_band)))
@@ -159,38 +157,3 @@ def _recorded(path: Path) -> SarImage | np.ndarray:
             "`millisight image` wrote, a camera frame, or a PNG or JPEG file"
         )
     return content
-
-
-def _photo(path: Path) -> np.ndarray:
-    """(H, W, 3) uint8 of a PNG or JPEG file, turned as its camera was held; transparency is shown on white."""
-    from PIL import Image, ImageOps, UnidentifiedImageError
-
-    name = printable(path)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of its size, which is judged here; of odd metadata
-            opened = Image.open(path, formats=("PNG", "JPEG"))
-        with opened:
-            if opened.width * opened.height > _MOST_PIXELS:
-                raise Image.DecompressionBombError
-            upright = ImageOps.exif_transpose(_eight_bits(opened))
-            if upright.has_transparency_data:
-                upright = Image.alpha_composite(Image.new("RGBA", upright.size, "white"), upright.convert("RGBA"))
-            return np.asarray(upright.convert("RGB"))
-    except UnidentifiedImageError as error:
-        raise FormatError(f"{name} is not a PNG or JPEG picture, although its name says so; convert it") from error
-    except Image.DecompressionBombError as error:
-        raise InputError(f"{name} has more than {_MOST_PIXELS:.0e} pixels; make a smaller one") from error
-    except (OSError, SyntaxError, ValueError) as error:
-        raise DamagedFileError(f"{name} is damaged: {error}; make or copy it again") from error
-
-
-def _eight_bits(opened: Any) -> Any:
-    """A picture of 16 bits a pixel in 8, over its own range; others as they are."""
-    from PIL import Image
-
-    if not opened.mode.startswith("I"):
-        return opened
-    values = np.asarray(opened, dtype=np.float64)
-    span = float(np.ptp(values)) or 1.0
-    return Image.fromarray(np.round((values - values.min()) / span * 255).astype(np.uint8))
