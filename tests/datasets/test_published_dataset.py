@@ -3,6 +3,7 @@
 import csv
 import json
 import re
+import shutil
 
 import numpy as np
 import pytest
@@ -11,11 +12,14 @@ from typer.testing import CliRunner
 import millisight as ms
 from helpers.published_mock import CRACKERS, LEFT_OUT, MUG, PEACH, SUGAR, TUNA, WRENCH, make
 from millisight import datasets
+from millisight.cli.annotate import mask_in_dataset
 from millisight.cli.app import app
-from millisight.core.errors import InputError
+from millisight.core.errors import FileError, InputError
 from millisight.datasets import find_scenes
 from millisight.evaluation import HIGH, LOW
-from millisight.viz.annotator import open_picture
+from millisight.io.mito import read_published
+from millisight.perception.segmentation import Candidates
+from millisight.viz.annotator import Annotation, open_picture
 
 FORMS = ("published", "converted")
 
@@ -84,7 +88,7 @@ def test_list_verify_and_info(form, roots):
 
 def test_evaluations_agree_before_and_after_conversion(roots, tmp_path):
     commands = {
-        "segmentation": ("--method", "classical", "--seeds", 1, "--failures", 0),
+        "segmentation": ("--method", "wave", "--seeds", 1, "--failures", 0),
         "classification": ("--method", "classical", "--mistakes", 0),
         "simulator": ("--pictures", 0),
     }
@@ -92,6 +96,7 @@ def test_evaluations_agree_before_and_after_conversion(roots, tmp_path):
         written = {}
         for form, root in roots.items():
             data = ("--measured", root, "--simulated", root) if task == "simulator" else (root,)
+            data += tuple(word for name in (CRACKERS, SUGAR, WRENCH, PEACH, TUNA) for word in ("--object", name))
             told = run("evaluate", task, *data, "-o", tmp_path / task / form, "--workers", 1, *options)
             assert f"note: the authors of the dataset leave out {LEFT_OUT[0]}" in told
             written[form] = numbers_of(tmp_path / task / form)
@@ -99,12 +104,12 @@ def test_evaluations_agree_before_and_after_conversion(roots, tmp_path):
         assert written["published"] == written["converted"]
     with open(tmp_path / "segmentation" / "published" / "trials.csv", encoding="utf-8") as file:
         trials = [row for row in csv.DictReader(file) if row["input"] == HIGH]
-    assert len(trials) == 14
-    assert np.median([float(row["iou"]) for row in trials]) > 0.8  # truth and image show one disc
+    assert len(trials) == 10
+    assert np.median([float(row["iou"]) for row in trials]) > 0.5  # truth and image show one disc
 
 
 def test_an_experiment_is_chosen_by_its_number(roots, tmp_path):
-    run("evaluate", "segmentation", roots["published"], "-o", tmp_path, "--experiment", 2, "--method", "classical",
+    run("evaluate", "segmentation", roots["published"], "-o", tmp_path, "--experiment", 2, "--method", "wave",
         "--seeds", 1, "--failures", 0, "--workers", 1, "--object", MUG)  # fmt: skip
     scenes = {row["scene"] for row in csv.DictReader((tmp_path / "trials.csv").read_text().splitlines())}
     assert scenes == {f"{MUG}/0_0_90/exp2/los", f"{MUG}/0_0_90/exp2/nlos"}
@@ -185,3 +190,54 @@ def test_every_picture_can_be_annotated(form, roots):
     assert len(paths) == 5
     assert {open_picture(path).size for path in paths if "camera" in path.parts} == {(640, 480)}
     assert open_picture(experiment.item("image").path).size in {(24, 24), (220, 241)}
+
+
+def test_ground_truth_of_ones_own_is_what_evaluations_read(roots, tmp_path):
+    """A frame and an image are annotated in the published form; an evaluation then finds a mask where none was."""
+    root = tmp_path / "own"
+    shutil.copytree(roots["published"] / WRENCH, root / WRENCH)
+    folder = root / WRENCH / "robot_collected" / "0_0_0" / "exp1" / "los"
+    kept = read_published(folder / "processed" / "camera" / "camera_masks.pkl").record
+    shutil.rmtree(folder / "processed" / "camera")
+    (folder / "processed" / "radars" / "77_ghz" / "radar_masks.pkl").unlink()
+    (scene,) = find_scenes(datasets.open(root), sight="los")
+    with pytest.raises(FileError, match="has no camera mask"):
+        scene.read(transform="published")
+    (frame,) = (folder / "unprocessed" / "camera").glob("*.pkl")
+    for path, points in ((frame, [[240, 320]]), (folder / "processed/radars/77_ghz/processed_image.pkl", [[12, 12]])):
+        subject = open_picture(path)
+        target = mask_in_dataset(subject)
+        annotation = Annotation(subject, target, segmenters={"disc": Disc()})
+        asked = subject.on_screen(np.array(points)).tolist()
+        annotation.save({"method": "disc", "points": asked, "positive": [True]})
+        assert mask_in_dataset(subject) == target  # to go on from
+        annotation.prompts_path.unlink()
+        with pytest.raises(InputError, match="exists, and was not made by"):
+            mask_in_dataset(subject)
+    mask = read_published(folder / "processed" / "camera" / "camera_masks.pkl").record
+    assert (mask.pixels.shape, mask.points.shape, mask.depth.dtype) == ((480, 640), (480, 640, 3), np.float32)
+    assert np.array_equal(mask.pixels, kept.pixels)
+    assert np.array_equal(mask.pose, kept.pose)
+    assert np.nanmax(np.abs(mask.depth - 450)) == 0  # [mm]
+    assert np.isnan(mask.depth[~mask.pixels]).all()
+    found = scene_truth(root)
+    assert datasets.open(root).objects[0].stray == ()
+    assert (found & datasets.open(root).experiments[0].mask().inside).sum() > 0.5 * found.sum()
+
+
+def scene_truth(root):
+    (scene,) = find_scenes(datasets.open(root), sight="los")
+    return scene.read(transform="published").truth[HIGH].inside
+
+
+class Disc:
+    """A disc about the first point: on a photo that of the mock's camera mask."""
+
+    name = "disc"
+    needs_prompts = True
+
+    def segment(self, picture, prompts):
+        i, j = np.indices(picture.shape)
+        radius = 60 if picture.grid_xy is None else 4.5
+        inside = (i - prompts.points[0, 0]) ** 2 + (j - prompts.points[0, 1]) ** 2 < radius**2
+        return Candidates(masks=inside[None], scores=np.array([0.5]))

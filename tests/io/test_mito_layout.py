@@ -494,6 +494,29 @@ def test_what_no_recorder_could_have_written_is_refused(tmp_path):
     assert json.loads((folder.parent / "experiment_info.json").read_text()) == info
 
 
+@pytest.mark.parametrize("count", [3, 110, 115])
+def test_a_24_ghz_file_has_the_110_frames_that_the_published_code_asks_for(count, tmp_path):
+    """Short ones are filled with empty frames, which are left out when they are read; long ones become several."""
+    info, rng = INFOS[1], np.random.default_rng(count)
+    log = ms.Trajectory(times=np.arange(0, 40, 0.05), positions=np.arange(800)[:, None] * [0.0, 0.001, 0.0])
+    frames = rng.integers(1, 1000, (count, 1, 2, 256)) + 1j * rng.integers(1, 1000, (count, 1, 2, 256))
+    folder = experiment_folder(tmp_path, BOX, ANGLES, 1, "los")
+    rows = [RecordedRow(7, 1.0, frames), RecordedRow(8, 20.0, frames[:2])]
+    raw = write_raw_experiment(folder, "24_ghz", rows, log, info=info)
+    files = sorted((raw / "radar_data").iterdir())
+    assert len(files) == (3 if count > 110 else 2)
+    for path in files:
+        assert path.read_bytes().count(b"\n") == 110 * 16 * 4  # as the published code counts
+    scan = read_experiment(folder, "24_ghz")
+    assert scan.metadata["left_out"] == []
+    (note,) = scan.metadata["notes"]
+    empty = 110 * len(files) - count - 2
+    assert f"filled with empty frames at the end, {empty} in all" in note
+    first = [row for row in scan.rows if row.times[0] < 19]
+    assert np.concatenate([row.times for row in first]) == pytest.approx(1.0 + 0.1 * np.arange(count))
+    assert np.array_equal(np.concatenate([row.read() for row in first])[:, 0], frames[:, 0, :1].astype(np.complex64))
+
+
 def test_the_full_radar_is_the_used_one_and_more():
     one, both = experiment_radar("24_ghz", INFOS[1]), full_radar("24_ghz", INFOS[1])
     assert one.array.rx_positions.tolist() == both.array.rx_positions[:1].tolist() == [[0, -0.021, 0]]

@@ -18,6 +18,7 @@ SIMULATED_EXTS = ("_specular", "_edges")
 """The simulated images that are published of every object."""
 _MESHES = (".stl", ".obj", ".ply")
 _TEXTURES = (".mtl", ".png", ".jpg")
+_PROMPTS = ".prompts.json"  # points that `millisight annotate` writes beside a mask
 _BESIDE = (mito.SPLITS_NAME, mito.TRUTH)
 
 
@@ -235,6 +236,8 @@ class _Walk:
     def _files(self, above: os.DirEntry, section: str, radar: str) -> Iterator[Item]:
         for entry in self._entries(above):
             kind = mito.kind_of(section, entry.name)
+            if kind is None and entry.name.endswith(_PROMPTS):
+                continue
             if kind is None:
                 self.stray.append(Path(entry.path))
             else:

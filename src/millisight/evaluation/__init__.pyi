@@ -58,6 +58,8 @@ from ._task import EvaluationSet as EvaluationSet
 from ._task import ReportFigure as ReportFigure
 from ._task import Result as Result
 from ._task import Task as Task
+from ._truth import PUBLISHED_DEPTHS as PUBLISHED_DEPTHS
+from ._truth import camera_mask_of as camera_mask_of
 from ._truth import camera_truth as camera_truth
 from ._truth import published_radar_from_camera as published_radar_from_camera
 from ._truth import radar_from_camera as radar_from_camera

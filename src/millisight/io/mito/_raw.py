@@ -297,16 +297,34 @@ class _Dca1000:
 
 
 class _Position2Go:
-    """24 GHz: text."""
+    """24 GHz: text. Frames of zeros at the end, with which a short file is filled for the published code, are none."""
+
+    def __init__(self) -> None:
+        self._filled: dict[Path, int] = {}
 
     def look(self, path: Path, remarks: Remarks) -> np.ndarray:
-        return self.read(path).lost
+        raw = read_position2go(path, samples=256, chirps=CHIRPS["24_ghz"], receivers=2)
+        if not raw.samples.any():
+            raise DamagedFileError("every frame is 0")
+        kept = len(_without_empty_end(raw).samples)
+        if kept < len(raw.samples):
+            self._filled[path] = len(raw.samples) - kept
+        return raw.lost[:kept]
 
     def read(self, path: Path) -> RawFrames:
-        return read_position2go(path, samples=256, chirps=CHIRPS["24_ghz"], receivers=2)
+        return _without_empty_end(read_position2go(path, samples=256, chirps=CHIRPS["24_ghz"], receivers=2))
 
     def notes(self) -> list[str]:
-        return []
+        if not self._filled:
+            return []
+        empty = sum(self._filled.values())
+        return [f"{_some(list(self._filled))}: filled with empty frames at the end, {empty} in all, which are left out"]
+
+
+def _without_empty_end(raw: RawFrames) -> RawFrames:
+    seen = np.flatnonzero(raw.samples.any(axis=(1, 2, 3)))
+    kept = int(seen[-1]) + 1 if len(seen) else 0
+    return RawFrames(samples=raw.samples[:kept], lost=raw.lost[:kept], metadata=raw.metadata) if kept else raw
 
 
 def _some(paths: list[Path]) -> str:

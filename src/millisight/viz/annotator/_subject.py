@@ -32,12 +32,14 @@ class OpenedPicture:
     sha256 : of that file, hexadecimal
     picture : Picture, what segmenters look at
     other_band : the file of the same scene at the radar's other frequency; None: there is none
+    frame : the camera frame whose picture it is; None: it is of none
     """
 
     path: Path
     sha256: str
     picture: Picture
     other_band: Path | None = None
+    frame: CameraFrame | None = None
 
     @property
     def origin(self) -> str:
@@ -119,9 +121,10 @@ def open_picture(path: str | os.PathLike[str], *, other_band: str | os.PathLike[
     elif other_band is not None:
         raise InputError(f"{printable(path)} is a photograph, which has no other band; leave the other band out")
     else:
-        picture = Picture(rgb=content)
+        picture = Picture(rgb=content.rgb if isinstance(content, CameraFrame) else content)
     other = None if other_band is None else Path(other_band)
-    return OpenedPicture(path=path, sha256=checksum(path), picture=picture, other_band=other)
+    frame = content if isinstance(content, CameraFrame) else None
+    return OpenedPicture(path=path, sha256=checksum(path), picture=picture, other_band=other, frame=frame)
 
 
 def _of_bearable_size(path: Path) -> Path:
@@ -141,17 +144,15 @@ def _image(path: Path) -> SarImage:
     return content
 
 
-def _recorded(path: Path) -> SarImage | np.ndarray:
-    """A radar image, or a camera frame's (H, W, 3) picture, of a file of ours or of the published layout."""
+def _recorded(path: Path) -> SarImage | CameraFrame:
+    """A radar image or a camera frame of a file of ours or of the published layout."""
     if path.suffix.lower() == ".pkl":
         content = read_published(path).record
     else:
         from millisight.io import load
 
         content = load(path)
-    if isinstance(content, CameraFrame):
-        return content.rgb
-    if not isinstance(content, SarImage):
+    if not isinstance(content, SarImage | CameraFrame):
         raise FormatError(
             f"{printable(path)} holds a {type(content).__name__}, which is not a picture; expected an image that "
             "`millisight image` wrote, a camera frame, or a PNG or JPEG file"
