@@ -4,6 +4,7 @@ import csv
 import json
 import re
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from millisight.core.errors import FileError, InputError
 from millisight.datasets import find_scenes
 from millisight.evaluation import HIGH, LOW
 from millisight.io.mito import read_published
+from millisight.perception.classification import CLASSIFIER_WEIGHTS
 from millisight.perception.segmentation import Candidates
 from millisight.viz.annotator import Annotation, open_picture
 
@@ -190,6 +192,50 @@ def test_every_picture_can_be_annotated(form, roots):
     assert len(paths) == 5
     assert {open_picture(path).size for path in paths if "camera" in path.parts} == {(640, 480)}
     assert open_picture(experiment.item("image").path).size in {(24, 24), (220, 241)}
+
+
+@pytest.fixture(scope="module")
+def weights(tmp_path_factory):
+    """The paper's network with weights made at random."""
+    torch = pytest.importorskip("torch", reason="torch is not installed: make setup-train")
+    from millisight.perception.training.networks import ReleasedNetwork
+
+    torch.manual_seed(0)
+    path = tmp_path_factory.mktemp("weights") / "final_weights.h5"
+    torch.save(ReleasedNetwork(4).state_dict(), path)
+    return path
+
+
+@pytest.mark.parametrize("masks", ["published", "own"])
+def test_the_papers_third_table_beside_ours(masks, roots, weights, tmp_path):
+    shipped = Path(CLASSIFIER_WEIGHTS)
+    words = ("--split", "published", "--weights", weights, "--weights", shipped, "--workers", 1, "--mistakes", 1)
+    more = ("--as-published",) if masks == "published" else ("--method", "classical")
+    tables = {}
+    for form, root in roots.items():
+        told = run("evaluate", "classification", root, "-o", tmp_path / form, *words, *more)
+        assert told.count("| paper: its real data |") == 3
+        assert ("As published: each image is classified in the mask that the dataset has beside it" in told) == (
+            masks == "published"
+        )
+        assert "the split 1729816641 tests 45 images" in told
+        tables[form] = numbers_of(tmp_path / form)
+    answers = list(csv.DictReader((tmp_path / "published" / "answers.csv").read_text().splitlines()))
+    tested = {f"{CRACKERS}/0_0_0/exp1/nlos", f"{WRENCH}/0_0_0/exp1/nlos"}  # of the split's that are in the mock
+    assert {row["scene"] for row in answers} == tested
+    assert {row["truth"] for row in answers} == {"box", "handle"}
+    assert {row["classifier"] for row in answers} == {"final_weights", "classifier"}
+    assert {row["masks"] for row in answers} == ({"predicted"} if masks == "published" else {"predicted", "true"})
+    assert tables["published"] == tables["converted"]
+
+
+def test_the_released_network_classifies_and_asks_for_its_split(roots, weights, tmp_path):
+    line = run("classify", roots["published"] / WRENCH, "--radar", "77_ghz", "--weights", weights, "--json",
+               "--mask", roots["published"])  # fmt: skip
+    answers = [json.loads(one) for one in line.splitlines() if one.startswith("{")]
+    assert [sorted(one["probabilities"]) for one in answers] == [["box", "can", "handle", "sphere"]] * 2
+    with pytest.raises(InputError, match="add --split published"):
+        ms.evaluate("classification", roots["published"], weights=(weights,), objects=[WRENCH])
 
 
 def test_ground_truth_of_ones_own_is_what_evaluations_read(roots, tmp_path):

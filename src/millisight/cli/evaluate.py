@@ -154,8 +154,9 @@ def classification(
         list[Path] | None,
         typer.Option(
             "--weights",
-            metavar="FILE.onnx",
-            help="Weights of a trained classifier; repeatable. [default: the shipped one]",
+            metavar="FILE",
+            help="Weights of a trained classifier: ONNX, or the paper's final_weights.h5; repeatable. [default: the "
+            "shipped one]",
         ),
     ] = None,
     method: Annotated[str, typer.Option(help="Segmenter of the predicted masks: wave or classical.")] = "wave",
@@ -171,6 +172,17 @@ def classification(
     ] = "camera",
     transform: Transform = None,
     crop: Crop = None,
+    split: Annotated[
+        str,
+        typer.Option(
+            help="objects: by what each classifier saw in training. published: the test images of the authors' split, "
+            "whatever it saw."
+        ),
+    ] = "objects",
+    as_published: Annotated[
+        bool,
+        typer.Option("--as-published", help="Classify in the masks beside the images, as the paper's table does."),
+    ] = False,
     mistakes: Annotated[int, typer.Option(min=0, help="Number of mistakes of each classifier to plot.")] = 12,
     workers: Workers = None,
 ) -> None:
@@ -190,6 +202,8 @@ def classification(
         "truth": truth,
         "transform": transform,
         "crop": None if crop is None else slices(crop, option="--crop"),
+        "split": split,
+        "as_published": as_published,
         "mistakes": mistakes,
     }
     _evaluate("classification", root, output, objects, sight, experiment, workers, label="classify", **options)

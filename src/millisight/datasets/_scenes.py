@@ -12,21 +12,28 @@ from millisight.data import CameraFrame, CameraMask, Mask, SarImage
 from millisight.datasets._dataset import Dataset, Experiment, Item, expect, read_item
 from millisight.datasets._empty import subtract_published_empty
 from millisight.datasets._origins import origins
-from millisight.datasets._published import PUBLISHED_OBJECTS, PublishedExperiment, published_experiment
+from millisight.datasets._published import (
+    PublishedExperiment,
+    SplitImage,
+    object_name,
+    published_experiment,
+    published_split,
+)
 from millisight.evaluation import (
     HIGH,
     LOW,
+    PUBLISHED,
     CameraView,
     LabelledScene,
     Origin,
     SceneSource,
+    TestSplit,
     camera_truth,
     published_radar_from_camera,
     radar_from_camera,
 )
 from millisight.imaging import crop_slices
 from millisight.io import load_extras, mito
-from millisight.meshes import CATALOGUE
 
 TRUTHS = ("camera", "exact")
 TRANSFORMS = ("file", "published")
@@ -113,6 +120,15 @@ class SceneFiles(SceneSource):
         if crop is None:
             return cropped_as_published(image, band, published), made_by
         return crop_slices(image, low=crop[0], high=crop[1]) if band == HIGH else image, made_by
+
+    def published_mask(self, band: str) -> Mask | None:
+        """The mask beside an image.
+
+        Raises
+        ------
+        FileError, FormatError, DamagedFileError
+        """
+        return read_item(self.masks[band], Mask) if band in self.masks else None
 
     def read(
         self,
@@ -255,6 +271,26 @@ class DatasetFiles:
         """Where the scenes come from."""
         return origins(self.dataset, self.scenes)
 
+    def split(self, name: str) -> TestSplit:
+        """A published split, with the catalogue's names of objects.
+
+        Raises
+        ------
+        UnknownNameError
+        """
+        found = published_split("" if name == PUBLISHED else name)
+
+        def objects(images: tuple[SplitImage, ...]) -> frozenset[str]:
+            return frozenset(map(object_name, {one.folder for one in images}))
+
+        return TestSplit(
+            name=found.name,
+            test=frozenset((one.folder, one.experiment, one.sight) for one in found.test if not one.simulated),
+            classes=found.classes,
+            training=objects(found.training),
+            validation=objects(found.validation),
+        )
+
     def simulations(self, band: str) -> dict[tuple[str, tuple[int, int, int]], SimulationFiles]:
         """Simulated images of a band, by folder and angles of the object; where there are both parts."""
         found = {}
@@ -292,12 +328,10 @@ def find_scenes(
     if sight is not None:
         check_known("sight", sight, mito.SIGHTS)
     found = []
-    catalogued = {entry.ycb_id: name for name, entry in CATALOGUE.items()}
-    catalogued |= {folder: entry.catalogue for folder, entry in PUBLISHED_OBJECTS.items() if entry.catalogue}
     empties = _empty_images(dataset if within is None else within)
     for one in dataset.objects:
         if one.role == "object":
-            name = catalogued.get(one.folder.name, one.name)
+            name = object_name(one.folder.name)
             found += [_files(each, name, one.experiments, empties) for each in one.experiments]
     return tuple(
         files for files in found if files.images and sight in (None, files.sight) and experiment in (None, files.number)

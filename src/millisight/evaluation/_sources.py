@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, Protocol
 
 from millisight.core import record
 from millisight.core.errors import InputError, MillisightError
-from millisight.data import SarImage
+from millisight.data import Mask, SarImage
 from millisight.evaluation._scenes import LabelledScene
 
 
@@ -26,6 +26,26 @@ class Origin(NamedTuple):
 
     shape: str
     seeds: frozenset[int]
+
+
+class TestSplit(NamedTuple):
+    """Who trains and who tests a classifier, as others chose it.
+
+    Attributes
+    ----------
+    name : of the split
+    test : images by folder of the object, number of the experiment and sight
+    classes : of objects, by folder; "" of no class
+    training, validation : names of objects
+    """
+
+    __test__ = False  # pytest takes it for tests
+
+    name: str
+    test: frozenset[tuple[str, int, str]]
+    classes: Mapping[str, str]
+    training: frozenset[str]
+    validation: frozenset[str]
 
 
 @record
@@ -75,6 +95,10 @@ class SceneSource(ABC):
         this scene, and none of others.
         """
 
+    def published_mask(self, band: str) -> Mask | None:
+        """The mask that the dataset has beside an image; None: there is none."""
+        return None
+
 
 class SimulationSource(Protocol):
     """Simulated images of an object at one set of angles."""
@@ -104,6 +128,10 @@ class EvaluationData(Protocol):
 
     def origins(self) -> Mapping[str, Origin]:
         """Where the scenes come from, by name."""
+        ...
+
+    def split(self, name: str) -> TestSplit:
+        """A published split by name, "published": the newest; UnknownNameError where there is none of that name."""
         ...
 
     def simulations(self, band: str) -> Mapping[tuple[str, tuple[int, int, int]], SimulationSource]:

@@ -2,6 +2,7 @@
 
 import hashlib
 import pickle
+import warnings
 from itertools import pairwise
 from pathlib import Path
 
@@ -71,7 +72,9 @@ def read_released(path: Path, classes: int) -> ReleasedNetwork:
     if path.stat().st_size > _LARGEST:
         raise FormatError(f"{name} has {path.stat().st_size} bytes; expected weights, under {_LARGEST} bytes")
     try:
-        held = torch.load(path, map_location="cpu", weights_only=True)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # torch's own, about pickles that it then refuses
+            held = torch.load(path, map_location="cpu", weights_only=True)
     except pickle.UnpicklingError as error:
         reason = str(error).splitlines()[0]
         raise FormatError(
