@@ -188,17 +188,16 @@ def add_camera_mask(folder, number):
 
 
 def add_raw(root):
-    """Raw files, which the authors send on request, of one experiment; and the 24 GHz background's."""
-    info = {**FIRST, "aperture size": "large"}
+    """Raw files, which the authors send on request, of two experiments; and the 24 GHz background's."""
     scene = small_scene(MUG)
-    folder = experiment_folder(root, CRACKERS, (0, 0, 0), 1, "los")
-    for radar in ("77_ghz", "24_ghz"):
-        rows, log = recorded(scene, radar, info)
-        write_raw_experiment(folder, radar, rows, log, info=info)
+    for name, info in ((MUG, FIRST), (CRACKERS, {**FIRST, "aperture size": "large"})):
+        folder = experiment_folder(root, name, ANGLES.get(name, (0, 0, 0)), 1, "los")
+        for radar in ("77_ghz", "24_ghz"):
+            rows, log = recorded(scene, radar, info)
+            write_raw_experiment(folder, radar, rows, log, info=info)
+    empty = experiment_folder(root, "000_background", (0, 0, 0), 1, "los")
     rows, log = recorded(scene, "24_ghz", FIRST)
-    write_raw_experiment(
-        experiment_folder(root, "000_background", (0, 0, 0), 1, "los"), "24_ghz", rows, log, info=FIRST
-    )
+    write_raw_experiment(empty, "24_ghz", rows, log, info=FIRST)
 
 
 def add_empty(root, date, number):

@@ -187,6 +187,13 @@ def published_experiment(folder: str, number: int) -> PublishedExperiment | None
     return None if one is None else one.experiments.get(number)
 
 
+def empty_scenes_of(folder: str) -> set[str]:
+    """Folders of the empty scenes, images and raw files, that belong to an object of the published dataset."""
+    experiments = PUBLISHED_OBJECTS[folder].experiments.values() if folder in PUBLISHED_OBJECTS else ()
+    images = {f"{number}_EMPTY" for one in experiments for number in one.empty.values()}
+    return images | {f"{one.calibration}_background" for one in experiments if one.calibration}
+
+
 def published_split(name: str = "") -> PublishedSplit:
     """A published split by name; by default the newest, of which the paper's table of classifiers is.
 
