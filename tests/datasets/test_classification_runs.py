@@ -12,7 +12,7 @@ from helpers.small_scenes import BLOCKS, inside, make
 from helpers.some_answers import prediction
 from millisight.core.errors import DamagedFileError, InputError
 from millisight.datasets import DatasetFiles, Manifest, find_scenes, write_manifest
-from millisight.datasets._scenes import origins
+from millisight.datasets._origins import origins
 from millisight.evaluation import HIGH, ClassificationTask
 from millisight.evaluation.tasks import _candidates as candidates
 from millisight.evaluation.tasks import classification

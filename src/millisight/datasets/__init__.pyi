@@ -5,6 +5,8 @@ from ._dataset import Item as Item
 from ._dataset import ObjectFolder as ObjectFolder
 from ._dataset import Simulation as Simulation
 from ._download import download as download
+from ._find_scenes import DatasetFiles as DatasetFiles
+from ._find_scenes import find_scenes as find_scenes
 from ._generated_objects import DatasetObject as DatasetObject
 from ._generated_objects import prepare_objects as prepare_objects
 from ._manifest import MANIFEST_NAME as MANIFEST_NAME
@@ -29,10 +31,8 @@ from ._published import read_split as read_split
 from ._runner import ItemRun as ItemRun
 from ._runner import evaluate as evaluate
 from ._runner import run_items as run_items
-from ._scenes import DatasetFiles as DatasetFiles
 from ._scenes import SceneFiles as SceneFiles
 from ._scenes import SimulationFiles as SimulationFiles
-from ._scenes import find_scenes as find_scenes
 from ._torch import TorchDataset as TorchDataset
 from ._verify import verify as verify
 from ._workers import each as each

@@ -14,7 +14,7 @@ from millisight.core import make_folder, printable, write_text
 from millisight.core.errors import InputError
 from millisight.datasets import _mito
 from millisight.datasets._dataset import Dataset
-from millisight.datasets._scenes import DatasetFiles, find_scenes
+from millisight.datasets._find_scenes import DatasetFiles, find_scenes
 from millisight.datasets._workers import each
 from millisight.evaluation import TASKS, EvaluationItem, Result, Task
 

@@ -147,13 +147,14 @@ def middle(values: np.ndarray, side: int = RELEASED_SIDE) -> np.ndarray:
 
 def blurred_levels(levels: np.ndarray, sigma: float) -> np.ndarray:
     """Levels (A, B) blurred by a Gaussian of 11 x 11 pixels, mirrored at the border, in whole steps again."""
+    from scipy.ndimage import convolve1d
+
     places = np.arange(_KERNEL) - _KERNEL // 2
     kernel = np.exp(-0.5 * (places / sigma) ** 2)
     kernel /= kernel.sum()
-    padded = np.pad(levels, _KERNEL // 2, mode="reflect")
     for axis in (0, 1):
-        padded = np.apply_along_axis(np.convolve, axis, padded, kernel, mode="valid")
-    return np.rint(padded)
+        levels = convolve1d(levels, kernel, axis=axis, mode="mirror")
+    return np.rint(levels)
 
 
 def clipped(values: np.ndarray) -> np.ndarray | None:
