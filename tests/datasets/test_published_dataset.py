@@ -16,10 +16,10 @@ from millisight import datasets
 from millisight.cli.annotate import mask_in_dataset
 from millisight.cli.app import app
 from millisight.core.errors import FileError, InputError
-from millisight.datasets import find_scenes
+from millisight.datasets import find_scenes, released_examples
 from millisight.evaluation import HIGH, LOW
 from millisight.io.mito import read_published
-from millisight.perception.classification import CLASSIFIER_WEIGHTS
+from millisight.perception.classification import CLASSIFIER_WEIGHTS, RELEASED_CLASSES
 from millisight.perception.segmentation import Candidates
 from millisight.viz.annotator import Annotation, open_picture
 
@@ -236,6 +236,21 @@ def test_the_released_network_classifies_and_asks_for_its_split(roots, weights, 
     assert [sorted(one["probabilities"]) for one in answers] == [["box", "can", "handle", "sphere"]] * 2
     with pytest.raises(InputError, match="add --split published"):
         ms.evaluate("classification", roots["published"], weights=(weights,), objects=[WRENCH])
+
+
+def test_the_released_network_is_trained_on_the_simulated_images_of_the_split(roots, tmp_path):
+    pytest.importorskip("torch", reason="torch is not installed: make setup-train")
+    seen = {form: released_examples(datasets.open(root)) for form, root in roots.items()}
+    names = [RELEASED_CLASSES[one.label] for one in seen["published"]]
+    assert names == ["box", "box", "can", "sphere", "handle"]  # crackers, sugar, tuna, peach, wrench; the mug is a cup
+    for ours, theirs in zip(seen["published"], seen["converted"], strict=True):
+        assert np.array_equal(ours.specular, theirs.specular)
+        assert 0.05 < ours.specular.max() < 1  # in the published scale
+        assert np.count_nonzero(ours.specular) < 0.2 * ours.specular.size
+    told = run("train", "released", roots["published"], "-o", tmp_path, "--epochs", 1, "--batch", 2)
+    assert "5 examples, 1 batches of 2; loss from" in told
+    run("classify", roots["published"] / WRENCH, "--radar", "77_ghz", "--mask", roots["published"],
+        "--weights", tmp_path / "final_weights.h5")  # fmt: skip
 
 
 def test_ground_truth_of_ones_own_is_what_evaluations_read(roots, tmp_path):

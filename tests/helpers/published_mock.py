@@ -27,7 +27,7 @@ SECONDS = 1_700_000_000
 TURN = np.array([0.7071, 0.7071, 0.0, 0.0])  # of the tool, as the arm holds it
 DEPTH, RADIUS = 0.45, 60  # of the object in the camera's picture [m], [pixels]
 LEFT_OUT = ("007_tuna_fish_can/0_0_0/exp2/los",)
-WITHOUT_24_GHZ = (SUGAR, TUNA)
+WITHOUT_24_GHZ = (SUGAR, TUNA, PEACH, WRENCH)
 FIRST = {"aperture size": "normal", "rx offset": "x", "background": "tripod", "date": "0128", "occlusion": "paper"}
 SECOND = {"aperture size": "almost-square", "rx offset": "y", "background": "styrofoam", "mount type": "new"}
 
@@ -49,7 +49,7 @@ def make(folder):
     add_experiment(root, CRACKERS, 2, SECOND, antennas="array")
     add_experiment(root, TUNA, 2, SECOND, antennas="array", sights=("los",))
     add_raw(root)
-    for name in (MUG, CRACKERS, SUGAR, TUNA):
+    for name in (MUG, CRACKERS, SUGAR, TUNA, PEACH, WRENCH):
         add_simulation(root, name)
     for date, number in (("0128", 1), ("0228", 1), ("0830", 2)):
         add_empty(root, date, number)
@@ -228,7 +228,7 @@ def add_simulation(root, name):
                 dump(processed / f"radar_masks{ext}{number}.pkl", mask)
             channels = rng.normal(size=(len(locs), 64)) + 1j * rng.normal(size=(len(locs), 64))
             dump(raw / f"raw_sim_files{ext}.pkl", {"channels": list(channels), "radar_shifted_locs": locs.tolist()})
-    mesh = small_scene(name).mesh if name != TUNA else None
+    mesh = small_scene("025_mug").mesh if name != TUNA else None
     for file in ("nontextured.stl", "uniform.stl", "uniform_10000.stl", "textured.obj"):
         if mesh is not None:
             write_mesh(root / name / file, mesh)
