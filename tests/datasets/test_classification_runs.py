@@ -43,7 +43,7 @@ def whole(tmp_path_factory):
 
 @pytest.fixture
 def data(whole, tmp_path, monkeypatch):
-    monkeypatch.setattr(candidates, "NetworkClassifier", Fake)
+    monkeypatch.setattr(candidates, "classifier", Fake)
     monkeypatch.setattr(Fake, "runs", 0)
     candidates.load_classifier.cache_clear()
     yield Path(shutil.copytree(whole, tmp_path / "data"))

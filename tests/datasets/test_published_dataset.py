@@ -16,9 +16,10 @@ from millisight import datasets
 from millisight.cli.annotate import mask_in_dataset
 from millisight.cli.app import app
 from millisight.core.errors import FileError, InputError
+from millisight.data import grid_difference
 from millisight.datasets import find_scenes, released_examples
 from millisight.evaluation import HIGH, LOW
-from millisight.io.mito import read_published
+from millisight.io.mito import experiment_folder, read_experiment, read_published
 from millisight.perception.classification import CLASSIFIER_WEIGHTS, RELEASED_CLASSES
 from millisight.perception.segmentation import Candidates
 from millisight.viz.annotator import Annotation, open_picture
@@ -230,8 +231,8 @@ def test_the_papers_third_table_beside_ours(masks, roots, weights, tmp_path):
 
 
 def test_the_released_network_classifies_and_asks_for_its_split(roots, weights, tmp_path):
-    line = run("classify", roots["published"] / WRENCH, "--radar", "77_ghz", "--weights", weights, "--json",
-               "--mask", roots["published"])  # fmt: skip
+    images = roots["published"] / WRENCH / "robot_collected"
+    line = run("classify", images, "--radar", "77_ghz", "--weights", weights, "--json", "--mask", roots["published"])
     answers = [json.loads(one) for one in line.splitlines() if one.startswith("{")]
     assert [sorted(one["probabilities"]) for one in answers] == [["box", "can", "handle", "sphere"]] * 2
     with pytest.raises(InputError, match="add --split published"):
@@ -251,6 +252,30 @@ def test_the_released_network_is_trained_on_the_simulated_images_of_the_split(ro
     assert "5 examples, 1 batches of 2; loss from" in told
     run("classify", roots["published"] / WRENCH, "--radar", "77_ghz", "--mask", roots["published"],
         "--weights", tmp_path / "final_weights.h5")  # fmt: skip
+
+
+@pytest.mark.parametrize("radar", ["77_ghz", "24_ghz"])
+def test_raw_files_are_imaged_as_published_on_the_published_grid(radar, roots, tmp_path):
+    """Linear poses, both receivers at 24 GHz, the nearest bin below; the published masks' pixels."""
+    told = run("image", roots["published"] / MUG / "robot_collected", "--radar", radar, "--as-published",
+               "-o", tmp_path / "i.h5")  # fmt: skip
+    assert "as published: the nearest of 4096 range bins below" in told
+    image = ms.load(tmp_path / "i.h5")
+    steps = {step["step"]: step for step in image.metadata["history"]}
+    assert steps["place_frames"]["poses"] == "linear"
+    assert steps["form_as_published"]["bins"] == 4096
+    scan = read_experiment(experiment_folder(roots["published"], MUG, (0, 0, 90), 1, "los"), radar, every_receiver=True)
+    assert len(scan.radar.array.rx_positions) == {"77_ghz": 4, "24_ghz": 2}[radar]
+    if radar == "77_ghz":
+        mask = datasets.open(roots["published"]).only([MUG]).experiments[0].mask()
+        assert grid_difference(image.grid, mask.grid_xy) == ""
+    with pytest.raises(InputError, match="a method of its own"):
+        run_here("image", roots["published"] / MUG, "--as-published", "--method", "fast")
+
+
+def run_here(*words):
+    """A command, whose error is raised."""
+    return CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=False)
 
 
 def test_ground_truth_of_ones_own_is_what_evaluations_read(roots, tmp_path):

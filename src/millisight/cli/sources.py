@@ -41,13 +41,14 @@ class Source:
     folder: Path
 
     @contextmanager
-    def opened(self, data: Path | None, label: str = "read") -> Iterator[Opened]:
+    def opened(self, data: Path | None, label: str = "read", *, as_published: bool = False) -> Iterator[Opened]:
         """Open the capture for a `with` block; the frames of an HDF5 capture stay on disk.
 
         Parameters
         ----------
         data : folder of the files named in a description; None: the folder of the description
         label : progress label while raw files are read
+        as_published : of raw experiments, linear poses and both receivers at 24 GHz
 
         Raises
         ------
@@ -57,7 +58,8 @@ class Source:
         if self.radar is not None:
             from millisight.io.mito import read_experiment
 
-            yield _placed(read_experiment(self.path, self.radar), label)
+            scan = read_experiment(self.path, self.radar, every_receiver=as_published)
+            yield _placed(scan, label, poses="linear" if as_published else "cubic")
             return
         if self.path.suffix.lower() == ".pkl":
             from millisight.io.mito import read_published
@@ -159,10 +161,10 @@ def _expect_capture(record: object, path: Path) -> Capture:
     return record
 
 
-def _placed(scan: RawScan, label: str) -> Opened:
+def _placed(scan: RawScan, label: str, *, poses: str = "cubic") -> Opened:
     """Place the frames of a scan at the poses of the robot log."""
     with progress(label, compiles=False) as report:
-        capture = scan.to_capture(progress=report)
+        capture = scan.to_capture(poses=poses, progress=report)
     placing = next(step for step in reversed(capture.metadata["history"]) if step["step"] == "place_frames")
     left_out = {
         "lost": placing["lost"],

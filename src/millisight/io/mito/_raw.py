@@ -48,7 +48,11 @@ _LATEST = 1e11  # seconds since 1970; much later, and a float tells no frames ap
 
 
 def read_experiment(
-    folder: str | os.PathLike[str], radar: str, *, progress: Callable[[int, int], None] | None = None
+    folder: str | os.PathLike[str],
+    radar: str,
+    *,
+    every_receiver: bool = False,
+    progress: Callable[[int, int], None] | None = None,
 ) -> RawScan:
     """Read the raw capture of one radar in an experiment of the published layout.
 
@@ -64,6 +68,7 @@ def read_experiment(
     ----------
     folder : `.../exp<N>/los` or `nlos`, or the radar's `unprocessed/radars/<radar>` in it
     radar : "77_ghz" or "24_ghz"
+    every_receiver : use both receivers at 24 GHz whatever the aperture, as the published code does on a GPU
     progress : called with (files looked at, files in all)
 
     Raises
@@ -75,7 +80,7 @@ def read_experiment(
     """
     raw = _raw_folder(checked_path(folder), radar)
     info = read_info(raw.parents[3] / INFO_NAME)
-    used = experiment_radar(radar, info)
+    used = experiment_radar(radar, info, every_receiver=every_receiver)
     remarks = Remarks()
     log = log_of(raw, radar, remarks).record
     rows = _read_rows(raw, radar, used, frame_period(info, radar), remarks, progress)

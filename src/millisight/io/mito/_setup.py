@@ -82,8 +82,10 @@ def frame_period(info: Mapping[str, Any], radar: str) -> float:
     return float(info.get("frame period", {}).get(radar, FRAME_PERIODS[radar, info["aperture size"]]))
 
 
-def experiment_radar(radar: str, info: Mapping[str, Any]) -> Radar:
+def experiment_radar(radar: str, info: Mapping[str, Any], *, every_receiver: bool = False) -> Radar:
     """The radar as it was set up in an experiment: receivers along `info`'s "rx offset" (77 GHz), one or two (24 GHz).
+
+    Two are of the aperture "almost-square", or of any with `every_receiver`.
 
     Raises
     ------
@@ -92,7 +94,7 @@ def experiment_radar(radar: str, info: Mapping[str, Any]) -> Radar:
     if checked_radar(radar) == "77_ghz":
         return Radar.preset(PRESETS[radar], rx_axis=info["rx offset"])
     preset = Radar.preset(PRESETS[radar])
-    used = 2 if info["aperture size"] == "almost-square" else 1
+    used = 2 if every_receiver or info["aperture size"] == "almost-square" else 1
     receivers = preset.array.rx_positions[:used]
     array = AntennaArray(tx_positions=preset.array.tx_positions, rx_positions=receivers)
     return Radar(name=preset.name, waveform=preset.waveform, array=array, path_offset=preset.path_offset)
