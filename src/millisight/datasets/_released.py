@@ -1,5 +1,7 @@
 """Examples for the released network from the published dataset: the simulated images of the authors' split."""
 
+import numpy as np
+
 from millisight.core import printable
 from millisight.core.errors import InputError
 from millisight.data import Mask, SarImage
@@ -35,8 +37,8 @@ def released_examples(dataset: Dataset, *, split: str = "") -> list[ReleasedExam
             continue
         for simulation in one.simulations:
             if _whole(simulation):
-                seen = [_masked(simulation, ext) for ext in _PARTS]
-                found.append(ReleasedExample(*seen, RELEASED_CLASSES.index(shape)))
+                specular, edges = (_masked(simulation, ext) for ext in _PARTS)
+                found.append(ReleasedExample(specular, edges, RELEASED_CLASSES.index(shape)))
     if not found:
         raise InputError(
             f"{printable(dataset.root)} holds no simulated image of a training object with its mask; expected "
@@ -50,7 +52,7 @@ def _whole(simulation: Simulation) -> bool:
     return {(kind, ext) for kind in ("image", "radar mask") for ext in _PARTS} <= kinds
 
 
-def _masked(simulation: Simulation, ext: str):
+def _masked(simulation: Simulation, ext: str) -> np.ndarray:
     """(A, B) mean of |I| along z in the published scale, 0 outside the mask."""
     item = simulation.item("image", radar="77_ghz", ext=ext)
     image: SarImage = expect(item.read(), SarImage, item)

@@ -6,7 +6,7 @@ optimiser is Adam with torch's own settings; an epoch is one batch, its classes 
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -125,7 +125,8 @@ def _moved(levels: np.ndarray, angle_deg: float, shift: tuple[float, float], sca
     angle = np.deg2rad(angle_deg)
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]) / scale
     centre = (np.array(levels.shape) - 1) / 2
-    return affine_transform(levels, turn, centre - turn @ (centre + shift), order=0)
+    offset: Any = centre - turn @ (centre + shift)
+    return affine_transform(levels, turn, offset, order=0)
 
 
 def _erased(levels: np.ndarray, rng: np.random.Generator) -> np.ndarray:
