@@ -4,6 +4,7 @@ import copyreg
 import functools
 import os
 import pickle
+import pickletools
 import re
 import resource
 import struct
@@ -262,3 +263,14 @@ def test_mutated_pickles_end_in_values_or_in_an_error_of_ours(tmp_path):
             reached = int(re.search(r"some\.pkl.* byte (\d+)", str(error))[1])
         beyond += reached > 100
     assert beyond > MUTATIONS / 2
+
+
+def test_a_large_file_may_hold_as_many_arrays_as_an_aperture_has_positions(tmp_path):
+    """As raw simulations do, whose channels are a list of arrays: more steps, by the size of the file."""
+    channels = [np.full(128, i, complex) for i in range(100_000)]
+    (tmp_path / "channels.pkl").write_bytes(pickle.dumps(channels))
+    steps = sum(1 for _ in pickletools.genops((tmp_path / "channels.pkl").read_bytes()))
+    assert steps > 1_000_000
+    found = read_pickle(tmp_path / "channels.pkl")
+    assert len(found) == 100_000
+    assert np.array_equal(found[-1], channels[-1])

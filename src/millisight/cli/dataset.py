@@ -169,7 +169,7 @@ def download(
 
 
 _HEADER = ("id", "name", "exp", "angles", "los", "nlos", "radars", "images", "simulated", "masks", "camera", "raw",
-           "left out", "missing")  # fmt: skip
+           "omitted", "missing")  # fmt: skip
 
 
 def _row(one: ObjectFolder) -> tuple[str, ...]:

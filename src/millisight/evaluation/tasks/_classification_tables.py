@@ -107,8 +107,11 @@ def classifier_table(
     """What each classifier learned from, and how many of the images test it on what; `objects` are by scene."""
     rows: Rows = []
     near = []
+    evaluated = tuple(evaluated)
+    found = {where for _, _, placed in evaluated for where, _ in placed.placed.values()}
+    splits = [split for split in SPLITS if split in found or split != PUBLISHED]
     for variant, training, placed in evaluated:
-        tests = {split: [scene for scene, (where, _) in placed.placed.items() if where == split] for split in SPLITS}
+        tests = {split: [scene for scene, (where, _) in placed.placed.items() if where == split] for split in splits}
         counts = [len(some) for some in (*tests.values(), *(placed.left_out.get(why, []) for why in LEFT_OUT))]
         seen = (len(training.training), len(training.validation))
         kinds = (variant.network, PARTS.get(variant.parts, variant.parts))
@@ -116,7 +119,7 @@ def classifier_table(
         for name, others in siblings(training, {objects[scene] for scene in tests[DISJOINT]}).items():
             near.append(f"{variant.name} was trained on siblings of {name}: {', '.join(others)}.")
     columns = "classifier|network|trained on|physics of training|seed|objects in training|in validation|" + "|".join(
-        [*(f"{split} images" for split in SPLITS), *(f"left out: {why}" for why in LEFT_OUT)]
+        [*(f"{split} images" for split in splits), *(f"left out: {why}" for why in LEFT_OUT)]
     )
     return table_of(f"The classifiers: {data}", columns, rows, *notes, *near, place="summary")
 
