@@ -73,7 +73,8 @@ class SceneFiles(SceneSource):
     def paths(self) -> tuple[Path, ...]:
         """Of all files."""
         single = [item for item in (self.camera_mask, self.frame, self.info, self.empty) if item is not None]
-        return tuple(item.path for item in (*self.images.values(), *self.masks.values(), *single))
+        every = (*self.images.values(), *self.masks.values(), *self.turns, *single)
+        return tuple(dict.fromkeys(item.path for item in every))
 
     def physics(self) -> str:
         """What made the scene's captures where `experiment_info.json` calls it simulated; "" where it does not.
