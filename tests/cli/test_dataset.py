@@ -38,12 +38,12 @@ def test_help_teaches_with_an_example():
 def test_the_list_is_a_table(miniature):
     code, lines, _ = run("list", miniature.healthy)
     assert code == 0
-    table = [line.split(maxsplit=12) for line in lines[:-1]]
+    table = [line.split(maxsplit=13) for line in lines[:-1]]
     assert table[0] == [
         "id", "name", "exp", "angles", "los", "nlos", "radars", "images", "simulated", "masks", "camera", "raw",
-        "missing",
+        "omitted", "missing",
     ]  # fmt: skip
-    assert table[4] == ["025", "mug", "1,2", "1", "2", "2", "77+24", "8", "4", "6", "2", "8", "-"]
+    assert table[4] == ["025", "mug", "1,2", "1", "2", "2", "77+24", "8", "4", "6", "2", "8", "-", "-"]
     assert table[2][-1] == "nlos of exp2 at 0_0_90, 2 x camera frame, 2 x camera mask, 77_ghz raw, 24_ghz raw"
     assert lines[-1] == "4 objects, 9 experiments"
 

@@ -61,7 +61,7 @@ def whole(tmp_path_factory):
 
 @pytest.fixture
 def work(whole, tmp_path, monkeypatch):
-    monkeypatch.setattr(candidates, "NetworkClassifier", Fake)
+    monkeypatch.setattr(candidates, "classifier", Fake)
     candidates.load_classifier.cache_clear()
     shutil.copytree(whole, tmp_path / "data")
     yield tmp_path

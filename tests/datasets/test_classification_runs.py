@@ -12,7 +12,7 @@ from helpers.small_scenes import BLOCKS, inside, make
 from helpers.some_answers import prediction
 from millisight.core.errors import DamagedFileError, InputError
 from millisight.datasets import DatasetFiles, Manifest, find_scenes, write_manifest
-from millisight.datasets._scenes import origins
+from millisight.datasets._origins import origins
 from millisight.evaluation import HIGH, ClassificationTask
 from millisight.evaluation.tasks import _candidates as candidates
 from millisight.evaluation.tasks import classification
@@ -43,7 +43,7 @@ def whole(tmp_path_factory):
 
 @pytest.fixture
 def data(whole, tmp_path, monkeypatch):
-    monkeypatch.setattr(candidates, "NetworkClassifier", Fake)
+    monkeypatch.setattr(candidates, "classifier", Fake)
     monkeypatch.setattr(Fake, "runs", 0)
     candidates.load_classifier.cache_clear()
     yield Path(shutil.copytree(whole, tmp_path / "data"))

@@ -15,7 +15,7 @@ PROBLEMS = {
     "short_block": "line 71 has 247 cells", "log_backwards": "times_77[41]", "log_truncated": "antenna.npz",
     "list_unequal": "4 entries", "no_info": "no such file", "odd_info": "'round'", "empty_files": "empty",
 }  # fmt: skip
-NOTES = {"row_unlisted": "not listed", "two_lane": "two-lane interleaved", "unequal_log": "the first 310 are used"}
+NOTES = {"row_unlisted": "not listed", "two_lane": "two-lane interleaved", "unequal_log": "the first 250 are used"}
 
 
 def test_the_healthy_part_is_healthy(miniature):

@@ -83,7 +83,7 @@ def add_experiment(root, name, number, sight, scene, *, raw=True):
     for radar in ("77_ghz", "24_ghz"):
         rows, log = recorded(scene, radar, info, dim=sight == "nlos")
         if raw:
-            write_raw_experiment(folder, radar, rows, log, info=info)
+            write_raw_experiment(folder, radar, rows, log, info=info, fill=False)
         add_image(folder, radar, scene, info, log, rows)
     if name == MUG and sight == "los":
         add_camera(folder, number)
@@ -205,7 +205,7 @@ def add_scenes(root):
     rows, log = recorded(still, "24_ghz", INFOS[1])
     add_image(empty, "24_ghz", still, INFOS[1], log, rows)
     background = experiment_folder(root, BACKGROUND, (0, 0, 0), 1, "los")
-    write_raw_experiment(background, "24_ghz", rows, log, info=INFOS[1])
+    write_raw_experiment(background, "24_ghz", rows, log, info=INFOS[1], fill=False)
 
 
 FAULTS = (

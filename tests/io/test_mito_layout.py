@@ -111,10 +111,19 @@ def test_an_origin_is_the_same_on_every_machine(tmp_path):
 
 
 def test_published_grids():
-    tripod, block = published_grid("77_ghz", "tripod"), published_grid("24_ghz", "styrofoam")
-    assert (tripod.shape, block.shape) == ((220, 240, 22), (220, 240, 25))
-    assert tripod.bounds == pytest.approx(np.array([[-0.1, -0.05, -0.37], [0.4475, 0.5475, -0.16]]))
-    assert block.bounds == pytest.approx(np.array([[-0.1, 0.05, -0.55], [0.4475, 0.6475, -0.31]]))
+    """Ranges by a step, as floating-point numbers make them."""
+    ends = {"tripod": (-0.37, -0.15), "styrofoam": (-0.55, -0.3)}
+    shapes = {}
+    for background, z in ends.items():
+        for radar, x, y in (("77_ghz", (-0.1, 0.45), (-0.05, 0.55)), ("24_ghz", (-0.05, 0.37 + 0.05), (0.05, 0.65))):
+            grid = published_grid(radar, background, farthest=0.37)
+            expected = [np.arange(*x, 0.0025), np.arange(*y, 0.0025), np.arange(*z, 0.01)]
+            shapes[radar, background] = grid.shape
+            for name, axis in zip("xyz", expected, strict=True):
+                assert getattr(grid, name) == pytest.approx(axis, abs=1e-9)
+    assert shapes["77_ghz", "tripod"] == (220, 241, 22)
+    assert shapes["77_ghz", "styrofoam"] == (220, 241, 26)
+    assert published_grid("24_ghz", "tripod").bounds[1, 0] == pytest.approx(0.4475)
     with pytest.raises(UnknownNameError, match="60_ghz"):
         published_grid("60_ghz", "tripod")
 
@@ -248,7 +257,7 @@ def test_an_experiment_says_how_it_was_set_up(miniature):
     assert np.diff(second.rows[0].times) == pytest.approx(np.full(13, 0.003), abs=1e-6)
     assert first.metadata["source"] == f"{MUG}/robot_collected/0_0_90/exp1/los/unprocessed/radars/77_ghz"
     assert first.metadata["experiment"] == INFOS[1]
-    assert ms.VoxelGrid.regular(**second.metadata["image_grid"]).shape == (220, 240, 25)
+    assert ms.VoxelGrid.regular(**second.metadata["image_grid"]).shape == (220, 241, 26)
     assert first.metadata["left_out"] == first.metadata["notes"] == []
     assert first.log.orientations is None
 
@@ -276,7 +285,7 @@ def test_frames_are_read_when_they_are_asked_for_and_a_row_at_a_time(miniature, 
         ("cut_file", ["adc_data1700000001.bin: ends within frame 13, after 3191 of 8192 bytes"], [], 55),
         ("big_endian", ["adc_data1700000001.bin stand in big-endian order"], [], 42),
         ("short_block", ["p2g_data_1700500001.txt line 71 has 247 cells; expected 256"], [], 12),
-        ("unequal_log", [], ["antenna.npz: 330 times, 333 places; the first 310", "4 of 56 frames lie outside"], 56),
+        ("unequal_log", [], ["antenna.npz: 330 times, 333 places; the first 250", "14 of 56 frames lie outside"], 56),
     ],
 )
 def test_what_is_wrong_with_a_row_is_said_and_the_rest_is_read(fault, left_out, notes, frames, miniature):
@@ -483,6 +492,29 @@ def test_what_no_recorder_could_have_written_is_refused(tmp_path):
     with pytest.raises(InputError, match="choose another experiment"):
         write_raw_experiment(folder, "77_ghz", [], log, info={**info, "rx offset": "y"})
     assert json.loads((folder.parent / "experiment_info.json").read_text()) == info
+
+
+@pytest.mark.parametrize("count", [3, 110, 115])
+def test_a_24_ghz_file_has_the_110_frames_that_the_published_code_asks_for(count, tmp_path):
+    """Short ones are filled with empty frames, which are left out when they are read; long ones become several."""
+    info, rng = INFOS[1], np.random.default_rng(count)
+    log = ms.Trajectory(times=np.arange(0, 40, 0.05), positions=np.arange(800)[:, None] * [0.0, 0.001, 0.0])
+    frames = rng.integers(1, 1000, (count, 1, 2, 256)) + 1j * rng.integers(1, 1000, (count, 1, 2, 256))
+    folder = experiment_folder(tmp_path, BOX, ANGLES, 1, "los")
+    rows = [RecordedRow(7, 1.0, frames), RecordedRow(8, 20.0, frames[:2])]
+    raw = write_raw_experiment(folder, "24_ghz", rows, log, info=info)
+    files = sorted((raw / "radar_data").iterdir())
+    assert len(files) == (3 if count > 110 else 2)
+    for path in files:
+        assert path.read_bytes().count(b"\n") == 110 * 16 * 4  # as the published code counts
+    scan = read_experiment(folder, "24_ghz")
+    assert scan.metadata["left_out"] == []
+    (note,) = scan.metadata["notes"]
+    empty = 110 * len(files) - count - 2
+    assert f"filled with empty frames at the end, {empty} in all" in note
+    first = [row for row in scan.rows if row.times[0] < 19]
+    assert np.concatenate([row.times for row in first]) == pytest.approx(1.0 + 0.1 * np.arange(count))
+    assert np.array_equal(np.concatenate([row.read() for row in first])[:, 0], frames[:, 0, :1].astype(np.complex64))
 
 
 def test_the_full_radar_is_the_used_one_and_more():

@@ -4,6 +4,7 @@ import copyreg
 import functools
 import os
 import pickle
+import pickletools
 import re
 import resource
 import struct
@@ -59,6 +60,12 @@ def test_plain_values_and_arrays_come_back(tmp_path, protocol):
     assert not found["image"].flags.writeable
 
 
+def test_tuples_with_a_text_may_be_keys(tmp_path):
+    values = {("004", "sugar_box"): "box", ("a", 1, True): [("b", 2)]}
+    for protocol in (0, 2, 4, 5):
+        assert read(tmp_path, pickle.dumps(values, protocol=protocol)) == values
+
+
 def test_arrays_of_other_numpys_and_pythons(tmp_path):
     values = {"a": np.arange(6.0).reshape(2, 3), "s": np.float64(0.5)}
     for protocol in (2, 4, 5):
@@ -111,7 +118,8 @@ def attacks(mark):
         ("expected bytes", Calls(bytes, 10**12)),
         ("_mareconstruct", np.ma.array([1.0])), ("recarray", np.zeros((1, 1)).view(np.recarray)),
         ("__generator_ctor", np.random.default_rng(0)), ("sin", np.sin), ("array of structures", np.zeros(1, "f8,i4")),
-        ("M8", np.zeros(1, "M8[s]")), ("tuple as a key", {(1, 2): 3}), ("complex as a key", {1j}),
+        ("M8", np.zeros(1, "M8[s]")), ("tuple as a key", {(1, 2): 3}), ("tuple as a key", {("a", 1 << 20): 3}),
+        ("tuple as a key", {("a", (1,)): 3}), ("tuple as a key", {("a",) * 9: 3}), ("complex as a key", {1j}),
     ]  # fmt: skip
 
 
@@ -255,3 +263,14 @@ def test_mutated_pickles_end_in_values_or_in_an_error_of_ours(tmp_path):
             reached = int(re.search(r"some\.pkl.* byte (\d+)", str(error))[1])
         beyond += reached > 100
     assert beyond > MUTATIONS / 2
+
+
+def test_a_large_file_may_hold_as_many_arrays_as_an_aperture_has_positions(tmp_path):
+    """As raw simulations do, whose channels are a list of arrays: more steps, by the size of the file."""
+    channels = [np.full(128, i, complex) for i in range(100_000)]
+    (tmp_path / "channels.pkl").write_bytes(pickle.dumps(channels))
+    steps = sum(1 for _ in pickletools.genops((tmp_path / "channels.pkl").read_bytes()))
+    assert steps > 1_000_000
+    found = read_pickle(tmp_path / "channels.pkl")
+    assert len(found) == 100_000
+    assert np.array_equal(found[-1], channels[-1])

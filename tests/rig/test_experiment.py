@@ -135,7 +135,8 @@ def test_at_24_ghz_every_chirp_of_a_frame_has_noise_of_its_own(raw_24):
     files = sorted((radar_folder(out, "24_ghz", processed=False) / "radar_data").iterdir())
     assert len(files) == len(rig.plan.rows) == 24
     samples = read_position2go(files[0]).samples
-    assert samples.shape == (rig.plan.frames(0.1), 16, 2, 256)
+    assert samples.shape == (110, 16, 2, 256)  # filled for the published code
+    samples = samples[: rig.plan.frames(0.1)]
     sigma = 10 ** (-AT_24.radars[0].snr_db / 20) / 10 ** (AT_24.radars[0].full_scale_db / 20) * 32767
     # Thermal noise, and the converter's steps; all else of a frame's chirps is the same.
     spread = (abs(samples - samples.mean(axis=1, keepdims=True)) ** 2).mean() * 16 / 15

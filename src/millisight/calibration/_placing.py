@@ -4,9 +4,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from millisight.core import SPEED_OF_LIGHT, as_array, checked_number, checked_record, with_step
+from millisight.core import SPEED_OF_LIGHT, as_array, check_known, checked_number, checked_record, with_step
 from millisight.core.errors import InputError
 from millisight.data import Capture, ClockCorrection, RawScan, ScanRow, Trajectory, inside_log, spans
+
+POSES = ("cubic", "linear")
+"""How positions between those of a log are found."""
 
 
 def place_frames(
@@ -14,6 +17,7 @@ def place_frames(
     *,
     clock: ClockCorrection | None = None,
     min_distance: float | None = None,
+    poses: str = POSES[0],
     progress: Callable[[int, int], None] | None = None,
 ) -> Capture:
     """Interpolate the pose of each frame from the log: cubic spline for positions, spherical for orientations.
@@ -27,6 +31,7 @@ def place_frames(
     scan : RawScan
     clock : correction from the radar's clock to the robot's; None: the two agree
     min_distance : [m]; None: 3/16 of the wavelength at the start frequency, as published; 0 keeps repeats
+    poses : "cubic", or "linear" as published, for logs without orientations
     progress : called with (rows done, rows in all)
 
     Returns
@@ -52,17 +57,17 @@ def place_frames(
     used = np.flatnonzero(inside & ~lost)
     if not len(used):
         raise InputError(f"no frame is left, {int(lost.sum())} of {len(times)} are lost: {spans(robot, scan.log)}")
-    poses = scan.log.at(robot[used])
+    placed = _at(scan.log, robot[used], poses)
     fresh = np.concatenate(
-        [without_repeats(poses.positions[row_of[used] == r], min_distance) for r in range(len(scan.rows))]
+        [without_repeats(placed.positions[row_of[used] == r], min_distance) for r in range(len(scan.rows))]
     )
     kept = used[fresh]
     return Capture(
         radar=scan.radar,
         trajectory=Trajectory(
             times=times[kept],
-            positions=poses.positions[fresh],
-            orientations=None if poses.orientations is None else poses.orientations[fresh],
+            positions=placed.positions[fresh],
+            orientations=None if placed.orientations is None else placed.orientations[fresh],
         ),
         frames=_frames(scan, kept, row_of, progress),
         metadata=with_step(
@@ -77,8 +82,20 @@ def place_frames(
             repeats=len(used) - len(kept),
             kept=len(kept),
             longest_log_gap=float(_gaps(robot[kept], scan.log).max()),
+            **({} if poses == POSES[0] else {"poses": poses}),
         ),
     )
+
+
+def _at(log: Trajectory, times: np.ndarray, poses: str) -> Trajectory:
+    """The log's poses at times within it."""
+    check_known("interpolation of poses", poses, POSES)
+    if poses == POSES[0]:
+        return log.at(times)
+    if log.orientations is not None:
+        raise InputError('poses="linear" is for logs without orientations, as the published ones are used')
+    positions = np.stack([np.interp(times, log.times, axis) for axis in log.positions.T], axis=1)
+    return Trajectory(times=times, positions=positions)
 
 
 def _frames(

@@ -6,9 +6,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from millisight.cli.console import check_outputs, say
+from millisight.cli.console import check_outputs, length, say
 from millisight.cli.interrupts import Interrupted
 from millisight.cli.options import SamDevice
+from millisight.core import make_folder, printable
+from millisight.core.errors import InputError
 
 if TYPE_CHECKING:
     from millisight.viz.annotator import OpenedPicture
@@ -28,11 +30,23 @@ def annotate(
         typer.Option(
             "-o",
             "--output",
-            help="Mask to write: HDF5 for a radar image, PNG for a photograph; the points go to NAME.prompts.json "
-            "beside it. [default: NAME.mask.h5 or NAME.mask.png beside the image; for files of a dataset, in the "
-            "current folder]",
+            help="Mask to write: HDF5 for a radar image, PNG for a photograph; radar_masks*.pkl or camera_masks*.pkl: "
+            "in the published form. The points go to NAME.prompts.json beside it. [default: NAME.mask.h5 or "
+            "NAME.mask.png beside the image; for files of a dataset, in the current folder]",
         ),
     ] = None,
+    published: Annotated[
+        bool,
+        typer.Option(
+            "--published",
+            help="Write the mask into the dataset that the image is of, where evaluations look for it: radar_masks "
+            "beside a radar image, processed/camera/camera_masks of a camera frame.",
+        ),
+    ] = False,
+    depths: Annotated[
+        str,
+        typer.Option(metavar="NEAR:FAR", help="Depths of the object in a camera frame, for camera_masks."),
+    ] = "20cm:50cm",
     other_band: Annotated[
         Path | None,
         typer.Option(help="Image of the same scene at the radar's other frequency, for segmenters that use both."),
@@ -69,9 +83,11 @@ def annotate(
     from millisight.viz.annotator import Annotation, AnnotatorServer, open_picture, segmenters_for
 
     subject = open_picture(image, other_band=other_band)
-    mask_path = output or _beside(subject)
+    if published and output is not None:
+        raise InputError("--published and --output cannot be combined: pass one of them")
+    mask_path = mask_in_dataset(subject) if published else output or _beside(subject)
     segmenters = segmenters_for(subject, sam=model or ("vit-b" if method == "sam" else None), device=device)
-    annotation = Annotation(subject, mask_path, segmenters=segmenters, method=method)
+    annotation = Annotation(subject, mask_path, segmenters=segmenters, method=method, depth_range=_depths(depths))
     check_outputs(annotation.mask_path, annotation.prompts_path, source=image)
     with AnnotatorServer(annotation, port) as server:
         try:
@@ -90,6 +106,39 @@ def annotate(
             say(f"wrote {path}")
     if annotation.unsaved:
         typer.echo("millisight: the last points were not saved", err=True)
+
+
+def _depths(text: str) -> tuple[float, float]:
+    """Two lengths [m]."""
+    near, colon, far = text.partition(":")
+    if not colon:
+        raise InputError(f"--depths is {text!r}; expected two lengths such as 20cm:50cm")
+    return length(near, option="--depths"), length(far, option="--depths")
+
+
+def mask_in_dataset(subject: "OpenedPicture") -> Path:
+    """Where in its dataset the mask of a picture belongs, as a file of the picture's kind.
+
+    Raises
+    ------
+    InputError
+        The picture is of no dataset, or a mask is there that `annotate` did not make.
+    """
+    from millisight.viz.annotator import prompts_beside
+
+    path, suffix = subject.path, subject.path.suffix
+    if subject.is_radar and path.name.startswith("processed_image"):
+        target = path.with_name(path.name.replace("processed_image", "radar_masks", 1))
+    elif subject.frame is not None and path.parent.name == "camera" and path.parents[1].name == "unprocessed":
+        target = path.parents[2] / "processed" / "camera" / f"camera_masks{suffix}"
+    else:
+        raise InputError(
+            f"--published needs a processed_image* or a camera's continuous* of a dataset; {printable(path)} is neither"
+        )
+    if target.exists() and not prompts_beside(target).exists():
+        raise InputError(f"{printable(target)} exists, and was not made by millisight annotate; choose with --output")
+    make_folder(target.parent)
+    return target
 
 
 def _beside(subject: "OpenedPicture") -> Path:

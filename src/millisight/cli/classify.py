@@ -22,6 +22,7 @@ from millisight.cli.segment import Condition, OtherBand, PromptSeed, mask_of
 from millisight.core import make_folder, printable, write_text
 from millisight.core.errors import FileError, InputError
 from millisight.data import Mask
+from millisight.io.mito import origin
 
 if TYPE_CHECKING:
     from millisight.data import Prediction
@@ -48,7 +49,8 @@ def classify(
         typer.Option(
             metavar="PATH",
             help="Mask of the object, from `millisight segment` or `annotate`; for several images, the folder with "
-            "their masks. [default: NAME.mask.h5 if `segment` wrote one; else segment with wave]",
+            "their masks, or a dataset that has them beside the images. [default: NAME.mask.h5 if `segment` wrote one; "
+            "else segment with wave]",
         ),
     ] = None,
     method: Annotated[
@@ -175,12 +177,23 @@ def _mask_file(source: ImageSource, masks: Path | None, method: str | None) -> P
     if not masks.is_dir():
         return masks
     path = source.output(MASK_SUFFIX, masks)
-    if not path.exists():
+    found = next((one for one in (path, *_published_masks(source, masks)) if one.is_file()), None)
+    if found is None:
         raise FileError(
             f"{printable(masks)} holds no mask of {source.name}; expected {printable(path.name)} there: "
             "`millisight segment` may have failed on this image"
         )
-    return path
+    return found
+
+
+def _published_masks(source: ImageSource, masks: Path) -> list[Path]:
+    """Where the published layout has the mask of an image: beside it, or at the same place below the folder."""
+    name = source.path.stem.replace("processed_image", "radar_masks", 1)
+    if name == source.path.stem:
+        return []
+    beside = [source.path.with_name(name + suffix) for suffix in (".pkl", ".h5")]
+    below = masks.resolve() in source.path.resolve().parents
+    return [path if below else masks / origin(path) for path in beside]
 
 
 def _made_by(path: Path) -> Mapping[str, Any]:

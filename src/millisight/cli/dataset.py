@@ -14,7 +14,7 @@ from millisight.cli.console import end_with_failures, in_options, length, progre
 from millisight.cli.options import Objects, Sight, Workers, checked_sight
 from millisight.core import box, printable
 from millisight.core.errors import FileError, InputError, MillisightError
-from millisight.data import CameraFrame, CameraMask, Capture, Mask, RawScan, SarImage
+from millisight.data import CameraFrame, CameraMask, Capture, Mask, Picture, RawScan, SarImage, Trajectory
 from millisight.datasets import Dataset, Experiment, Item, ObjectFolder, Simulation, find_object
 from millisight.io.mito import CAMERA_FRAME, CAMERA_MASK, IMAGE, INFO, RADAR_MASK, RADARS, RAW
 
@@ -38,7 +38,7 @@ def list_(
     incomplete: Annotated[bool, typer.Option("--incomplete", help="List only objects with missing files.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Write the full list of files as JSON.")] = False,
 ) -> None:
-    """List the objects of a dataset and what is missing. No file is opened.
+    """List the objects of a dataset, what is missing, and which images its authors leave out. No file is opened.
 
     Example: millisight dataset list MITO_Dataset --incomplete
     """
@@ -169,7 +169,7 @@ def download(
 
 
 _HEADER = ("id", "name", "exp", "angles", "los", "nlos", "radars", "images", "simulated", "masks", "camera", "raw",
-           "missing")  # fmt: skip
+           "omitted", "missing")  # fmt: skip
 
 
 def _row(one: ObjectFolder) -> tuple[str, ...]:
@@ -193,6 +193,7 @@ def _row(one: ObjectFolder) -> tuple[str, ...]:
         str(kinds[RADAR_MASK] + kinds[CAMERA_MASK]),
         str(kinds[CAMERA_FRAME]),
         str(kinds[RAW]),
+        ", ".join(f"exp{part.number} {part.sight}" for part in one.experiments if part.left_out) or "-",
         ", ".join(f"{count} x {text}" if count > 1 else text for text, count in lacks.items()) or "-",
     )
 
@@ -216,7 +217,7 @@ def _tree(dataset: Dataset, chosen: list[ObjectFolder]) -> dict[str, Any]:
             for item in of.items
         ]
         where = {"folder": of.folder.relative_to(dataset.root).as_posix(), "angles": list(of.angles)}
-        what = {"number": of.number, "sight": of.sight} if isinstance(of, Experiment) else {}
+        what = {"number": of.number, "sight": of.sight, "left_out": of.left_out} if isinstance(of, Experiment) else {}
         return {**where, **what, "items": items, "missing": list(of.missing)}
 
     return {
@@ -288,18 +289,15 @@ def _missing(part: Experiment | Simulation) -> Iterator[str]:
 
 
 def _describe(item: Item) -> Iterator[str]:
-    from millisight.io import load, open_capture
-    from millisight.io.mito import read_experiment, read_info, read_published
+    from millisight.io import open_capture
 
     if item.kind == INFO:
-        yield ", ".join(f"{key} {value}" for key, value in read_info(item.path).items())
+        yield ", ".join(f"{key} {value}" for key, value in item.read().items())
     elif item.kind == RAW and item.converted:
         with open_capture(item.path) as capture:
             yield from _lines(capture)
-    elif item.kind == RAW:
-        yield from _lines(read_experiment(item.path, item.radar))
     else:
-        yield from _lines(load(item.path) if item.converted else read_published(item.path).record)
+        yield from _lines(item.read())
 
 
 def _lines(record: Any) -> Iterator[str]:
@@ -318,7 +316,7 @@ def _lines(record: Any) -> Iterator[str]:
         yield f"robot log: {len(record.log)} poses over {record.log.times[-1] - record.log.times[0]:.1f} s, " + box(
             record.log.positions.min(axis=0), record.log.positions.max(axis=0)
         )
-    elif isinstance(record, Capture):
+    elif isinstance(record, Capture | Trajectory | Picture):
         yield repr(record).split("(", 1)[1].removesuffix(")")
     if isinstance(record, RawScan | Capture):
         yield from (f"left out: {text}" for text in record.metadata.get("left_out", ()))

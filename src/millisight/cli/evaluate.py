@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from millisight.cli.console import end_with_failures, in_options, length, progress, say, slices
-from millisight.cli.options import Crop, Objects, SamDevice, Sight, Workers, checked_sight
+from millisight.cli.options import Crop, ExperimentNumber, Objects, SamDevice, Sight, Workers, checked_sight
 
 app: typer.Typer = typer.Typer(
     no_args_is_help=True,
@@ -39,6 +39,7 @@ def simulator(
     output: Output = Path("simulator-evaluation"),
     objects: Objects = None,
     sight: Sight = None,
+    experiment: ExperimentNumber = None,
     radar: Annotated[str, typer.Option(help="77_ghz or 24_ghz.")] = "77_ghz",
     flat: Annotated[
         bool | None,
@@ -57,9 +58,7 @@ def simulator(
     mode: Annotated[
         str, typer.Option("--align", help="Alignment: translation, or rigid (translation and rotation).")
     ] = "translation",
-    crop: Annotated[
-        str, typer.Option(metavar="LOW,HIGH", help="Slices of measured images to leave out, lowest and highest.")
-    ] = "0,0",
+    crop: Crop = None,
     fit: Annotated[
         Path | None, typer.Option("--fit", metavar="FILE.toml", help="Write the best weights of each object.")
     ] = None,
@@ -86,12 +85,12 @@ def simulator(
         "absolute": absolute,
         "within": length(within, option="--within"),
         "mode": mode,
-        "crop": slices(crop, option="--crop"),
+        "crop": None if crop is None else slices(crop, option="--crop"),
         "fit": fit,
         "clouds": clouds,
         "pictures": pictures,
     }
-    _evaluate("simulator", measured, output, objects, sight, workers, label="compare", **options)
+    _evaluate("simulator", measured, output, objects, sight, experiment, workers, label="compare", **options)
 
 
 @app.command()
@@ -108,6 +107,7 @@ def segmentation(
     device: SamDevice = "cpu",
     objects: Objects = None,
     sight: Sight = None,
+    experiment: ExperimentNumber = None,
     seeds: Annotated[int, typer.Option(min=1, help="Number of random seeds for prompts: 0, 1, 2 and so on.")] = 3,
     truth: Annotated[
         str,
@@ -122,7 +122,7 @@ def segmentation(
             help="Height of the support's upper face in the radar frame, such as -30cm. [default: by background]"
         ),
     ] = None,
-    crop: Crop = "0,0",
+    crop: Crop = None,
     failures: Annotated[int, typer.Option(min=0, help="Number of worst masks of each segmenter to plot.")] = 6,
     workers: Workers = None,
 ) -> None:
@@ -140,10 +140,10 @@ def segmentation(
         "truth": truth,
         "transform": transform,
         "support": None if support is None else length(support, option="--support"),
-        "crop": slices(crop, option="--crop"),
+        "crop": None if crop is None else slices(crop, option="--crop"),
         "failures": failures,
     }
-    _evaluate("segmentation", root, output, objects, sight, workers, label="segment", **options)
+    _evaluate("segmentation", root, output, objects, sight, experiment, workers, label="segment", **options)
 
 
 @app.command()
@@ -154,14 +154,16 @@ def classification(
         list[Path] | None,
         typer.Option(
             "--weights",
-            metavar="FILE.onnx",
-            help="Weights of a trained classifier; repeatable. [default: the shipped one]",
+            metavar="FILE",
+            help="Weights of a trained classifier: ONNX, or the paper's final_weights.h5; repeatable. [default: the "
+            "shipped one]",
         ),
     ] = None,
     method: Annotated[str, typer.Option(help="Segmenter of the predicted masks: wave or classical.")] = "wave",
     seed: Annotated[int, typer.Option(min=0, help="Random seed for prompts, for segmenters that use them.")] = 0,
     objects: Objects = None,
     sight: Sight = None,
+    experiment: ExperimentNumber = None,
     truth: Annotated[
         str,
         typer.Option(
@@ -169,7 +171,18 @@ def classification(
         ),
     ] = "camera",
     transform: Transform = None,
-    crop: Crop = "0,0",
+    crop: Crop = None,
+    split: Annotated[
+        str,
+        typer.Option(
+            help="objects: by what each classifier saw in training. published: the test images of the authors' split, "
+            "whatever it saw."
+        ),
+    ] = "objects",
+    as_published: Annotated[
+        bool,
+        typer.Option("--as-published", help="Classify in the masks beside the images, as the paper's table does."),
+    ] = False,
     mistakes: Annotated[int, typer.Option(min=0, help="Number of mistakes of each classifier to plot.")] = 12,
     workers: Workers = None,
 ) -> None:
@@ -188,10 +201,12 @@ def classification(
         "seed": seed,
         "truth": truth,
         "transform": transform,
-        "crop": slices(crop, option="--crop"),
+        "crop": None if crop is None else slices(crop, option="--crop"),
+        "split": split,
+        "as_published": as_published,
         "mistakes": mistakes,
     }
-    _evaluate("classification", root, output, objects, sight, workers, label="classify", **options)
+    _evaluate("classification", root, output, objects, sight, experiment, workers, label="classify", **options)
 
 
 def _evaluate(
@@ -200,6 +215,7 @@ def _evaluate(
     output: Path,
     objects: list[str] | None,
     sight: str | None,
+    experiment: int | None,
     workers: int | None,
     *,
     label: str,
@@ -216,6 +232,7 @@ def _evaluate(
             output=output,
             objects=objects or (),
             sight=sight,
+            experiment=experiment,
             workers=workers,
             progress=report,
             **options,

@@ -15,7 +15,7 @@ from millisight.cli.sources import Opened, Source, sources
 from millisight.core import PUBLISHED_COLORMAP, check_known, make_folder
 from millisight.core.errors import InputError, MillisightError, UnknownNameError
 from millisight.data import Capture, SarImage, VoxelGrid
-from millisight.imaging import METHODS, WINDOWS, form_image
+from millisight.imaging import METHODS, WINDOWS, form_as_published, form_image
 
 _CLOCKS = ("given", "report", "apply")
 _FOCUSES = ("none", "rows", "path")
@@ -33,6 +33,7 @@ class _Settings:
     focus: str
     data: Path | None
     background: list[Source]
+    as_published: bool
     outline: str | None
     db: bool
 
@@ -42,6 +43,8 @@ class _Settings:
         values = {name: getattr(self, name) for name in ("grid", "method", "window", "tolerance", "clock")}
         if self.focus != "none":
             values["focus"] = self.focus
+        if self.as_published:
+            values["as_published"] = True
         return {**values, "background": [source.name for source in self.background]}
 
 
@@ -118,6 +121,14 @@ def image(
             "estimate errors of the path. Both maximise the sharpness of the image."
         ),
     ] = "none",
+    as_published: Annotated[
+        bool,
+        typer.Option(
+            "--as-published",
+            help="Image as the published code does, for comparison: positions interpolated linearly, the nearest of "
+            "4096 range bins below, the phase of one frequency, both receivers at 24 GHz; divided by poses.",
+        ),
+    ] = False,
     plot: Annotated[
         Path | None,
         typer.Option(help="Write a picture of the three projections (PNG, SVG, PDF); a folder for several captures."),
@@ -149,6 +160,8 @@ def image(
     check_known("--focus", focus, _FOCUSES)
     if outline is not None and plot is None and slices is None:
         raise InputError("--outline is drawn over pictures; add --plot or --slices")
+    if as_published and any(one is not None for one in (method, window, tolerance)):
+        raise InputError("--as-published is a method of its own; leave --method, --window and --tolerance out")
     settings = _Settings(
         grid=grid,
         method=method,
@@ -158,6 +171,7 @@ def image(
         focus=focus,
         data=data,
         background=[] if background is None else sources([background], radar),
+        as_published=as_published,
         outline=outline,
         db=db,
     )
@@ -216,7 +230,7 @@ def _image_all(
 def _image_one(source: Source, outputs: _Outputs, settings: _Settings, *, label: str) -> None:
     from millisight.io import save
 
-    with source.opened(settings.data, f"{label}read") as opened:
+    with source.opened(settings.data, f"{label}read", as_published=settings.as_published) as opened:
         for note in (*opened.notes, *_oddities(opened.capture)):
             say(note)
         capture = _without_background(opened.capture, source, settings)
@@ -260,6 +274,10 @@ def _oddities(capture: Capture) -> list[str]:
 
 def _form(capture: Capture, voxels: VoxelGrid, settings: _Settings, label: str) -> SarImage:
     """The image; what the command line leaves open is as the capture's description states it."""
+    if settings.as_published:
+        say("as published: the nearest of 4096 range bins below, and the phase of the first frequency, not paper Eq. 1")
+        with progress(f"{label}image as published") as report:
+            return form_as_published(capture, voxels, progress=report)
     stated: Any = capture.metadata.get("imaging")
     stated = stated if isinstance(stated, Mapping) else {}
     for key, known in (("method", METHODS), ("window", ("none", *WINDOWS))):
@@ -282,7 +300,7 @@ def _without_background(capture: Capture, source: Source, settings: _Settings) -
 
     for empty in settings.background:
         if empty.radar == source.radar:
-            with empty.opened(settings.data, "read background") as opened:
+            with empty.opened(settings.data, "read background", as_published=settings.as_published) as opened:
                 return subtract_background(capture, opened.capture, frame="first")
     say(f"background: no capture of the {source.radar} radar; nothing is subtracted")
     return capture

@@ -208,4 +208,7 @@ def _source(path: Path, condition: str | None, *, multispectral: bool) -> ImageS
     sight = parts[-5] if parts[-5:-4] and parts[-5] in SIGHTS else "los"
     other = path.resolve().parent.parent / "24_ghz" / path.name if multispectral else None
     name = ".".join(named) + path.stem.removeprefix(_PUBLISHED)
+    if other is not None and "simulation" in parts[-7:] and not other.exists():
+        typer.echo(f"millisight: {name}: there is no simulated 24 GHz image; the 77 GHz image is used alone", err=True)
+        other = None
     return ImageSource(path, name, condition or sight, other, Path())

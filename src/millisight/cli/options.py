@@ -34,7 +34,16 @@ Objects = Annotated[
 ]
 Sight = Annotated[str | None, typer.Option(help="Use only experiments in line of sight (los) or out of it (nlos).")]
 Crop = Annotated[
-    str, typer.Option(metavar="LOW,HIGH", help="Number of lowest and highest slices to drop from 77 GHz images.")
+    str | None,
+    typer.Option(
+        metavar="LOW,HIGH",
+        help="Number of lowest and highest slices to drop from measured 77 GHz images. [default: as published, of "
+        "each experiment of the published dataset; none of other data]",
+        show_default=False,
+    ),
+]
+ExperimentNumber = Annotated[
+    int | None, typer.Option("--experiment", min=0, help="Use only experiments with this number.")
 ]
 Workers = Annotated[int | None, typer.Option(min=1, help="Number of processes. [default: one per core, at most eight]")]
 

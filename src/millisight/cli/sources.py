@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from millisight.cli.console import progress
-from millisight.core import check_readable
-from millisight.core.errors import FileError, InputError
+from millisight.core import check_readable, printable
+from millisight.core.errors import FileError, FormatError, InputError
 from millisight.data import Capture, RawScan, Trajectory
 
 # Read with a description: the user's own, or a shipped one that fits the arrays.
@@ -41,13 +41,14 @@ class Source:
     folder: Path
 
     @contextmanager
-    def opened(self, data: Path | None, label: str = "read") -> Iterator[Opened]:
+    def opened(self, data: Path | None, label: str = "read", *, as_published: bool = False) -> Iterator[Opened]:
         """Open the capture for a `with` block; the frames of an HDF5 capture stay on disk.
 
         Parameters
         ----------
         data : folder of the files named in a description; None: the folder of the description
         label : progress label while raw files are read
+        as_published : of raw experiments, linear poses and both receivers at 24 GHz
 
         Raises
         ------
@@ -57,7 +58,13 @@ class Source:
         if self.radar is not None:
             from millisight.io.mito import read_experiment
 
-            yield _placed(read_experiment(self.path, self.radar), label)
+            scan = read_experiment(self.path, self.radar, every_receiver=as_published)
+            yield _placed(scan, label, poses="linear" if as_published else "cubic")
+            return
+        if self.path.suffix.lower() == ".pkl":
+            from millisight.io.mito import read_published
+
+            yield Opened(_expect_capture(read_published(self.path).record, self.path))
             return
         if self.path.suffix.lower() not in _DESCRIBED:
             from millisight.io import open_capture
@@ -112,6 +119,7 @@ def _under(path: Path, radar: str | None) -> list[Source]:
     experiments = experiments_under(path)
     found = [Source(raw.folder, raw.name, raw.radar, Path()) for raw in experiments if radar in (None, raw.radar)]
     found += _converted(path, radar)
+    found += _simulated(path, radar)
     if not found:
         wanted = "" if not experiments else f" of the {radar} radar"
         raise FileError(
@@ -134,10 +142,29 @@ def _converted(folder: Path, radar: str | None) -> list[Source]:
     return found
 
 
-def _placed(scan: RawScan, label: str) -> Opened:
+def _simulated(folder: Path, radar: str | None) -> list[Source]:
+    """Raw simulations of the published layout, as published or converted, at or below a folder."""
+    from millisight.io.mito import RADARS, RAW_SIMULATION, kind_of
+
+    found = []
+    for path in sorted(path for suffix in (".pkl", ".h5") for path in folder.rglob(f"raw_sim_files*{suffix}")):
+        kind, band = kind_of("simulated", path.name), path.resolve().parent.name
+        if kind is not None and kind[0] == RAW_SIMULATION and band in RADARS and radar in (None, band):
+            places = [part for part in path.resolve().parts[-7:-1] if part not in ("unprocessed", "radars")]
+            found.append(Source(path, ".".join(places) + kind[1], None, Path()))
+    return found
+
+
+def _expect_capture(record: object, path: Path) -> Capture:
+    if not isinstance(record, Capture):
+        raise FormatError(f"{printable(path)} holds a {type(record).__name__}; expected a capture")
+    return record
+
+
+def _placed(scan: RawScan, label: str, *, poses: str = "cubic") -> Opened:
     """Place the frames of a scan at the poses of the robot log."""
     with progress(label, compiles=False) as report:
-        capture = scan.to_capture(progress=report)
+        capture = scan.to_capture(poses=poses, progress=report)
     placing = next(step for step in reversed(capture.metadata["history"]) if step["step"] == "place_frames")
     left_out = {
         "lost": placing["lost"],

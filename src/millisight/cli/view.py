@@ -10,8 +10,8 @@ import typer
 
 from millisight.cli import interrupts
 from millisight.cli.console import check_outputs, progress, say
-from millisight.core import colormap_in_use
-from millisight.core.errors import InputError
+from millisight.core import colormap_in_use, printable
+from millisight.core.errors import FileError, InputError
 
 
 def view(
@@ -20,7 +20,7 @@ def view(
         typer.Argument(
             metavar="FILE",
             help="Images, captures, robot logs, masks, meshes and scenes (HDF5 of millisight); processed_image*.pkl "
-            "and radar_masks*.pkl of the published dataset; mesh files (STL, OBJ, PLY, OFF, GLB).",
+            "and radar_masks*.pkl of the published dataset, or a folder of it; mesh files (STL, OBJ, PLY, OFF, GLB).",
         ),
     ],
     threshold: Annotated[float, typer.Option(help="Hide weaker voxels [dB relative to the maximum].")] = -15.0,
@@ -77,7 +77,9 @@ def view(
     from millisight.viz.viewer import Viewer, first_settings, gather
 
     with progress("read", compiles=False):
-        contents = gather(files, combine=not separate, alpha=alpha, unit=unit)
+        contents = gather(
+            [one for path in files for one in _files_of(path)], combine=not separate, alpha=alpha, unit=unit
+        )
     if alpha != (0.5, 0.5) and not any(exhibit.pair for exhibit in contents.exhibits):
         raise InputError(
             "--alpha weights the specular and the edge image of one simulation; pass both, without --separate"
@@ -103,6 +105,19 @@ def view(
             say(f"wrote {screenshot}")
             return
         _serve(viewer.url, no_browser)
+
+
+def _files_of(path: Path) -> list[Path]:
+    """The path itself; of a folder of the published layout its images and masks."""
+    if not path.is_dir():
+        return [path]
+    from millisight.io.mito import IMAGE, RADAR_MASK, kind_of
+
+    files = [file for file in sorted(path.rglob("*")) if not any(one.startswith(".") for one in file.parts)]
+    found = [file for file in files if (kind_of("radars", file.name) or ("",))[0] in (IMAGE, RADAR_MASK)]
+    if not found:
+        raise FileError(f"{printable(path)} holds no processed_image*.pkl of the published layout; pass files")
+    return found
 
 
 def _serve(url: str, no_browser: bool) -> None:

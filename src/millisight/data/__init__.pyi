@@ -10,6 +10,7 @@ from ._clock import inside_log as inside_log
 from ._clock import spans as spans
 from ._grid import PixelGrid as PixelGrid
 from ._grid import VoxelGrid as VoxelGrid
+from ._grid import grid_difference as grid_difference
 from ._image import SarImage as SarImage
 from ._layers import Layers as Layers
 from ._mask import Mask as Mask

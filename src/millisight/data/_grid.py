@@ -17,6 +17,34 @@ def _coordinates(value: np.ndarray, name: str) -> np.ndarray:
     return coordinates
 
 
+def grid_difference(one: "PixelGrid | VoxelGrid", other: "PixelGrid | VoxelGrid", *, within: float = 1e-6) -> str:
+    """In a line, how the first axis that differs between two grids differs; "" where they are the same.
+
+    Parameters
+    ----------
+    one, other : their axes z are compared where both have one
+    within : coordinates nearer than this are the same [m]
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> a, b = (PixelGrid(x=np.arange(3.0), y=np.arange(n) / 400) for n in (240, 241))
+    >>> grid_difference(a, b)
+    'y: 240 from 0 to 0.5975 m by 0.0025, and 241 from 0 to 0.6 m by 0.0025'
+    """
+    for name in "xyz" if isinstance(one, VoxelGrid) and isinstance(other, VoxelGrid) else "xy":
+        axes = getattr(one, name), getattr(other, name)
+        if len(axes[0]) != len(axes[1]) or np.abs(axes[0] - axes[1]).max() > within:
+            return f"{name}: {_told(axes[0])}, and {_told(axes[1])}"
+    return ""
+
+
+def _told(axis: np.ndarray) -> str:
+    """How many coordinates, from where to where, by which step."""
+    step = f" by {(axis[-1] - axis[0]) / (len(axis) - 1):.4g}" if len(axis) > 1 else ""
+    return f"{len(axis)} from {axis[0] + 0.0:.4g} to {axis[-1] + 0.0:.4g} m{step}"
+
+
 @record
 class PixelGrid:
     """Positions of the pixels of a picture.

@@ -129,11 +129,12 @@ class RawScan:
         *,
         clock: ClockCorrection | None = None,
         min_distance: float | None = None,
+        poses: str = "cubic",
         progress: Callable[[int, int], None] | None = None,
     ) -> Capture:
         """The frames at the poses of the log (see `millisight.calibration.place_frames`), then calibrated."""
         place_frames = late("millisight.calibration", "place_frames")
-        placed = place_frames(self, clock=clock, min_distance=min_distance, progress=progress)
+        placed = place_frames(self, clock=clock, min_distance=min_distance, poses=poses, progress=progress)
         return late("millisight.calibration", "calibrate")(placed, self.calibration)
 
 

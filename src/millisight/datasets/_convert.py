@@ -30,7 +30,8 @@ from millisight.datasets._manifest import (
 from millisight.datasets._workers import each
 from millisight.io import SCHEMA_VERSION, mito, save
 
-_VERSION = 1  # of the conversion: another one, and everything is converted anew
+_VERSION = 2  # of the conversion: another one, and everything is converted anew
+_COPIED = (mito.INFO, mito.CAMERA_PICTURE)  # as they are
 _CACHE_NAME = ".checksums.json"
 _PARTIAL_NAME = ".partial"
 _SECONDS = 2.0  # between two writes of the manifest
@@ -98,7 +99,7 @@ def convert(
     """
     dataset = root if isinstance(root, Dataset) else _mito.open(root)
     items = [item for item in dataset.items if not item.converted]
-    if all(item.kind == mito.INFO for item in items):
+    if all(item.kind in _COPIED for item in items):
         raise InputError(f"{printable(dataset.root)} holds no file left to convert: all are converted")
     if min_distance is not None:
         min_distance = checked_number(min_distance, name="min_distance", unit="m", minimum=0)
@@ -206,17 +207,18 @@ def _convert(job: _Job) -> _Done:
 def _contents(job: _Job) -> Iterator[tuple[Callable[[Path], None], list[str]]]:
     """What writes each output of an item, and what is odd about the item."""
     item = job.item
-    if item.kind == mito.INFO:
-        mito.read_info(item.path)
+    if item.kind in _COPIED:
+        item.read()
         yield lambda path: _copy(item.path, path), []
     elif item.kind == mito.RAW:
         scan = mito.read_experiment(item.path, item.radar)
         notes = [str(note) for name in ("left_out", "notes") for note in scan.metadata[name]]
         yield lambda path: save(path, scan.to_capture(min_distance=job.min_distance), reproducible=True), notes
-        yield lambda path: save(path, scan.log, reproducible=True), notes
+        log = mito.read_log(item.path, item.radar)
+        yield lambda path: save(path, log.record, extras=log.extras, reproducible=True), notes
     else:
-        published = mito.read_published(item.path)
-        yield lambda path: save(path, published.record, extras=published.extras, reproducible=True), []
+        record, extras = item.read_with_extras()
+        yield lambda path: save(path, record, extras=extras, reproducible=True), []
 
 
 def _copy(source: Path, path: Path) -> None:
@@ -227,10 +229,12 @@ def _copy(source: Path, path: Path) -> None:
 def _outputs(item: Item, root: Path) -> list[str]:
     """Where in the converted dataset an item goes."""
     place = Path(_relative(item.path, root))
-    if item.kind == mito.INFO:
+    if item.kind in _COPIED:
         return [place.as_posix()]
     if item.kind == mito.RAW:
         return [(place / name).as_posix() for name in (mito.RAW_CAPTURE, mito.RAW_LOG)]
+    if item.kind == mito.LOG:
+        return [(place / mito.RAW_LOG).as_posix()]
     return [place.with_suffix(".h5").as_posix()]
 
 
@@ -241,6 +245,8 @@ def _sources_of(item: Item) -> Iterator[tuple[Path, list[Path]]]:
         yield item.path, sorted(file for file in files if file.is_file())
         info = item.path.parents[3] / mito.INFO_NAME
         yield info, [info] if info.is_file() else []
+    elif item.kind == mito.LOG:
+        yield item.path, sorted(item.path.glob("antenna*.npz"))
     else:
         yield item.path, [item.path]
         if item.kind == mito.RADAR_MASK and (image := mito.image_beside(item.path)).is_file():

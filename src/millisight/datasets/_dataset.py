@@ -8,8 +8,8 @@ from typing import Any
 
 from millisight.core import printable, record
 from millisight.core.errors import FileError, FormatError, UnknownNameError
-from millisight.data import CameraFrame, CameraMask, Capture, Mask, RawScan, SarImage
-from millisight.io import load, mito
+from millisight.data import CameraFrame, CameraMask, Capture, Mask, Picture, RawScan, SarImage
+from millisight.io import load, load_extras, mito, read_photo
 
 
 @record
@@ -19,7 +19,8 @@ class Item:
     Attributes
     ----------
     path : of the file, or the folder
-    kind : "image", "radar mask", "camera mask", "camera frame", "raw" or "info"
+    kind : "image", "radar mask", "camera mask", "camera frame", "camera picture" (PNG), "raw", "raw simulation",
+        "robot log" (without raw files beside it) or "info"
     radar : "77_ghz" or "24_ghz"; "" where none is concerned
     ext : what follows the file's usual name, such as "_specular"
     """
@@ -37,6 +38,8 @@ class Item:
     def read(self) -> Any:
         """The record that the item holds; of "info" a dictionary, of raw files that were not converted a RawScan.
 
+        Of a camera picture it is a Picture, of a robot log a Trajectory, of a raw simulation a Capture.
+
         Raises
         ------
         FileError, FormatError, DamagedFileError
@@ -47,7 +50,21 @@ class Item:
             return load(self.path)
         if self.kind == mito.RAW:
             return mito.read_experiment(self.path, self.radar)
-        return mito.read_published(self.path).record
+        if self.kind == mito.CAMERA_PICTURE:
+            return Picture(rgb=read_photo(self.path))
+        return self.read_with_extras()[0]
+
+    def read_with_extras(self) -> tuple[Any, dict[str, Any]]:
+        """The record of an image, a mask, a camera frame, a raw simulation or a robot log, and all else of its file.
+
+        Raises
+        ------
+        FileError, FormatError, DamagedFileError
+        """
+        if self.converted:
+            return load(self.path), load_extras(self.path)
+        read = mito.read_log(self.path, self.radar) if self.kind == mito.LOG else mito.read_published(self.path)
+        return read.record, read.extras
 
 
 class _Part:
@@ -110,6 +127,7 @@ class Experiment(_Part):
     folder : of the experiment
     items : what there is
     missing : what is not there, one text an item
+    left_out : whether the authors of the published dataset do not use it; told by names, and so of theirs alone
     """
 
     object: str
@@ -119,6 +137,7 @@ class Experiment(_Part):
     folder: Path
     items: tuple[Item, ...]
     missing: tuple[str, ...]
+    left_out: bool = False
 
     @property
     def angles_name(self) -> str:

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 from millisight.core import make_folder, printable, record
 from millisight.core.errors import FileError, InputError, UnknownNameError
 from millisight.datasets._manifest import size_of
+from millisight.datasets._published import empty_scenes_of
 from millisight.datasets._workers import each
 from millisight.io.mito import object_of
 
@@ -64,7 +65,8 @@ def download(
     Parameters
     ----------
     out : folder, created if missing
-    objects : ids, names or folders, such as "004", "sugar_box" or "004_sugar_box"; none: everything
+    objects : ids, names or folders, such as "004", "sugar_box" or "004_sugar_box"; none: everything. The empty scenes
+        that the table of the published dataset names for them come along
     repository : name of a dataset repository on the hub
     revision : a branch, tag or commit of it
     dry_run : list the files, and download nothing
@@ -134,6 +136,7 @@ def _chosen(files: list[RemoteFile], objects: Sequence[str]) -> tuple[RemoteFile
         if not any(name in names for names in named.values()):
             raise UnknownNameError("object", name, named)
     chosen = {folder for folder, names in named.items() if set(objects) & set(names)}
+    chosen |= {scene for folder in chosen for scene in empty_scenes_of(folder)}
     return tuple(file for file in files if file.path.split("/")[0] in chosen)
 
 

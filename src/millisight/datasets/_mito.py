@@ -11,12 +11,14 @@ from typing import NamedTuple
 from millisight.core import checked_path, printable
 from millisight.core.errors import FileError
 from millisight.datasets._dataset import Dataset, Experiment, Item, ObjectFolder, Simulation
+from millisight.datasets._published import published_experiment
 from millisight.io import mito
 
 SIMULATED_EXTS = ("_specular", "_edges")
 """The simulated images that are published of every object."""
 _MESHES = (".stl", ".obj", ".ply")
 _TEXTURES = (".mtl", ".png", ".jpg")
+_PROMPTS = ".prompts.json"  # points that `millisight annotate` writes beside a mask
 _BESIDE = (mito.SPLITS_NAME, mito.TRUTH)
 
 
@@ -30,10 +32,12 @@ def open(root: str | os.PathLike[str]) -> Dataset:
     """
     root = checked_path(root)
     objects, stray = [], []
-    for entry in _listed(root):
+    entries = _listed(root)
+    generated = any(entry.name in _BESIDE for entry in entries)
+    for entry in entries:
         if entry.is_dir() and mito.object_of(entry.name):
-            objects.append(_Walk(Path(entry.path)).object())
-        elif not (entry.name in _BESIDE or entry.name.startswith(".") or entry.name.endswith((".md", ".jsonl"))):
+            objects.append(_Walk(Path(entry.path), generated=generated).object())
+        elif not _belongs_beside(entry.name):
             stray.append(entry.name)
     # A folder of the layout has at least one of these; any other folder may be named with an underscore too.
     known = [one for one in objects if one.experiments or one.simulations]
@@ -44,6 +48,11 @@ def open(root: str | os.PathLike[str]) -> Dataset:
             "004_sugar_box/robot_collected/0_0_0/exp1/los"
         )
     return Dataset(root=root, objects=tuple(known), stray=tuple(sorted(stray)))
+
+
+def _belongs_beside(name: str) -> bool:
+    """Whether a file or folder belongs into a dataset's root, beside its objects."""
+    return name in _BESIDE or mito.is_split(name) or name.startswith(".") or name.endswith((".md", ".jsonl"))
 
 
 def find_object(folder: str | os.PathLike[str]) -> ObjectFolder:
@@ -124,8 +133,9 @@ def _short_name(experiment: Path) -> str:
 class _Walk:
     """One object's folder, looked through by names; what is in no known place gathers in `stray`."""
 
-    def __init__(self, folder: Path):
+    def __init__(self, folder: Path, *, generated: bool = False):
         self.folder = folder
+        self._generated = generated
         self.stray: list[Path] = []
 
     def object(self) -> ObjectFolder:
@@ -181,6 +191,7 @@ class _Walk:
                     self.stray.append(Path(below.path))
             for sight in sights:
                 items = (*info, *self._items(sight))
+                published = None if self._generated else published_experiment(self.folder.name, number)
                 yield Experiment(
                     object=self.folder.name,
                     angles=angles,
@@ -189,6 +200,7 @@ class _Walk:
                     folder=Path(sight.path),
                     items=items,
                     missing=_missing(items, _expected(role, sight.name)),
+                    left_out=published is not None and sight.name not in published.available,
                 )
 
     def _simulation(self, folder: Path, angles: tuple[int, int, int]) -> Simulation:
@@ -224,20 +236,31 @@ class _Walk:
     def _files(self, above: os.DirEntry, section: str, radar: str) -> Iterator[Item]:
         for entry in self._entries(above):
             kind = mito.kind_of(section, entry.name)
+            if kind is None and entry.name.endswith(_PROMPTS):
+                continue
             if kind is None:
                 self.stray.append(Path(entry.path))
             else:
                 yield Item(path=Path(entry.path), kind=kind[0], radar=radar, ext=kind[1])
 
     def _raw(self, radar: os.DirEntry) -> Iterator[Item]:
-        """One item for the whole folder where it holds what can be read, published or converted."""
-        names = {entry.name for entry in self._entries(radar)}
+        """One item for the whole folder where it holds what can be read, published or converted; and simulations."""
+        entries = self._entries(radar)
+        names = {entry.name for entry in entries}
+        logged = any(name.startswith("antenna") and name.endswith(".npz") for name in names)
+        simulations = {entry: mito.kind_of("simulated", entry.name) for entry in entries}
         if mito.RAW_CAPTURE in names:
             yield Item(path=Path(radar.path, mito.RAW_CAPTURE), kind=mito.RAW, radar=radar.name)
         elif "radar_data" in names:
             yield Item(path=Path(radar.path), kind=mito.RAW, radar=radar.name)
-        elif not any(name.startswith("raw_sim_files") for name in names):  # what simulated images were made of
+        elif mito.RAW_LOG in names or logged:
+            log = Path(radar.path, mito.RAW_LOG) if mito.RAW_LOG in names else Path(radar.path)
+            yield Item(path=log, kind=mito.LOG, radar=radar.name)
+        elif not any(simulations.values()):
             self.stray.append(Path(radar.path))
+        for entry, kind in simulations.items():
+            if kind is not None:
+                yield Item(path=Path(entry.path), kind=kind[0], radar=radar.name, ext=kind[1])
 
     def _entries(self, folder: Path | os.DirEntry) -> list[os.DirEntry]:
         try:

@@ -10,11 +10,11 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from millisight.core import make_folder, write_text
+from millisight.core import make_folder, printable, write_text
 from millisight.core.errors import InputError
 from millisight.datasets import _mito
 from millisight.datasets._dataset import Dataset
-from millisight.datasets._scenes import DatasetFiles, find_scenes
+from millisight.datasets._find_scenes import DatasetFiles, find_scenes
 from millisight.datasets._workers import each
 from millisight.evaluation import TASKS, EvaluationItem, Result, Task
 
@@ -28,14 +28,16 @@ def evaluate(
     output: str | os.PathLike[str] | None = None,
     objects: Iterable[str] = (),
     sight: str | None = None,
+    experiment: int | None = None,
     workers: int | None = None,
     progress: Progress | None = None,
     **options: Any,
 ) -> Result:
     """Evaluate simulated images, segmenters or classifiers on a dataset in the published layout.
 
-    A scene that cannot be read does not stop the others: see `Result.failures`. With an `output`, partial results are
-    cached there. The next run reuses those with the same files, options and network weights.
+    Of the published dataset, images that its authors leave out are left out, and named in the notes. A scene that
+    cannot be read does not stop the others: see `Result.failures`. With an `output`, partial results are cached there.
+    The next run reuses those with the same files, options and network weights.
 
     Parameters
     ----------
@@ -44,6 +46,7 @@ def evaluate(
     output : folder for `index.html`, tables as Markdown and CSV, and figures; None: nothing is written
     objects : ids, names or folders of objects; none: all
     sight : "los" or "nlos"; None: both
+    experiment : N of `exp<N>`; None: all
     workers : number of processes; None: one per core, eight at most
     progress : called with (done, total)
     options : of the task; see `SimulatorTask`, `SegmentationTask`, `ClassificationTask`
@@ -57,9 +60,10 @@ def evaluate(
     FileError
         The dataset cannot be read, or the folder cannot be written.
     """
-    data = _opened(dataset, objects, sight)
+    data = _opened(dataset, objects, sight, experiment)
     made = _task(task, options)
     planned = made.plan(data)
+    planned = replace(planned, notes=(*data.notes, *planned.notes))
     folder = None if output is None else make_folder(output) / made.cache
     run = run_items(made.run, planned.items, folder, workers=workers, progress=progress)
     rows = made.rows(planned, run.results)
@@ -76,9 +80,18 @@ def evaluate(
     return result
 
 
-def _opened(dataset: Any, objects: Iterable[str], sight: str | None) -> DatasetFiles:
-    found = (dataset if isinstance(dataset, Dataset) else _mito.open(dataset)).only(list(objects))
-    return DatasetFiles(dataset=found, scenes=find_scenes(found, sight=sight))
+def _opened(dataset: Any, objects: Iterable[str], sight: str | None, experiment: int | None = None) -> DatasetFiles:
+    every = dataset if isinstance(dataset, Dataset) else _mito.open(dataset)
+    found = every.only(list(objects))
+    scenes = find_scenes(found, sight=sight, experiment=experiment, within=every)
+    left_out = [scene.name for scene in scenes if not scene.used]
+    if not left_out:
+        return DatasetFiles(dataset=found, scenes=scenes)
+    told = f"the authors of the dataset leave out {', '.join(left_out)}"
+    if len(left_out) == len(scenes):
+        raise InputError(f"{printable(found.root)} has nothing to evaluate: {told}")
+    scenes = tuple(scene for scene in scenes if scene.name not in left_out)
+    return DatasetFiles(dataset=found, scenes=scenes, notes=(told,))
 
 
 def _task(task: str | Task, options: Mapping[str, Any]) -> Task:

@@ -1,36 +1,39 @@
 """Scenes of a dataset in the published layout, joined for evaluation: images, camera, and true masks."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from millisight.core import check_known, read_toml, record, rotation_from_quaternion
+from millisight.core import check_known, record, rotation_from_quaternion
 from millisight.core.errors import FileError, InputError
 from millisight.data import CameraFrame, CameraMask, Mask, SarImage
-from millisight.datasets._dataset import Dataset, Experiment, Item, expect, read_item
-from millisight.datasets._manifest import read_manifest
+from millisight.datasets._dataset import Item, expect, read_item
+from millisight.datasets._empty import subtract_published_empty
+from millisight.datasets._published import (
+    PublishedExperiment,
+)
 from millisight.evaluation import (
     HIGH,
     LOW,
     CameraView,
     LabelledScene,
-    Origin,
     SceneSource,
     camera_truth,
     published_radar_from_camera,
     radar_from_camera,
 )
 from millisight.imaging import crop_slices
-from millisight.io import load, load_extras, mito
-from millisight.meshes import CATALOGUE
+from millisight.io import load_extras, mito
 
 TRUTHS = ("camera", "exact")
 TRANSFORMS = ("file", "published")
-_RADARS = {LOW: "24_ghz", HIGH: "77_ghz"}
+BANDS = {LOW: "24_ghz", HIGH: "77_ghz"}
+"""Of images, and the folders of their radars."""
 _SUPPORTS = {"tripod": -0.30}  # height of what the object stands on [m]; of anything else:
 _BLOCK = -0.48
+_TOP_SLICES = 3  # that 24 GHz and simulated images lose where a 77 GHz image is cropped
 _MARGIN = 0.004  # above the support, what belongs to the object [m]
 
 
@@ -46,6 +49,9 @@ class SceneFiles(SceneSource):
     camera_number : N of the experiment that it comes from
     frame : of this very scene; None: there is none
     info : `experiment_info.json`
+    turns : what may tell how the tool was held in the 77 GHz scan: the image, raw files, the robot's log
+    published : what the table of the published dataset says of the experiment; it holds for measured scenes alone
+    empty : the empty scene's image, to be subtracted at 24 GHz as published; None: there is none
     """
 
     images: Mapping[str, Item]
@@ -54,6 +60,9 @@ class SceneFiles(SceneSource):
     camera_number: int
     frame: Item | None
     info: Item | None
+    turns: tuple[Item, ...] = ()
+    published: PublishedExperiment | None = None
+    empty: Item | None = None
 
     @property
     def bands(self) -> tuple[str, ...]:
@@ -63,8 +72,9 @@ class SceneFiles(SceneSource):
     @property
     def paths(self) -> tuple[Path, ...]:
         """Of all files."""
-        single = [item for item in (self.camera_mask, self.frame, self.info) if item is not None]
-        return tuple(item.path for item in (*self.images.values(), *self.masks.values(), *single))
+        single = [item for item in (self.camera_mask, self.frame, self.info, self.empty) if item is not None]
+        every = (*self.images.values(), *self.masks.values(), *self.turns, *single)
+        return tuple(dict.fromkeys(item.path for item in every))
 
     def physics(self) -> str:
         """What made the scene's captures where `experiment_info.json` calls it simulated; "" where it does not.
@@ -76,14 +86,43 @@ class SceneFiles(SceneSource):
         info = self._info()
         return str(info.get("physics", "simulated")) if info.get("simulated") is True else ""
 
-    def read_image(self, band: str) -> tuple[SarImage, str]:
+    @property
+    def used(self) -> bool:
+        """Whether the authors of the published dataset use the scene; always of simulated scenes, and of others' data.
+
+        Raises
+        ------
+        FileError, DamagedFileError
+        """
+        return self.published is None or self.sight in self.published.available or bool(self.physics())
+
+    def read_image(self, band: str, *, crop: tuple[int, int] | None = None) -> tuple[SarImage, str]:
         """The image of a band, and what made it by its own file; "" where that does not call itself simulated.
+
+        Of published scenes, the empty scene is subtracted at 24 GHz where the dataset holds it. `crop` is the number of
+        the lowest and of the highest slices that a 77 GHz image loses; None: as published, of which images of fewer
+        slices are left whole.
 
         Raises
         ------
         FileError, FormatError, DamagedFileError
         """
-        return _read_image(self.images[band])
+        image, made_by = _read_image(self.images[band])
+        published = None if made_by or (self.info is not None and self.physics()) else self.published
+        if published is not None and band == LOW and self.empty is not None:
+            image = subtract_published_empty(image, read_item(self.empty, SarImage))
+        if crop is None:
+            return cropped_as_published(image, band, published), made_by
+        return crop_slices(image, low=crop[0], high=crop[1]) if band == HIGH else image, made_by
+
+    def published_mask(self, band: str) -> Mask | None:
+        """The mask beside an image.
+
+        Raises
+        ------
+        FileError, FormatError, DamagedFileError
+        """
+        return read_item(self.masks[band], Mask) if band in self.masks else None
 
     def read(
         self,
@@ -91,7 +130,7 @@ class SceneFiles(SceneSource):
         truth: str = "camera",
         transform: str = "file",
         support: float | None = None,
-        crop: tuple[int, int] = (0, 0),
+        crop: tuple[int, int] | None = None,
         view: bool = True,
     ) -> LabelledScene:
         """The scene with its true masks.
@@ -103,7 +142,7 @@ class SceneFiles(SceneSource):
         transform : camera to radar by the pose in the "file", or by the constants of the "published" evaluation
         support : height of what the object stands on [m], above which the camera's prompts lie; None: -0.30 on a
             tripod, -0.48 otherwise
-        crop : number of the lowest and of the highest slices of 77 GHz images to leave out
+        crop : see `read_image`
         view : whether to read the camera's picture of this very scene
 
         Raises
@@ -116,7 +155,7 @@ class SceneFiles(SceneSource):
         """
         check_known("truth", truth, TRUTHS)
         check_known("camera-to-radar transform", transform, TRANSFORMS)
-        images = {band: read_item(item, SarImage) for band, item in self.images.items()}
+        images = {band: self.read_image(band, crop=crop)[0] for band in self.images}
         turn = self._radar_turn() if transform == "published" and self.number == 1 else None
 
         def placed(pose: np.ndarray) -> np.ndarray:
@@ -133,8 +172,6 @@ class SceneFiles(SceneSource):
         else:
             camera: CameraMask = read_item(self.camera_mask, CameraMask)
             masks = {band: camera_truth(camera, image.grid.xy, placed(camera.pose)) for band, image in images.items()}
-        if HIGH in images:
-            images[HIGH] = crop_slices(images[HIGH], low=crop[0], high=crop[1])
         return LabelledScene(
             name=self.name,
             object=self.object,
@@ -172,14 +209,12 @@ class SceneFiles(SceneSource):
         return mito.read_info(self.info.path)
 
     def _radar_turn(self) -> np.ndarray | None:
-        """(3, 3) of the tool at the radar's first place, where the 77 GHz image tells of it."""
-        item = self.images.get(HIGH)
-        if item is None or item.converted:
-            return None
-        poses = mito.read_published(item.path).extras.get("antenna_locs.tx_77_locs")
-        if poses is None or np.ndim(poses) != 2 or np.shape(poses)[1] != 7:
-            return None
-        return rotation_from_quaternion(np.asarray(poses)[0, 3:])
+        """(3, 3) of the tool at the radar's first place, where the 77 GHz image or the robot's log tells of it."""
+        for item in self.turns:
+            quaternion = mito.first_turn(_turn_extras(item))
+            if quaternion is not None:
+                return rotation_from_quaternion(quaternion)
+        return None
 
 
 @record
@@ -189,9 +224,11 @@ class SimulationFiles:
     Attributes
     ----------
     items : by band and "specular" or "edges"
+    published : what the table of the published dataset says of the object's first experiment
     """
 
     items: Mapping[tuple[str, str], Item]
+    published: PublishedExperiment | None = None
 
     @property
     def paths(self) -> tuple[Path, ...]:
@@ -199,130 +236,30 @@ class SimulationFiles:
         return tuple(item.path for item in self.items.values())
 
     def read_image(self, band: str, part: str) -> tuple[SarImage, str]:
-        """As `SceneFiles.read_image`."""
-        return _read_image(self.items[band, part])
+        """As `SceneFiles.read_image`; a published image loses its highest slices where measured ones are cropped."""
+        image, made_by = _read_image(self.items[band, part])
+        return cropped_as_published(image, LOW, None if made_by else self.published), made_by
 
 
-@record
-class DatasetFiles:
-    """A dataset as tasks of `ms.evaluate` see it.
-
-    Attributes
-    ----------
-    dataset : Dataset
-    scenes : those to be evaluated
-    """
-
-    dataset: Dataset
-    scenes: tuple[SceneFiles, ...]
-
-    @property
-    def path(self) -> Path:
-        """Of the dataset."""
-        return self.dataset.root
-
-    def origins(self) -> dict[str, Origin]:
-        """Where the scenes come from."""
-        return origins(self.dataset, self.scenes)
-
-    def simulations(self, band: str) -> dict[tuple[str, tuple[int, int, int]], SimulationFiles]:
-        """Simulated images of a band, by folder and angles of the object; where there are both parts."""
-        found = {}
-        for one in (part for entry in self.dataset.objects for part in entry.simulations):
-            images = [item for item in one.items if (item.kind, item.radar) == (mito.IMAGE, _RADARS[band])]
-            items = {(band, item.ext[1:]): item for item in images if item.ext in ("_specular", "_edges")}
-            if len(items) == 2:
-                found[one.object, one.angles] = SimulationFiles(items=items)
-        return found
+def cropped_as_published(image: SarImage, band: str, published: PublishedExperiment | None) -> SarImage:
+    """The image without the slices that published ones lose; whole where it has no more than these."""
+    low, high = (0, 0) if published is None else published.crop
+    if band == LOW and (low or high):
+        low, high = 0, _TOP_SLICES
+    return crop_slices(image, low=low, high=high) if 0 < low + high < len(image.grid.z) else image
 
 
-def find_scenes(dataset: Dataset, *, sight: str | None = None) -> tuple[SceneFiles, ...]:
-    """The scenes of a dataset that have radar images, by names alone; with a `sight`, those of it.
-
-    Out of sight the camera's mask is that of the same experiment in line of sight; of simulated ones, where the object
-    was not moved between experiments, also that of the first of the object so turned.
-
-    Raises
-    ------
-    UnknownNameError
-        No such sight.
-    """
-    if sight is not None:
-        check_known("sight", sight, mito.SIGHTS)
-    found = []
-    catalogued = {entry.ycb_id: name for name, entry in CATALOGUE.items()}
-    for one in dataset.objects:
-        if one.role == "object":
-            name = catalogued.get(one.folder.name, one.name)
-            found += [_files(experiment, name, one.experiments) for experiment in one.experiments]
-    return tuple(files for files in found if files.images and sight in (None, files.sight))
-
-
-def _files(experiment: Experiment, name: str, others: tuple[Experiment, ...]) -> SceneFiles:
-    angles = "_".join(map(str, experiment.angles))
-    open_view = [e for e in others if e.sight == "los" and e.angles == experiment.angles]
-    open_view.sort(key=lambda e: (e.number != experiment.number, e.number))
-    masks = [(item, e.number) for e in open_view for item in e.items if item.kind == mito.CAMERA_MASK]
-    camera_mask, camera_number = masks[0] if masks else (None, experiment.number)
-
-    def by_band(kind: str) -> dict[str, Item]:
-        items = {item.radar: item for item in experiment.items if item.kind == kind and item.ext == ""}
-        return {band: items[radar] for band, radar in _RADARS.items() if radar in items}
-
-    def first(kind: str) -> Item | None:
-        return next((item for item in experiment.items if item.kind == kind), None)
-
-    return SceneFiles(
-        name=f"{experiment.object}/{angles}/exp{experiment.number}/{experiment.sight}",
-        object=name,
-        folder=experiment.object,
-        angles=experiment.angles,
-        number=experiment.number,
-        sight=experiment.sight,
-        images=by_band(mito.IMAGE),
-        masks=by_band(mito.RADAR_MASK),
-        camera_mask=camera_mask,
-        camera_number=camera_number,
-        frame=first(mito.CAMERA_FRAME),
-        info=first(mito.INFO),
-    )
-
-
-def origins(dataset: Dataset, scenes: Sequence[SceneFiles]) -> dict[str, Origin]:
-    """Where each scene comes from, by its name: of generated ones, by `truth` and the manifest.
-
-    Raises
-    ------
-    FileError, FormatError, DamagedFileError
-    """
-    manifest = read_manifest(dataset.root)
-    seed = None if manifest is None else manifest.settings.get("seed")
-    common = {seed} if isinstance(seed, int) else set()
-    found = {}
-    for files in scenes:
-        folder, turned, rest = files.name.split("/", 2)
-        places = sorted((dataset.root / mito.TRUTH / folder / "robot_collected" / turned / rest).glob("*/world.toml"))
-        worlds = [read_toml(path, "world") for path in places]
-        found[files.name] = Origin(
-            shape=_shape(worlds[0], files.object) if worlds else "unknown",
-            seeds=frozenset(common | {world["seed"] for world in worlds if isinstance(world.get("seed"), int)}),
-        )
-    return found
-
-
-def _shape(world: Mapping[str, Any], name: str) -> str:
-    objects = world.get("objects") or [{}]
-    if not (isinstance(objects, list) and isinstance(objects[0], dict)):
-        return "unknown"
-    if objects[0].get("object"):
-        return "built"
-    return "scan" if name in CATALOGUE else "file"  # a mesh of what the catalogue would have drawn
+def _turn_extras(item: Item) -> Mapping[str, Any]:
+    """Extras of an image, or of the robot's log of raw files, published or converted."""
+    if item.kind != mito.RAW:
+        return item.read_with_extras()[1]
+    if not item.converted:
+        return mito.read_log(item.path, item.radar).extras
+    log = item.path.with_name(mito.RAW_LOG)
+    return load_extras(log) if log.is_file() else {}
 
 
 def _read_image(item: Item) -> tuple[SarImage, str]:
-    if item.converted:
-        image, extras = load(item.path), load_extras(item.path)
-    else:
-        image, extras = mito.read_published(item.path)
+    image, extras = item.read_with_extras()
     made_by = str(extras.get("physics", "simulated")) if extras.get("simulated") else ""
     return expect(image, SarImage, item), made_by

@@ -11,8 +11,8 @@ from millisight.datasets import _mito
 from millisight.datasets._dataset import Dataset, Item
 from millisight.datasets._manifest import MANIFEST_NAME, ManifestEntry, checksum, read_manifest
 from millisight.datasets._workers import each
-from millisight.io import load, open_capture
-from millisight.io.mito import INFO, RAW, read_experiment, read_info, read_published
+from millisight.io import open_capture
+from millisight.io.mito import RAW
 
 
 @record
@@ -91,20 +91,16 @@ def _check(job: _Job) -> tuple[list[str], list[str]]:
     item = job.item
     problems = [] if job.entry is None else _differences(item.path, job.entry)
     notes: list[str] = []
-    if item.kind == INFO:
-        read_info(item.path)
-    elif item.kind == RAW and item.converted:
+    if item.kind == RAW and item.converted:
         with open_capture(item.path) as capture:
             for start in range(0, len(capture.trajectory), 1000):
                 capture.frames_of(slice(start, start + 1000))
-    elif item.converted:
-        load(item.path)
     elif item.kind == RAW:
-        scan = read_experiment(item.path, item.radar)
+        scan = item.read()
         problems += [str(text) for text in scan.metadata["left_out"]]
         notes += [str(text) for text in scan.metadata["notes"]]
     else:
-        read_published(item.path)
+        item.read()
     return problems, notes
 
 

@@ -1,6 +1,7 @@
 from ._alignment import Alignment as Alignment
 from ._alignment import align as align
 from ._answers import PREDICTED as PREDICTED
+from ._answers import PUBLISHED as PUBLISHED
 from ._answers import SIGHT_GROUPS as SIGHT_GROUPS
 from ._answers import SPLITS as SPLITS
 from ._answers import TRUE as TRUE
@@ -47,6 +48,7 @@ from ._sources import EvaluationData as EvaluationData
 from ._sources import Origin as Origin
 from ._sources import SceneSource as SceneSource
 from ._sources import SimulationSource as SimulationSource
+from ._sources import TestSplit as TestSplit
 from ._statistics import bootstrap_interval as bootstrap_interval
 from ._statistics import mcnemar as mcnemar
 from ._statistics import sign_flip as sign_flip
@@ -58,6 +60,8 @@ from ._task import EvaluationSet as EvaluationSet
 from ._task import ReportFigure as ReportFigure
 from ._task import Result as Result
 from ._task import Task as Task
+from ._truth import PUBLISHED_DEPTHS as PUBLISHED_DEPTHS
+from ._truth import camera_mask_of as camera_mask_of
 from ._truth import camera_truth as camera_truth
 from ._truth import published_radar_from_camera as published_radar_from_camera
 from ._truth import radar_from_camera as radar_from_camera

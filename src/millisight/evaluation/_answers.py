@@ -16,8 +16,10 @@ from millisight.evaluation._scenes import SIGHTS
 from millisight.evaluation._statistics import bootstrap_interval, mcnemar, sign_flip, wilson_interval
 
 CLOSED, DISJOINT = "object-closed", "object-disjoint"
-SPLITS = (CLOSED, DISJOINT)
-"""Whether a classifier saw the object in training, otherwise turned and by other physics, or never."""
+PUBLISHED = "published"
+SPLITS = (CLOSED, DISJOINT, PUBLISHED)
+"""Whether a classifier saw the object in training, otherwise turned and by other physics, or never; or the test images
+of the authors' split, whatever it saw."""
 PREDICTED, TRUE = "predicted", "true"
 MASKS = (PREDICTED, TRUE)
 """What was classified: the image in the mask that a segmenter found, as in the paper, or in the true one."""

@@ -13,12 +13,14 @@ from numpy.typing import ArrayLike
 
 from millisight.core import checked_array, rotation_from_euler_deg
 from millisight.core.errors import InputError
-from millisight.evaluation._answers import CLOSED, DISJOINT, SPLITS
+from millisight.evaluation._answers import CLOSED, DISJOINT, PUBLISHED, SPLITS
+from millisight.evaluation._sources import SceneSource, TestSplit
 from millisight.meshes import CATALOGUE
 
 WITHIN_DEG = 1.0
 """Poses nearer than this are the same pose."""
 VALIDATION, SAME_POSE, NO_CLASS = "seen in validation only", "in a pose of training", "of no class that it knows"
+NO_TEST = "not tested by the split"
 LEFT_OUT = (VALIDATION, SAME_POSE, NO_CLASS)
 """Why an image stands in no table."""
 
@@ -157,6 +159,31 @@ def plan_splits(training: Training, images: Sequence[TestImage], classes: Mappin
         else:
             left_out.setdefault(side, []).append(image.scene)
     return SplitPlan(placed, left_out)
+
+
+def published_plan(
+    split: TestSplit, scenes: Iterable[SceneSource], class_names: Sequence[str]
+) -> tuple[SplitPlan, Training]:
+    """The test images of a published split for a classifier of these classes, and what the authors trained with."""
+    placed: dict[str, tuple[str, str]] = {}
+    left_out: dict[str, list[str]] = {}
+    for scene in scenes:
+        shape = split.classes.get(scene.folder, "")
+        if (scene.folder, scene.number, scene.sight) not in split.test:
+            left_out.setdefault(NO_TEST, []).append(scene.name)
+        elif shape not in class_names:
+            left_out.setdefault(NO_CLASS, []).append(scene.name)
+        else:
+            placed[scene.name] = PUBLISHED, shape
+    training = Training(
+        name=f"the split {split.name}",
+        training=split.training,
+        validation=split.validation - split.training,
+        rotations={},
+        seed=0,
+        physics="published simulator",
+    )
+    return SplitPlan(placed, left_out), training
 
 
 def classes_of(description: Mapping[str, Any], class_names: Sequence[str]) -> dict[str, str]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from millisight.core import Registry, check_known, checked_record, record
 from millisight.core.errors import InputError
-from millisight.data import Mask
+from millisight.data import Mask, grid_difference
 
 UNITS = {"%": 100.0, "mm": 1000.0, "": 1.0}
 """What a value is multiplied by where it is printed: shares in percent, lengths [m] in millimetres."""
@@ -162,10 +162,6 @@ def medians(scores: Iterable[MaskScores]) -> MaskScores:
 
 
 def _check_same_grid(a: Mask, b: Mask) -> None:
-    for name in "xy":
-        one, other = getattr(a.grid_xy, name), getattr(b.grid_xy, name)
-        if len(one) != len(other) or np.abs(one - other).max() > _SAME_PLACE:
-            raise InputError(
-                f"the masks lie on different grids: {len(one)} pixels along {name} from {one[0]:.4g} to {one[-1]:.4g} "
-                f"m and {len(other)} from {other[0]:.4g} to {other[-1]:.4g} m; make both on one grid"
-            )
+    differs = grid_difference(a.grid_xy, b.grid_xy, within=_SAME_PLACE)
+    if differs:
+        raise InputError(f"the masks lie on different grids, along {differs}; make both on one grid")

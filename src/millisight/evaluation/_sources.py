@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, Protocol
 
 from millisight.core import record
 from millisight.core.errors import InputError, MillisightError
-from millisight.data import SarImage
+from millisight.data import Mask, SarImage
 from millisight.evaluation._scenes import LabelledScene
 
 
@@ -26,6 +26,26 @@ class Origin(NamedTuple):
 
     shape: str
     seeds: frozenset[int]
+
+
+class TestSplit(NamedTuple):
+    """Who trains and who tests a classifier, as others chose it.
+
+    Attributes
+    ----------
+    name : of the split
+    test : images by folder of the object, number of the experiment and sight
+    classes : of objects, by folder; "" of no class
+    training, validation : names of objects
+    """
+
+    __test__ = False  # pytest takes it for tests
+
+    name: str
+    test: frozenset[tuple[str, int, str]]
+    classes: Mapping[str, str]
+    training: frozenset[str]
+    validation: frozenset[str]
 
 
 @record
@@ -68,8 +88,16 @@ class SceneSource(ABC):
         """Images, true masks and, with `view`, the camera's picture."""
 
     @abstractmethod
-    def read_image(self, band: str) -> tuple[SarImage, str]:
-        """An image, and what made it by its own file; "" where it is not marked as simulated."""
+    def read_image(self, band: str, *, crop: tuple[int, int] | None = None) -> tuple[SarImage, str]:
+        """An image, and what made it by its own file; "" where it is not marked as simulated.
+
+        `crop` is the number of the lowest and of the highest slices that a 77 GHz image loses; None: as published of
+        this scene, and none of others.
+        """
+
+    def published_mask(self, band: str) -> Mask | None:
+        """The mask that the dataset has beside an image; None: there is none."""
+        return None
 
 
 class SimulationSource(Protocol):
@@ -81,7 +109,7 @@ class SimulationSource(Protocol):
         ...
 
     def read_image(self, band: str, part: str) -> tuple[SarImage, str]:
-        """The "specular" or the "edges" image of a band, and what made it."""
+        """The "specular" or the "edges" image of a band, and what made it; cropped as published."""
         ...
 
 
@@ -100,6 +128,10 @@ class EvaluationData(Protocol):
 
     def origins(self) -> Mapping[str, Origin]:
         """Where the scenes come from, by name."""
+        ...
+
+    def split(self, name: str) -> TestSplit:
+        """A published split by name, "published": the newest; UnknownNameError where there is none of that name."""
         ...
 
     def simulations(self, band: str) -> Mapping[tuple[str, tuple[int, int, int]], SimulationSource]:

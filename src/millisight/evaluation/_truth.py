@@ -9,12 +9,22 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from millisight.core import check_shape, checked_array, checked_record, rotation_from_euler_deg
+from millisight.core import (
+    check_shape,
+    checked_array,
+    checked_numbers,
+    checked_record,
+    rotation_from_euler_deg,
+    with_step,
+)
 from millisight.core.errors import InputError
-from millisight.data import CameraMask, Intrinsics, Mask, PixelGrid
+from millisight.data import CameraFrame, CameraMask, Intrinsics, Mask, PixelGrid
 
 _REACH = 1.0  # a point covers what is nearer to it than the spacing of its neighbours, in spacings
 _PINHOLE = 2  # pixels
+_HOLE = 400  # pixels of a hole in the depth that is filled: 1.5 cm across at 0.45 m
+PUBLISHED_DEPTHS = (0.2, 0.5)
+"""Of objects in the published pictures [m]."""
 
 
 def radar_from_camera(pose: ArrayLike, origin: ArrayLike) -> np.ndarray:
@@ -71,21 +81,20 @@ def published_radar_from_camera(
     number : N of `exp<N>`, 1 or 2
     pose : (4, 4) as the file has it [m]
     origin : (3,) of the images' frame, in the base frame [m]
-    radar_turn : (3, 3) of the first experiment: the rotation of the tool at the radar's first place
+    radar_turn : (3, 3) of the first experiment: the rotation of the tool at the radar's first place; None, where no
+        file tells it: that of the pose, as if the tool had been held alike for the picture and the scan
 
     Raises
     ------
     InputError
-        There are no constants for that experiment, or the first one's `radar_turn` is missing.
+        There are no constants for that experiment.
     """
     if number == 2:
         return radar_from_camera(_SECOND_POSE, origin)
     if number != 1:
         raise InputError(f"experiment is {number}; the published transforms are of experiments 1 and 2")
-    if radar_turn is None:
-        raise InputError("experiment 1 needs the rotation of the tool at the first pose of the radar; its log has none")
     tool = checked_array(pose, name="pose", shape=(4, 4))
-    turned = checked_array(radar_turn, name="radar_turn", shape=(3, 3))
+    turned = tool[:3, :3] if radar_turn is None else checked_array(radar_turn, name="radar_turn", shape=(3, 3))
     camera = tool[:3, 3] + tool[:3, :3] @ _FIRST_MOUNT.camera_in_tool
     radar = checked_array(origin, name="origin", shape=(3,), unit="m") + turned @ _FIRST_MOUNT.radar_in_tool
     transform = np.eye(4)
@@ -113,6 +122,51 @@ def camera_truth(
     """
     checked_record(mask, CameraMask, name="mask")
     return pixels_on_grid(mask.pixels, mask.depth * mask.depth_unit, grid_xy, T_radar_camera, intrinsics=intrinsics)
+
+
+def camera_mask_of(
+    frame: CameraFrame, inside: ArrayLike, *, depth_range: tuple[float, float] = PUBLISHED_DEPTHS
+) -> CameraMask:
+    """The ground truth of a camera frame in the published form, from the object's pixels.
+
+    Depths outside the range are taken for errors. Holes in the depth of up to `_HOLE` pixels, within the mask, are
+    filled with the nearest depth beside them; larger ones stay NaN, as does what is outside the mask.
+
+    Parameters
+    ----------
+    frame : the picture, its depth and its pose
+    inside : (H, W) bool, the object's pixels
+    depth_range : smallest and largest depth of the object [m]; published: 0.2 to 0.5
+
+    Raises
+    ------
+    InputError
+        The mask is empty or of another size, or no pixel of it has such a depth.
+    """
+    from scipy.ndimage import distance_transform_edt, label
+
+    checked_record(frame, CameraFrame, name="frame")
+    pixels = checked_array(inside, name="inside", shape=np.shape(frame.depth), dtype=np.bool_)
+    low, high = checked_numbers(depth_range, name="depth_range", count=2, minimum=0, unit="m")
+    depth = np.where(pixels, np.asarray(frame.depth, float) * frame.depth_unit, np.nan)
+    known = (depth >= low) & (depth <= high)
+    if not known.any():
+        what = "is empty" if not pixels.any() else f"has no depth from {low:g} to {high:g} m"
+        raise InputError(f"the mask in the picture {what}; mark the object where the camera saw it, or pass its depths")
+    numbers = np.empty(pixels.shape, np.int32)
+    label(pixels & ~known, output=numbers)
+    small = np.bincount(numbers.ravel()) <= _HOLE
+    small[0] = False
+    nearest = np.asarray(distance_transform_edt(~known, return_distances=False, return_indices=True))
+    mended = np.where(known, depth, np.where(small[numbers], depth[tuple(nearest)], np.nan))
+    return CameraMask(
+        pixels=pixels,
+        depth=(mended / frame.depth_unit).astype(np.float32),
+        points=frame.intrinsics.points(mended).astype(np.float32),
+        pose=frame.pose,
+        depth_unit=frame.depth_unit,
+        metadata=with_step(frame.metadata, "camera_mask_of", depth_range=[low, high]),
+    )
 
 
 def pixels_on_grid(

@@ -7,6 +7,8 @@ from ._backprojection import range_steering as range_steering
 from ._clutter import crop_slices as crop_slices
 from ._combine import combine as combine
 from ._exact import image_at as image_at
+from ._floor import FLOOR_BINS as FLOOR_BINS
+from ._floor import form_as_published as form_as_published
 from ._form import METHODS as METHODS
 from ._form import form_image as form_image
 from ._synchronise import estimate_clock as estimate_clock

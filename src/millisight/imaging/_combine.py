@@ -7,7 +7,7 @@ import numpy as np
 
 from millisight.core import checked_numbers, with_step
 from millisight.core.errors import InputError
-from millisight.data import Capture, SarImage
+from millisight.data import Capture, SarImage, grid_difference
 
 
 @overload
@@ -39,9 +39,8 @@ def combine(specular, edge, alpha):
     weights = np.float32(a1 / (a1 + a2)), np.float32(a2 / (a1 + a2))
     if isinstance(specular, SarImage) and isinstance(edge, SarImage):
         metadata = with_step(specular.metadata, "combine", alpha=[a1, a2], edge=dict(edge.metadata))
-        for name in "xyz":
-            if not np.array_equal(getattr(specular.grid, name), getattr(edge.grid, name)):
-                raise InputError(f"the two images' grids differ along {name}; image both on one grid")
+        if differs := grid_difference(specular.grid, edge.grid, within=0):
+            raise InputError(f"the two images' grids differ along {differs}; image both on one grid")
         values = weights[0] * specular.values + weights[1] * edge.values
         return SarImage(grid=specular.grid, values=values, metadata=metadata)
     if isinstance(specular, Capture) and isinstance(edge, Capture):

@@ -237,6 +237,33 @@ def find_scans(folder: str | os.PathLike[str]) -> dict[str, Path]:
     return found
 
 
+def find_meshes(folder: str | os.PathLike[str]) -> dict[str, Path]:
+    """All meshes in a folder by name: files `NAME.ply` (or .stl, .obj, .off, .glb), and folders `NAME` with a mesh as
+    the YCB set's downloads and the published dataset hold it, such as `NAME/nontextured.stl`.
+
+    Raises
+    ------
+    FileError
+        There is no such folder, it cannot be read, or it holds no mesh.
+    """
+    folder = Path(folder)
+    try:
+        entries = sorted(folder.iterdir())
+    except OSError as error:
+        raise FileError(f"cannot read the folder of meshes {printable(folder)}: {error.strerror or error}") from error
+    found = {entry.stem: entry for entry in entries if entry.suffix.lower() in _SUFFIXES and entry.is_file()}
+    for entry in entries:
+        below = (entry / inner / file for inner in _FOLDERS for file in _FILES)
+        mesh = next((path for path in below if path.is_file()), None) if entry.is_dir() else None
+        if mesh is not None:
+            found.setdefault(entry.name, mesh)
+    if not found:
+        raise FileError(
+            f"{printable(folder)} holds no mesh; expected files like mug.stl, or folders with nontextured.stl"
+        )
+    return found
+
+
 def _scan_of(entry: CatalogueObject, places: Mapping[str, Path]) -> Path | None:
     """The best mesh of one object among the files and folders of one folder."""
     for stem in (entry.ycb_id, f"{entry.number}-{entry.ycb_id.partition('_')[2]}"):

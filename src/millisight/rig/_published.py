@@ -32,13 +32,14 @@ class PublishedWriter:
         (`experiment_folder` makes the name); it must not be there yet
     info : for `experiment_info.json`: "aperture size", "rx offset", "background", and whatever else
     hdf5 : write captures of our own besides
+    fill : see `write_raw_experiment`
 
     The radars' names must be those of the layout, "77_ghz" and "24_ghz".
     """
 
-    def __init__(self, out: str | os.PathLike[str], *, info: Mapping[str, Any], hdf5: bool = True):
+    def __init__(self, out: str | os.PathLike[str], *, info: Mapping[str, Any], hdf5: bool = True, fill: bool = True):
         self.path: Path = Path(os.path.abspath(checked_path(out)))
-        self._info, self._hdf5 = info, hdf5
+        self._info, self._hdf5, self._fill = info, hdf5, fill
         self._spools: dict[str, _Spool] = {}
         self._radars: Sequence[RadarDevice] = ()
 
@@ -83,7 +84,12 @@ class PublishedWriter:
             positions = log.positions - mito.BASE_ORIGIN + radar.mount
             mounted = Trajectory(times=log.times, positions=positions, orientations=log.orientations)
             mito.write_raw_experiment(
-                self._part / self.path.name, radar.name, self._spools[radar.name], mounted, info=self._info
+                self._part / self.path.name,
+                radar.name,
+                self._spools[radar.name],
+                mounted,
+                info=self._info,
+                fill=self._fill,
             )
         os.replace(self._part / mito.INFO_NAME, self.path.parent / mito.INFO_NAME)
         os.replace(self._part / self.path.name, self.path)

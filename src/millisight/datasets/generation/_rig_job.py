@@ -119,7 +119,7 @@ class RigJob:
         rig = VirtualRig(stage.world, layout=stage)
         scanned = record_scan(
             rig.arm, rig.radars, rig.camera if self.camera else None, rig.plan,
-            PublishedWriter(to / self.folder, info=self.info, hdf5=False),
+            PublishedWriter(to / self.folder, info=self.info, hdf5=False, fill=self.keep == "raw"),
         )  # fmt: skip
         for radar in self.radars:
             self._image(root, to, stage, radar, made_by)

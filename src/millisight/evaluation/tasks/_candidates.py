@@ -14,12 +14,14 @@ from millisight.evaluation._leaks import (
     Training,
     classes_of,
     plan_splits,
+    published_plan,
     training_of,
 )
 from millisight.evaluation._scenes import checksum_of
-from millisight.evaluation._sources import Origin, SceneSource
-from millisight.perception.classification import NetworkClassifier
+from millisight.evaluation._sources import Origin, SceneSource, TestSplit
+from millisight.perception.classification import Classifier, classifier
 
+RELEASED = "released"  # network of the paper's own weights
 _NAMED = 5  # objects in a message
 
 
@@ -39,9 +41,9 @@ class Candidate(NamedTuple):
 
 
 @lru_cache(maxsize=16)
-def load_classifier(weights: str | None) -> NetworkClassifier:
+def load_classifier(weights: str | None) -> Classifier:
     """The classifier of a weights file, None: the shipped one; one for all scenes of a process."""
-    return NetworkClassifier(weights)
+    return classifier() if weights is None else classifier(weights=weights)
 
 
 def candidates_of(
@@ -49,8 +51,13 @@ def candidates_of(
     scenes: Iterable[SceneSource],
     physics: Mapping[str, str],
     origins: Mapping[str, Origin],
+    split: TestSplit | None = None,
 ) -> list[Candidate]:
-    """The classifiers, each with the scenes that test it; an error if training and test share what they must not."""
+    """The classifiers, each with the scenes that test it; an error if training and test share what they must not.
+
+    With a `split` the scenes that it tests, whatever a classifier saw.
+    """
+    scenes = tuple(scenes)
     try:
         loaded = [load_classifier(path) for path in weights]
     except ImportError as error:
@@ -58,13 +65,22 @@ def candidates_of(
     images = [TestImage(one.name, one.object, one.angles, physics[one.name], origins[one.name].seeds) for one in scenes]
     candidates = []
     for path, by, variant in zip(weights, loaded, _variants(weights, loaded), strict=True):
-        training = training_of(variant.name, by.description)
-        splits = plan_splits(training, images, classes_of(by.description, by.class_names))
+        released = variant.network == RELEASED
+        if split is not None:
+            splits, training = published_plan(split, [one for one in scenes if not physics[one.name]], by.class_names)
+            training = training if released else training_of(variant.name, by.description)
+        elif released:
+            raise InputError(
+                f"{variant.name} is the released network, trained on the authors' split: add --split published"
+            )
+        else:
+            training = training_of(variant.name, by.description)
+            splits = plan_splits(training, images, classes_of(by.description, by.class_names))
         candidates.append(Candidate(path, checksum_of(by), variant, by.class_names, training, splits))
     return candidates
 
 
-def _variants(paths: Sequence[str | None], loaded: Sequence[NetworkClassifier]) -> list[Variant]:
+def _variants(paths: Sequence[str | None], loaded: Sequence[Classifier]) -> list[Variant]:
     """Each by a name of its own: the description's, and where several share it also what tells them apart."""
     names = [by.name for by in loaded]
     parts, networks, sums = (

@@ -28,8 +28,9 @@ from millisight.evaluation.tasks._classification_tables import (
 )
 from millisight.perception.segmentation import segment
 
-_FORMAT = 2
+_FORMAT = 3
 _TIMED = 8  # scenes, at most
+OBJECTS = "objects"
 
 
 class Mistake(NamedTuple):
@@ -58,16 +59,24 @@ class _ClassifierSource(NamedTuple):
     seed: int
     reading: Mapping[str, Any]
     weights: Mapping[str, tuple[str | None, str]]
+    as_published: bool = False
 
     def read(self) -> tuple[SarImage, SarImage | None, Mask]:
-        """The 77 GHz image, the 24 GHz image where there is one, and the true mask."""
+        """The 77 GHz image, the 24 GHz image where there is one, and the true mask; as published, the one beside it."""
         if HIGH not in self.scene.bands:
             raise FileError(f"{self.scene.name} has no image at {HIGH}; expected processed_image.pkl of that radar")
+        if self.as_published:
+            mask = self.scene.published_mask(HIGH)
+            if mask is None:
+                raise FileError(f"{self.scene.name} has no mask beside its image; expected radar_masks.pkl")
+            return self.scene.read_image(HIGH, crop=self.reading["crop"])[0], None, mask
         scene = self.scene.read(view=False, **self.reading)
         return scene.images[HIGH], scene.images.get(LOW), scene.truth[HIGH]
 
     def predict(self, image: SarImage, other: SarImage | None) -> tuple[Mask | None, str]:
-        """The mask that the segmenter finds; or None, and the reason."""
+        """The mask that the segmenter finds, or as published the one beside the image; or None, and the reason."""
+        if self.as_published:
+            return self.scene.published_mask(HIGH), ""
         by = named_segmenter(self.method, {})
         if checksum_of(by) != self.checksum:
             raise InputError(f"the weights of {self.method} have changed since the run began; run it again")
@@ -85,10 +94,14 @@ class ClassificationTask(Task):
 
     Attributes
     ----------
-    weights : ONNX files of trained classifiers; none: the shipped one
+    weights : files of trained classifiers: ONNX, or the authors' state dicts (.h5); none: the shipped one
     method : segmenter of the predicted masks
     seed : random seed for its prompts
     truth, transform, crop : as of the task "segmentation"
+    split : "objects", by what each classifier saw of them; "published", the test images of the authors' newest split,
+        or the name of one of their splits
+    as_published : classify in the masks that the dataset has beside its images, as the paper's table does; no mask is
+        compared with the camera's
     mistakes : number of mistakes of each classifier to plot
     """
 
@@ -101,12 +114,18 @@ class ClassificationTask(Task):
     seed: int = 0
     truth: str = "camera"
     transform: str | None = None
-    crop: tuple[int, int] = (0, 0)
+    crop: tuple[int, int] | None = None
+    split: str = OBJECTS
+    as_published: bool = False
     mistakes: int = 12
 
     def __post_init__(self) -> None:
         weights = (self.weights,) if isinstance(self.weights, str | Path) else self.weights
-        put(self, weights=tuple(dict.fromkeys(str(Path(one).resolve()) for one in weights)), crop=tuple(self.crop))
+        put(
+            self,
+            weights=tuple(dict.fromkeys(str(Path(one).resolve()) for one in weights)),
+            crop=None if self.crop is None else tuple(self.crop),
+        )
         checked_integer(self.seed, name="seed", minimum=0)
         checked_integer(self.mistakes, name="mistakes", minimum=0)
 
@@ -117,16 +136,19 @@ class ClassificationTask(Task):
         scenes = {scene.name: scene for scene in data.scenes if scene.name in found.physics}
         origins = data.origins()
         weights = [str(one) for one in self.weights] or [None]
-        candidates = candidates_of(weights, scenes.values(), found.physics, origins)
+        split = None if self.split == OBJECTS else data.split(self.split)
+        candidates = candidates_of(weights, scenes.values(), found.physics, origins, split)
         shared = {"format": _FORMAT, "segmenter": segmenter, "method": self.method, "seed": self.seed,
-                  "reading": found.reading}  # fmt: skip
+                  "reading": found.reading, "as_published": self.as_published}  # fmt: skip
         items = []
         for name in dict.fromkeys(name for one in candidates for name in one.splits.placed):
             by_part = {one.part(name): (one.weights, one.checksum) for one in candidates if name in one.splits.placed}
             items.append(
                 EvaluationItem(
                     name=name,
-                    source=_ClassifierSource(scenes[name], self.method, segmenter, self.seed, found.reading, by_part),
+                    source=_ClassifierSource(
+                        scenes[name], self.method, segmenter, self.seed, found.reading, by_part, self.as_published
+                    ),
                     parts={part: {**shared, "classifier": checksum} for part, (_, checksum) in by_part.items()},
                     paths=scenes[name].paths,
                 )
@@ -134,7 +156,8 @@ class ClassificationTask(Task):
         if not items:
             raise InputError(f"{data.path} holds no image to test on. {why_none(candidates, scenes)}")
         context = (candidates, scenes, origins, found.simulated)
-        return EvaluationSet(items=tuple(items), data=found.data, failures=found.failures, context=context)
+        notes = () if split is None else (f"the split {split.name} tests {len(split.test)} images of all classes",)
+        return EvaluationSet(items=tuple(items), data=found.data, failures=found.failures, notes=notes, context=context)
 
     @staticmethod
     def run(item: EvaluationItem) -> Mapping[str, Any]:
@@ -150,11 +173,10 @@ class ClassificationTask(Task):
             if checksum_of(by) != checksum:
                 raise InputError(f"the weights of {by.name} have changed since the run began; run it again")
             predicted = None if mask is None else by.classify(image, mask, other_band=other)
-            best = by.classify(image, truth, other_band=other)
-            found[part] = [
-                {"masks": PREDICTED, "prediction": _plain(predicted), "failure": failure, "iou": iou},
-                {"masks": TRUE, "prediction": _plain(best), "failure": "", "iou": 1.0},
-            ]
+            found[part] = [{"masks": PREDICTED, "prediction": _plain(predicted), "failure": failure, "iou": iou}]
+            if not source.as_published:
+                best = by.classify(image, truth, other_band=other)
+                found[part].append({"masks": TRUE, "prediction": _plain(best), "failure": "", "iou": 1.0})
         return found
 
     def rows(self, planned: EvaluationSet, results: Mapping[str, Any]) -> list[ClassifierAnswer]:
@@ -261,6 +283,11 @@ class ClassificationTask(Task):
                 "All images were simulated by the virtual rig. Nothing was measured: these are not results "
                 "on real data."
             )
+        if self.as_published:
+            notes.append(
+                "As published: each image is classified in the mask that the dataset has beside it, which the authors' "
+                "segmenter drew; predicted masks are these, and there are no true ones."
+            )
         objects = {name: scene.object for name, scene in scenes.items()}
         tested = {objects[name] for one in candidates for name in one.splits.placed}
         true = (
@@ -268,7 +295,8 @@ class ClassificationTask(Task):
             if self.truth == "exact"
             else "the camera's masks in line of sight, projected into the image"
         )
-        notes.append(f"Predicted masks: {_seen(self.method, tested)}. True masks: {true}.")
+        if not self.as_published:
+            notes.append(f"Predicted masks: {_seen(self.method, tested)}. True masks: {true}.")
         about = [(one.variant, one.training, one.splits) for one in candidates]
         return classifier_table(about, objects, data=planned.data, notes=notes)
 

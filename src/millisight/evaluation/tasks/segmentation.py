@@ -13,7 +13,7 @@ from millisight.evaluation._tables import Table
 from millisight.evaluation._task import TASKS, EvaluationItem, EvaluationSet, ReportFigure, Task
 from millisight.evaluation.tasks._segmentation_tables import difference_table, median_table, trial_table, worst
 
-_FORMAT = 2
+_FORMAT = 3
 
 
 class _SegmenterSource(NamedTuple):
@@ -46,7 +46,8 @@ class SegmentationTask(Task):
     transform : camera to radar, by the pose in the "file" or the constants of the "published" evaluation; None: "file"
         for simulated scenes
     support : height of what the object stands on [m]; None: by the scene's background
-    crop : number of the lowest and of the highest slices of 77 GHz images to leave out
+    crop : number of the lowest and of the highest slices of 77 GHz images to leave out; None: as published of the
+        published dataset, and none of others
     failures : number of worst masks of each segmenter to plot
     """
 
@@ -60,12 +61,17 @@ class SegmentationTask(Task):
     truth: str = "camera"
     transform: str | None = None
     support: float | None = None
-    crop: tuple[int, int] = (0, 0)
+    crop: tuple[int, int] | None = None
     failures: int = 6
 
     def __post_init__(self) -> None:
         methods = (self.methods,) if isinstance(self.methods, str) else self.methods
-        put(self, methods=tuple(dict.fromkeys(methods)), options=dict(self.options), crop=tuple(self.crop))
+        put(
+            self,
+            methods=tuple(dict.fromkeys(methods)),
+            options=dict(self.options),
+            crop=None if self.crop is None else tuple(self.crop),
+        )
         checked_integer(self.seeds, name="seeds")
         checked_integer(self.failures, name="failures", minimum=0)
 

@@ -30,7 +30,7 @@ from millisight.evaluation.tasks._simulator_tables import (
     data_of,
     fitted_toml,
 )
-from millisight.imaging import combine, crop_slices
+from millisight.imaging import combine
 from millisight.io.mito import checked_radar
 
 _FORMAT = 1
@@ -43,12 +43,11 @@ class _PairSource(NamedTuple):
     simulation: SimulationSource
     band: str
     settings: CloudSettings
-    crop: tuple[int, int]
+    crop: tuple[int, int] | None
 
     def measured(self) -> tuple[SarImage, str]:
         """The measured image without the slices that are left out, and what made it."""
-        image, made_by = self.scene.read_image(self.band)
-        return crop_slices(image, low=self.crop[0], high=self.crop[1]), made_by
+        return self.scene.read_image(self.band, crop=self.crop)
 
     def clouds(self, weights: tuple[float, float]) -> tuple[SarImage, SarImage, np.ndarray, np.ndarray]:
         """Measured and combined image, and their points, the latter moved onto the former [m]."""
@@ -77,7 +76,8 @@ class SimulatorTask(Task):
     absolute : what `threshold` is
     within : tau_F: points nearer than this match [m]
     mode : of the alignment, "translation" or "rigid"
-    crop : number of the lowest and of the highest slices of measured images to leave out
+    crop : number of the lowest and of the highest slices of measured 77 GHz images to leave out; None: as published of
+        the published dataset, and none of others
     fit : TOML file for the weights that fit each object best; None: none
     clouds : "ply" or "pcd", to write the compared clouds; None: not
     pictures : number of best and worst pairs to plot
@@ -95,7 +95,7 @@ class SimulatorTask(Task):
     absolute: bool = False
     within: float = 0.01
     mode: str = "translation"
-    crop: tuple[int, int] = (0, 0)
+    crop: tuple[int, int] | None = None
     fit: Path | str | None = None
     clouds: str | None = None
     pictures: int = 3
@@ -104,7 +104,9 @@ class SimulatorTask(Task):
         if self.clouds is not None and f".{self.clouds.lstrip('.')}" not in CLOUD_SUFFIXES:
             raise UnknownNameError("point cloud format", self.clouds, CLOUD_SUFFIXES)
         checked_integer(self.pictures, name="pictures", minimum=0)
-        put(self, radar=checked_radar(self.radar), crop=tuple(self.crop))
+        put(self, radar=checked_radar(self.radar))
+        if self.crop is not None:
+            put(self, crop=tuple(self.crop))
         _ = self.settings  # checks the rest
 
     @property
@@ -124,11 +126,14 @@ class SimulatorTask(Task):
         plain = {"format": _FORMAT, "threshold": settings.threshold, "relative": settings.relative,
                  "within": settings.within, "mode": settings.mode, "flat": settings.flat, "weights": settings.weights,
                  "band": band, "crop": self.crop, "thresholds": THRESHOLDS, "distances": DISTANCES}  # fmt: skip
-        items, alone = [], []
+        items, alone, otherwise = [], [], []
         for scene in data.scenes:
-            simulation = simulations.get((scene.folder, scene.angles))
             if band not in scene.bands:
                 continue
+            simulation = simulations.get((scene.folder, scene.angles))
+            if simulation is None and (pair := _turned_alike(scene, simulations)) is not None:
+                simulation = simulations[pair]
+                otherwise.append(scene.name)
             if simulation is None:
                 alone.append(scene.name)
                 continue
@@ -145,6 +150,11 @@ class SimulatorTask(Task):
         if self.fit is not None:
             check_writable(self.fit)
         notes = tuple(f"{name}: no simulated images of this object at the same angles" for name in alone)
+        if otherwise:
+            notes += (
+                f"{len(otherwise)} images are compared with simulated ones in a folder of other angles, as published: "
+                f"the meshes were turned as the objects lay; the first is {otherwise[0]}",
+            )
         names = (data.path.resolve().name, against.path.resolve().name)
         return EvaluationSet(items=tuple(items), notes=notes, context=names)
 
@@ -271,6 +281,15 @@ class SimulatorTask(Task):
             stem = "-".join(map(str, pair.key))
             write_point_cloud(place / f"{stem}-measured.{suffix}", PointCloud(points=there))
             write_point_cloud(place / f"{stem}-simulated.{suffix}", PointCloud(points=moved))
+
+
+def _turned_alike(
+    scene: SceneSource, simulations: Mapping[tuple[str, tuple[int, int, int]], SimulationSource]
+) -> tuple[str, tuple[int, int, int]] | None:
+    """Which simulation at other angles is of a measured object: that at 0_0_0, as published, or the only one."""
+    there = [key for key in simulations if key[0] == scene.folder]
+    found = [key for key in there if key[1] == (0, 0, 0)] or (there if len(there) == 1 else [])
+    return found[0] if found and not scene.physics() else None
 
 
 def _sources(planned: EvaluationSet) -> dict[tuple[str, str, int, str], _PairSource]:

@@ -19,11 +19,14 @@ from millisight.core.errors import DamagedFileError, FormatError
 from millisight.io.arrays._entry import array_of_bytes, checked_shape, plain_dtype
 
 _MOST_STEPS = 1_000_000  # so a pickle of empty sets, 216 bytes each, ends at a quarter of a gigabyte
+_BYTES_PER_STEP = 64  # of a large file, which may hold a list of as many arrays as an aperture has positions
 _LONGEST_INTEGER = 512  # bits
 _DEEPEST = 100
 _EXPANSION, _LEAST_LIMIT = 16, 1 << 26  # how large the content may be, shared parts counted each time they occur
 _ATOMS = (str, bytes, bytearray, int, float, complex, type(None), np.generic, np.dtype)
 _KEYS = (str, bytes, bool, int, float, type(None))
+_LONGEST_KEY = 8  # entries of a tuple that is a key
+_KEY_BITS = 16  # of whole numbers in it
 
 
 def read_pickle(path: str | os.PathLike[str]) -> Any:
@@ -70,11 +73,11 @@ class _Bounded:
     """A file that is never asked for more bytes than it has, whatever lengths it claims."""
 
     def __init__(self, file: IO[bytes], size: int):
-        self._file, self._size = file, size
+        self._file, self.size = file, size
         self.tell, self.readline = file.tell, file.readline
 
     def read(self, count: int) -> bytes:
-        return self._file.read(max(0, min(count, self._size - self._file.tell())))
+        return self._file.read(max(0, min(count, self.size - self._file.tell())))
 
 
 class _Global:
@@ -108,10 +111,11 @@ class _Machine:
 
     def run(self, file: _Bounded) -> Any:
         """The value that the pickle leaves at its end."""
+        most = max(_MOST_STEPS, file.size // _BYTES_PER_STEP)
         for number, (step, argument, position) in enumerate(pickletools.genops(file)):  # type: ignore[arg-type]
             self.position = position or 0
-            if number == _MOST_STEPS:
-                raise _Refused(f"the pickle has more than {_MOST_STEPS} steps; save long lists as NumPy arrays")
+            if number == most:
+                raise _Refused(f"the pickle has more than {most} steps; save long lists as NumPy arrays")
             if step.name in _CONSTANTS:
                 if type(argument) is int and argument.bit_length() > _LONGEST_INTEGER:
                     raise _Refused(
@@ -210,9 +214,23 @@ def _expected(value: Any, cls: Any) -> Any:
 def _keys(items: list[Any]) -> list[Any]:
     """Keys of a dictionary or a set, of such kinds that no file can make them collide by design."""
     for item in items:
+        if type(item) is tuple and _is_plain_key(item):
+            continue
         if type(item) not in _KEYS or (type(item) is int and item.bit_length() > 63):
-            raise _Refused(f"a {type(item).__name__} as a key; expected text, bytes, None, or a number of 64 bits")
+            raise _Refused(
+                f"a {type(item).__name__} as a key; expected text, bytes, None, a number of 64 bits, or a short tuple "
+                f"with a text and whole numbers of {_KEY_BITS} bits"
+            )
     return items
+
+
+def _is_plain_key(items: tuple[Any, ...]) -> bool:
+    """A tuple with a text, whose hash no file can foresee; its numbers are too small to be of use for collisions."""
+    return (
+        len(items) <= _LONGEST_KEY
+        and any(type(item) is str for item in items)
+        and all(type(item) in (str, bool) or (type(item) is int and item.bit_length() <= _KEY_BITS) for item in items)
+    )
 
 
 def _pairs(items: list[Any]) -> dict[Any, Any]:

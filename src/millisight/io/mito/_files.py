@@ -1,4 +1,4 @@
-"""The published layout's pickles, both ways: processed images, masks, camera frames, and camera masks.
+"""The published layout's pickles, both ways: processed images, masks, camera frames and masks, raw simulations.
 
 A file becomes a record and `extras`: whatever the record would not give back bit for bit, such as antenna positions
 or an array stored as another type. With both, `write_published` writes the same arrays again. Image values are
@@ -8,18 +8,31 @@ conjugated at the door: the published ones are of the other phase sign.
 import json
 import os
 import pickle
+import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from millisight.core import atomic_path, check_readable, printable, with_step
+from millisight.core import as_array, atomic_path, check_readable, printable, with_step
 from millisight.core.errors import DamagedFileError, FormatError, InputError
-from millisight.data import CameraFrame, CameraMask, Intrinsics, Mask, SarImage, VoxelGrid
+from millisight.data import (
+    CameraFrame,
+    CameraMask,
+    Capture,
+    Intrinsics,
+    Mask,
+    Radar,
+    SarImage,
+    Trajectory,
+    VoxelGrid,
+)
 from millisight.io.arrays import read_pickle
-from millisight.io.mito._names import CAMERA_FRAME, CAMERA_MASK, IMAGE, RADAR_MASK, kind_of, origin
+from millisight.io.mito._names import CAMERA_FRAME, CAMERA_MASK, IMAGE, RADAR_MASK, RAW_SIMULATION, kind_of, origin
+from millisight.io.mito._setup import SIMULATED_PRESETS, simulated_box
 
 _DEPTH_UNIT = 0.001  # [m] of a step of the published depths
 
@@ -35,7 +48,8 @@ def read_published(path: str | os.PathLike[str]) -> Published:
     """Read a pickle of the published layout; its name tells the kind.
 
     `processed_image*.pkl` gives a SarImage, `radar_masks*.pkl` a Mask on the pixels of the image beside it,
-    `camera_masks*.pkl` a CameraMask, and `continuous*.pkl` in a folder `camera` a CameraFrame.
+    `camera_masks*.pkl` a CameraMask, `continuous*.pkl` in a folder `camera` a CameraFrame, and `raw_sim_files*.pkl` in
+    a folder `77_ghz` or `24_ghz` a Capture, whose metadata have the grid of the published images (`image_grid`).
 
     Raises
     ------
@@ -48,11 +62,11 @@ def read_published(path: str | os.PathLike[str]) -> Published:
     """
     path = check_readable(path)
     section = "camera" if path.parent.name == "camera" else "radars"
-    named = kind_of(section, path.name)
+    named = kind_of(section, path.name) or kind_of("simulated", path.name)
     if named is None or path.suffix != ".pkl":
         raise FormatError(
             f"{printable(path)} is not a file of the published layout; expected processed_image*.pkl, "
-            "radar_masks*.pkl, or in a folder camera: camera_masks*.pkl, continuous*.pkl"
+            "radar_masks*.pkl, raw_sim_files*.pkl, or in a folder camera: camera_masks*.pkl, continuous*.pkl"
         )
     door = _DOORS[named[0]]
     values = _values(path, door.required)
@@ -85,17 +99,38 @@ def write_published(path: str | os.PathLike[str], record: Any, extras: Mapping[s
             values[outer] = {**inside, inner: value}
         else:
             values[outer] = value
-    if isinstance(record, SarImage) and isinstance(values["antenna_locs"], dict | None):
+    if isinstance(record, SarImage) and isinstance(values["antenna_locs"], dict | list | None):
         values["antenna_locs"] = np.array(values["antenna_locs"], dtype=object)  # as the published files hold them
     with atomic_path(path) as temporary, open(temporary, "wb") as file:
         pickle.dump(values, file)
 
 
 def image_beside(mask: Path) -> Path:
-    """The image that a radar mask belongs to: of the same ext, or else the plain one."""
+    """The image that a radar mask belongs to: of the same ext, of that without its number, or else the plain one."""
     image = mask.with_name(mask.name.replace("radar_masks", "processed_image", 1))
-    return image if image.exists() else mask.with_name("processed_image.pkl")
+    unnumbered = image.with_name(_NUMBER.sub("", image.stem) + image.suffix)
+    return next((one for one in (image, unnumbered) if one.exists()), mask.with_name("processed_image.pkl"))
 
+
+def first_turn(extras: Mapping[str, Any]) -> np.ndarray | None:
+    """(4,) quaternion x y z w of the robot's tool at a published image's first antenna position; None: it is not told.
+
+    Parameters
+    ----------
+    extras : of the image, as `read_published` gives them, or of a robot log, as `read_log` does
+    """
+    for name in _TURNS:
+        table = extras.get(name)
+        if not isinstance(table, np.ndarray) or table.dtype.kind != "f" or table.shape[1:] not in ((4,), (7,)):
+            continue
+        if len(table) and np.linalg.norm(table[0, -4:]) > 0.5:  # NaN is not
+            return table[0, -4:]
+    return None
+
+
+_NUMBER = re.compile(r"_\d+$")
+# Where a tool's turns stand: in tables x, y, z, quaternion, and as quaternions in a log of ours.
+_TURNS = ("antenna_locs", "antenna_locs.tx_77_locs", "antenna_locs.tx_24_locs", "orientations")
 
 # Of a dictionary within the file each entry is an extra of its own, under both names with this between them.
 _NESTED = "."
@@ -105,8 +140,7 @@ def _extras(path: Path, values: dict[str, Any], given_back: dict[str, Any]) -> d
     """What of the file's `values` the record does not give back as it is stored."""
     extras: dict[str, Any] = {}
     for name, value in values.items():
-        if isinstance(value, np.ndarray) and value.dtype == object and value.ndim == 0:
-            value = value.item()
+        value = _unwrapped(value)
         parts = {_named(path, name): value}
         if isinstance(value, dict) and value:
             parts = {f"{name}{_NESTED}{_named(path, inner)}": item for inner, item in value.items()}
@@ -114,6 +148,11 @@ def _extras(path: Path, values: dict[str, Any], given_back: dict[str, Any]) -> d
             continue
         extras |= {name: _plain(path, name, part) for name, part in parts.items()}
     return extras
+
+
+def _unwrapped(value: Any) -> Any:
+    """An array of objects as what it holds: a value, or lists of None."""
+    return value.tolist() if isinstance(value, np.ndarray) and value.dtype == object else value
 
 
 def _named(path: Path, name: Any) -> str:
@@ -124,6 +163,7 @@ def _named(path: Path, name: Any) -> str:
 
 def _plain(path: Path, name: str, value: Any) -> Any:
     """`value` where it is an array of numbers, or what JSON gives back as it is."""
+    value = _unwrapped(value)
     try:
         if not isinstance(value, np.ndarray | np.generic) and json.loads(json.dumps(value, allow_nan=False)) == value:
             return value
@@ -211,6 +251,27 @@ def _read_radar_mask(path: Path, values: dict[str, Any]) -> Mask:
     return Mask(grid_xy=grid.xy, inside=inside != 0)
 
 
+def _read_simulation(path: Path, values: dict[str, Any]) -> Capture:
+    """Of (P, N) channels at (P, 3) positions: the preset's frequencies, as many as there are samples."""
+    if path.parent.name not in SIMULATED_PRESETS:
+        raise InputError(
+            f"the folder is {printable(path.parent.name)}; expected 77_ghz or 24_ghz, which name the radar"
+        )
+    channels = _array(values, "channels", "c")
+    positions = _array(values, "radar_shifted_locs", "iuf")
+    frames = channels.reshape(len(channels), -1) if channels.ndim == 3 and 1 in channels.shape[1:] else channels
+    as_array(frames, name="channels", shape=("P", "N"), dtype=frames.dtype)
+    preset = Radar.preset(SIMULATED_PRESETS[path.parent.name])
+    waveform = replace(preset.waveform, samples_per_chirp=frames.shape[1])
+    metadata = {"image_grid": simulated_box(float(positions[:, 0].max()))} if positions.ndim == 2 else {}
+    return Capture(
+        radar=replace(preset, waveform=waveform),
+        trajectory=Trajectory(times=np.arange(len(frames), dtype=float), positions=positions),
+        frames=np.conj(frames)[:, None, None].astype(np.complex64),
+        metadata=with_step(metadata, "read_published", file=origin(path), conjugated=True),
+    )
+
+
 def _read_camera_frame(path: Path, values: dict[str, Any]) -> CameraFrame:
     return CameraFrame(
         rgb=_without_first(_array(values, "rgb", "uif"), 3),
@@ -250,6 +311,15 @@ class _Door(NamedTuple):
 _DOORS = {
     IMAGE: _Door(SarImage, ("image", "x_locs", "y_locs", "z_locs"), _read_image, _image_values),
     RADAR_MASK: _Door(Mask, ("radar_mask",), _read_radar_mask, lambda mask: {"radar_mask": mask.inside}),
+    RAW_SIMULATION: _Door(
+        Capture,
+        ("channels", "radar_shifted_locs"),
+        _read_simulation,
+        lambda capture: {
+            "channels": np.conj(capture.frames_of(slice(None))[:, 0, 0]),
+            "radar_shifted_locs": capture.trajectory.positions,
+        },
+    ),
     CAMERA_FRAME: _Door(
         CameraFrame,
         ("rgb", "depth", "pose"),

@@ -27,8 +27,9 @@ TRUTH, SPLITS_NAME = "truth", "splits.json"
 EMPTY_SCENES = {"EMPTY": "empty", "background": "background"}
 """Names of what is no object, and what it is for: images, and raw files, of a set-up with nothing in it."""
 
-IMAGE, RADAR_MASK, CAMERA_FRAME, CAMERA_MASK, RAW, INFO = (
-    "image", "radar mask", "camera frame", "camera mask", "raw", "info",
+IMAGE, RADAR_MASK, CAMERA_FRAME, CAMERA_PICTURE, CAMERA_MASK, RAW, RAW_SIMULATION, LOG, INFO = (
+    "image", "radar mask", "camera frame", "camera picture", "camera mask", "raw", "raw simulation", "robot log",
+    "info",
 )  # fmt: skip
 """The kinds of item that the layout holds."""
 
@@ -38,7 +39,10 @@ _EXPERIMENT = re.compile(r"exp(\d{1,9})")
 _FILES = {
     "radars": ((IMAGE, "processed_image"), (RADAR_MASK, "radar_masks")),
     "camera": ((CAMERA_MASK, "camera_masks"), (CAMERA_FRAME, "continuous")),
+    "simulated": ((RAW_SIMULATION, "raw_sim_files"),),
 }
+_PICTURES = ((CAMERA_PICTURE, "continuous"),)  # PNG
+_SPLIT = re.compile(r"test_split_\w+\.pkl")
 
 
 def object_of(folder: str) -> tuple[str, str] | None:
@@ -60,7 +64,11 @@ def experiment_of(folder: str) -> int | None:
 
 
 def kind_of(section: str, name: str) -> tuple[str, str] | None:
-    """The kind of a file `name` in a folder of `section`, "radars" or "camera", and its ext; None: none of ours.
+    """The kind of a file `name` and its ext; None: none of ours.
+
+    Parameters
+    ----------
+    section : "radars" or "camera", of processed images and of pictures; "simulated", of raw simulations
 
     Examples
     --------
@@ -68,11 +76,18 @@ def kind_of(section: str, name: str) -> tuple[str, str] | None:
     ('image', '_specular')
     """
     stem, suffix = os.path.splitext(name)
-    if suffix in (".pkl", ".h5"):
-        for kind, start in _FILES[section]:
-            if stem.startswith(start):
-                return kind, stem[len(start) :]
+    known = (
+        _FILES[section] if suffix in (".pkl", ".h5") else _PICTURES if (section, suffix) == ("camera", ".png") else ()
+    )
+    for kind, start in known:
+        if stem.startswith(start):
+            return kind, stem[len(start) :]
     return None
+
+
+def is_split(name: str) -> bool:
+    """Whether a file of a dataset's root is a published split, by its name."""
+    return _SPLIT.fullmatch(name) is not None
 
 
 def angles_folder(root: str | os.PathLike[str], name: str, angles: tuple[int, int, int], *, simulated: bool) -> Path:

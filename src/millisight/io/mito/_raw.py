@@ -15,12 +15,12 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from millisight.core import checked_path, printable, with_step
-from millisight.core.errors import DamagedFileError, FileError, UnknownNameError
+from millisight.core.errors import DamagedFileError, FileError
 from millisight.data import Radar, RawScan, ScanRow, Trajectory, inside_log
-from millisight.io.arrays import read_arrays, read_pickle
+from millisight.io.arrays import read_pickle
+from millisight.io.mito._log import Remarks, files_in, log_of
 from millisight.io.mito._names import INFO_NAME, checked_radar, origin, radar_folder
 from millisight.io.mito._setup import (
-    BASE_ORIGIN,
     CHIRPS,
     SUFFIXES,
     experiment_radar,
@@ -45,12 +45,14 @@ from millisight.io.raw import (
 _NUMBERS = {"77_ghz": (slice(8, 18), slice(9, 21)), "24_ghz": (slice(9, 19),)}
 _PUBLISHED_ORDER = ("four-lane", False)
 _LATEST = 1e11  # seconds since 1970; much later, and a float tells no frames apart
-_FARTHEST = 100.0  # that a robot reaches [m]; beyond, the log is not in metres
-_CUT = 20  # where times and places differ in number, so many poses fewer than the shorter are taken, as published
 
 
 def read_experiment(
-    folder: str | os.PathLike[str], radar: str, *, progress: Callable[[int, int], None] | None = None
+    folder: str | os.PathLike[str],
+    radar: str,
+    *,
+    every_receiver: bool = False,
+    progress: Callable[[int, int], None] | None = None,
 ) -> RawScan:
     """Read the raw capture of one radar in an experiment of the published layout.
 
@@ -66,6 +68,7 @@ def read_experiment(
     ----------
     folder : `.../exp<N>/los` or `nlos`, or the radar's `unprocessed/radars/<radar>` in it
     radar : "77_ghz" or "24_ghz"
+    every_receiver : use both receivers at 24 GHz whatever the aperture, as the published code does on a GPU
     progress : called with (files looked at, files in all)
 
     Raises
@@ -77,9 +80,9 @@ def read_experiment(
     """
     raw = _raw_folder(checked_path(folder), radar)
     info = read_info(raw.parents[3] / INFO_NAME)
-    used = experiment_radar(radar, info)
-    remarks = _Remarks()
-    log = _read_log(raw, radar, remarks)
+    used = experiment_radar(radar, info, every_receiver=every_receiver)
+    remarks = Remarks()
+    log = log_of(raw, radar, remarks).record
     rows = _read_rows(raw, radar, used, frame_period(info, radar), remarks, progress)
     outside = sum(int((~inside_log(row.times, log)).sum()) for row in rows)
     if outside:
@@ -90,18 +93,17 @@ def read_experiment(
         "experiment": info,
         "left_out": remarks.left_out,
         "notes": remarks.notes,
-        "image_grid": published_box(radar, info["background"]),
+        "image_grid": published_box(radar, info["background"], farthest=_farthest(log, rows)),
     }
     settings = {"chirp": f"first of {CHIRPS[radar]}", "conjugated": True, "orientations": "not used"}
     return RawScan(radar=used, rows=rows, log=log, metadata=with_step(metadata, "read_experiment", **settings))
 
 
-class _Remarks:
-    """What was found to be wrong and what to be odd, as the files are read."""
-
-    def __init__(self) -> None:
-        self.left_out: list[str] = []
-        self.notes: list[str] = []
+def _farthest(log: Trajectory, rows: tuple[ScanRow, ...]) -> float:
+    """Largest x of the log while frames were taken [m]."""
+    times = np.concatenate([row.times for row in rows])
+    scanned = (log.times >= times.min()) & (log.times <= times.max())
+    return float(log.positions[scanned if scanned.any() else slice(None), 0].max())
 
 
 class _Listed(NamedTuple):
@@ -124,60 +126,10 @@ def _raw_folder(folder: Path, radar: str) -> Path:
     return raw
 
 
-def _files(folder: Path, start: str, suffix: str) -> list[Path]:
-    return sorted(p for p in folder.iterdir() if p.name.startswith(start) and p.suffix == suffix and p.is_file())
-
-
-def _read_log(raw: Path, radar: str, remarks: _Remarks) -> Trajectory:
-    """The robot's log, all files of it one after the other, in the world frame."""
-    parts = [(path, _log_part(path, radar, remarks)) for path in _files(raw, "antenna", ".npz")]
-    if not sum(len(part) for _, part in parts):
-        raise FileError(f"{printable(raw)} holds no robot log; expected antenna*.npz with its poses")
-    table = np.concatenate([part for _, part in parts])
-    places = [(path, i) for path, part in parts for i in range(len(part))]
-    repeated = np.flatnonzero((np.diff(table, axis=0) == 0).all(axis=1)) + 1
-    if len(repeated):
-        remarks.notes.append(f"robot log: {len(repeated)} poses occur twice, with the same time and position")
-    kept = np.setdiff1d(np.arange(len(table)), repeated)
-    wrong = np.flatnonzero(np.diff(table[kept, 0]) <= 0)
-    if len(wrong):
-        before, after = kept[wrong[0]], kept[wrong[0] + 1]
-        path, entry = places[after]
-        raise DamagedFileError(
-            f"{printable(path)}, times_{radar[:2]}[{entry}]: {table[after, 0]:.6f} s follows {table[before, 0]:.6f} s; "
-            "expected times that increase"
-        )
-    if len(kept) < 2:
-        raise DamagedFileError(f"{printable(raw)}: the robot log has a single pose; expected two at least")
-    return Trajectory(times=table[kept, 0], positions=table[kept, 1:] - BASE_ORIGIN)
-
-
-def _log_part(path: Path, radar: str, remarks: _Remarks) -> np.ndarray:
-    """(n, 4) times [s] and places [m, robot base] of one file of the log."""
-    names = f"times_{radar[:2]}", f"tx_{radar[:2]}_locs"
-    try:
-        times, locations = read_arrays(path, names=names).values()
-    except UnknownNameError as error:
-        raise DamagedFileError(f"{printable(path)}: {error}") from error
-    numbers = all(array.dtype.kind in "iuf" for array in (times, locations))
-    if not numbers or times.ndim != 1 or locations.ndim != 2 or locations.shape[1] < 3:
-        what = ", ".join(f"{name} is {a.dtype} {a.shape}" for name, a in zip(names, (times, locations), strict=True))
-        raise DamagedFileError(f"{printable(path)}: {what}; expected numbers (n,) and (n, 7): x, y, z, quaternion")
-    count = len(times)
-    if count != len(locations):
-        count = max(0, min(count, len(locations)) - _CUT)
-        remarks.notes.append(f"{path.name}: {len(times)} times, {len(locations)} places; the first {count} are used")
-    part = np.column_stack([times[:count], locations[:count, :3]]).astype(np.float64)
-    farthest = np.abs(part[:, 1:]).max(initial=0)
-    if farthest > _FARTHEST:
-        raise DamagedFileError(f"{printable(path)}: {names[1]} reaches {farthest:.4g}; expected positions in metres")
-    return part
-
-
-def _read_list(raw: Path, remarks: _Remarks) -> list[_Listed]:
+def _read_list(raw: Path, remarks: Remarks) -> list[_Listed]:
     """The rows that the row list names, in the order of their times."""
     found: dict[int, float] = {}
-    files = _files(raw, "continuous", ".pkl")
+    files = files_in(raw, "continuous", ".pkl")
     for path in files:
         content = read_pickle(path)
         numbers, created = (_sequence(path, content, key) for key in ("all_radar_filenames", "all_radar_created_ts"))
@@ -218,7 +170,7 @@ def _listed(number: Any, time: Any) -> _Listed | None:
     return listed if abs(listed.created) < _LATEST else None
 
 
-def _raw_files(raw: Path, radar: str, remarks: _Remarks) -> dict[int, Path]:
+def _raw_files(raw: Path, radar: str, remarks: Remarks) -> dict[int, Path]:
     """The raw files by the number in their names."""
     found: dict[int, Path] = {}
     for path in sorted((raw / "radar_data").iterdir()):
@@ -244,7 +196,7 @@ def _read_rows(
     radar: str,
     used: Radar,
     period: float,
-    remarks: _Remarks,
+    remarks: Remarks,
     progress: Callable[[int, int], None] | None,
 ) -> tuple[ScanRow, ...]:
     """The rows that are listed and there, each file looked at once."""
@@ -286,7 +238,7 @@ def _frames(recorder: "_Recorder", path: Path, receivers: int) -> np.ndarray:
 class _Recorder(Protocol):
     """What knows the files of one radar's recorder."""
 
-    def look(self, path: Path, remarks: _Remarks) -> np.ndarray:
+    def look(self, path: Path, remarks: Remarks) -> np.ndarray:
         """(F,) bool, the frames that are lost; `FileError` where the file cannot be used."""
         ...
 
@@ -306,7 +258,7 @@ class _Dca1000:
     def __init__(self) -> None:
         self._estimates: dict[Path, OrderEstimate] = {}
 
-    def look(self, path: Path, remarks: _Remarks) -> np.ndarray:
+    def look(self, path: Path, remarks: Remarks) -> np.ndarray:
         counts = open_counts(path, odd_byte=True)
         frames, over = divmod(path.stat().st_size, self._FRAME_BYTES)
         if not frames:
@@ -350,16 +302,34 @@ class _Dca1000:
 
 
 class _Position2Go:
-    """24 GHz: text."""
+    """24 GHz: text. Frames of zeros at the end, with which a short file is filled for the published code, are none."""
 
-    def look(self, path: Path, remarks: _Remarks) -> np.ndarray:
-        return self.read(path).lost
+    def __init__(self) -> None:
+        self._filled: dict[Path, int] = {}
+
+    def look(self, path: Path, remarks: Remarks) -> np.ndarray:
+        raw = read_position2go(path, samples=256, chirps=CHIRPS["24_ghz"], receivers=2)
+        if not raw.samples.any():
+            raise DamagedFileError("every frame is 0")
+        kept = len(_without_empty_end(raw).samples)
+        if kept < len(raw.samples):
+            self._filled[path] = len(raw.samples) - kept
+        return raw.lost[:kept]
 
     def read(self, path: Path) -> RawFrames:
-        return read_position2go(path, samples=256, chirps=CHIRPS["24_ghz"], receivers=2)
+        return _without_empty_end(read_position2go(path, samples=256, chirps=CHIRPS["24_ghz"], receivers=2))
 
     def notes(self) -> list[str]:
-        return []
+        if not self._filled:
+            return []
+        empty = sum(self._filled.values())
+        return [f"{_some(list(self._filled))}: filled with empty frames at the end, {empty} in all, which are left out"]
+
+
+def _without_empty_end(raw: RawFrames) -> RawFrames:
+    seen = np.flatnonzero(raw.samples.any(axis=(1, 2, 3)))
+    kept = int(seen[-1]) + 1 if len(seen) else 0
+    return RawFrames(samples=raw.samples[:kept], lost=raw.lost[:kept], metadata=raw.metadata) if kept else raw
 
 
 def _some(paths: list[Path]) -> str:

@@ -3,7 +3,7 @@
 import json
 import os
 import pickle
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -22,7 +22,7 @@ from millisight.core import (
 from millisight.core.errors import InputError
 from millisight.data import Trajectory
 from millisight.io.mito._names import INFO_NAME, RADARS, checked_radar, radar_folder
-from millisight.io.mito._setup import BASE_ORIGIN, CHIRPS, read_info
+from millisight.io.mito._setup import BASE_ORIGIN, CHIRPS, FRAMES, frame_period, read_info
 from millisight.io.raw import write_dca1000, write_position2go
 
 _FILE_NAMES = {"77_ghz": "adc_data{:010d}.bin", "24_ghz": "p2g_data_{:010d}.txt"}
@@ -53,11 +53,14 @@ def write_raw_experiment(
     log: Trajectory,
     *,
     info: Mapping[str, Any],
+    fill: bool = True,
 ) -> Path:
     """Write one radar's raw capture into an experiment of the published layout.
 
     Frames are conjugated at the door. The log goes into the robot's base frame, and into the tables of both radars; its
-    orientations too, which the published imaging ignores. At 24 GHz a frame of one chirp is written 16 times over.
+    orientations too, which the published imaging ignores. At 24 GHz a frame of one chirp is written 16 times over. The
+    published code takes a 24 GHz file for zeros unless it has 110 frames: with `fill`, a file of fewer gets empty ones
+    at its end, which `read_experiment` leaves out and notes, and a row of more becomes several files.
 
     Parameters
     ----------
@@ -66,6 +69,7 @@ def write_raw_experiment(
     rows : by file
     log : poses of the radar frame in the world frame of the published images, on the robot's clock
     info : for `experiment_info.json`: "aperture size", "rx offset", "background"
+    fill : give every 24 GHz file the published number of frames
 
     Returns
     -------
@@ -80,10 +84,14 @@ def write_raw_experiment(
     raw = radar_folder(folder, checked_radar(radar), processed=False)
     data = make_folder(raw / "radar_data")
     _write_info(checked_path(folder).parent / INFO_NAME, dict(info))
-    for row in rows:
+    numbers: list[int] = []
+    created: list[float] = []
+    for row in _filled(rows, dict(info)) if fill and radar == "24_ghz" else rows:
         number = checked_integer(row.number, name="number", minimum=0)
         if number >= 10**10:
             raise InputError(f"number is {number}; expected ten digits at most")
+        numbers.append(number)
+        created.append(checked_number(row.created, name="created", unit="s"))
         path = data / _FILE_NAMES[radar].format(number)
         chirps = CHIRPS[radar]
         shape = ("F", chirps if np.shape(row.frames)[1:2] == (chirps,) else 1, _RECEIVERS[radar], "N")
@@ -93,14 +101,25 @@ def write_raw_experiment(
         else:
             write_position2go(path, np.repeat(frames, chirps // frames.shape[1], axis=1))
     _write_log(raw / "antenna.npz", log)
-    listed = {
-        "all_radar_filenames": [int(row.number) for row in rows],
-        "all_radar_created_ts": [checked_number(row.created, name="created", unit="s") for row in rows],
-        "pattern": 0.5,
-    }
+    listed = {"all_radar_filenames": numbers, "all_radar_created_ts": created, "pattern": 0.5}
     with atomic_path(raw / "continuous.pkl") as temporary, open(temporary, "wb") as file:
         pickle.dump(listed, file)
     return raw
+
+
+def _filled(rows: Sequence[RecordedRow], info: Mapping[str, Any]) -> Iterator[RecordedRow]:
+    """Rows of the published number of frames each: longer ones split, shorter ones with frames of zeros at the end."""
+    count, period = FRAMES["24_ghz", info["aperture size"]], frame_period(info, "24_ghz")
+    numbers = {row.number for row in rows}
+    for row in rows:
+        frames, number = np.asarray(row.frames), row.number
+        for start in range(0, max(len(frames), 1), count):
+            part = frames[start : start + count]
+            empty = np.zeros((count - len(part), *frames.shape[1:]), frames.dtype)
+            if start:
+                number = next(n for n in range(number + 1, 10**10) if n not in numbers)
+                numbers.add(number)
+            yield RecordedRow(number, row.created + start * period, np.concatenate([part, empty]))
 
 
 def _write_info(path: Path, info: dict[str, Any]) -> None:

@@ -6,6 +6,15 @@ from ._network import CLASSIFIER_CHANNELS as CLASSIFIER_CHANNELS
 from ._network import CLASSIFIER_SIDE as CLASSIFIER_SIDE
 from ._network import CLASSIFIER_WEIGHTS as CLASSIFIER_WEIGHTS
 from ._network import NetworkClassifier as NetworkClassifier
+from ._network import check_mask_of as check_mask_of
 from ._network import classifier_input as classifier_input
 from ._network import masked_channels as masked_channels
 from ._network import square_symmetries as square_symmetries
+from ._released import RELEASED_CLASSES as RELEASED_CLASSES
+from ._released import RELEASED_SIDE as RELEASED_SIDE
+from ._released import ReleasedClassifier as ReleasedClassifier
+from ._released import blurred_levels as blurred_levels
+from ._released import clipped as clipped
+from ._released import middle as middle
+from ._released import published_scale as published_scale
+from ._released import released_input as released_input

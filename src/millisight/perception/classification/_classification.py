@@ -47,6 +47,9 @@ class Classifier(Protocol):
         ...
 
 
+TORCH_SUFFIXES = (".h5", ".pt", ".pth")
+"""Of weights that torch saved."""
+
 CLASSIFIERS: Registry[Any] = Registry(
     "classifier", "millisight.classifiers", package="millisight.perception.classification"
 )
@@ -58,8 +61,9 @@ def classifier(method: str = "network", **options: Any) -> Classifier:
 
     Parameters
     ----------
-    method : a name in `CLASSIFIERS`; "network" is the one of this package
-    options : of the classifier, such as `weights` of "network"
+    method : a name in `CLASSIFIERS`; "network" is the one of this package, "released" the paper's
+    options : of the classifier, such as `weights` of "network": an ONNX file; weights that torch saved (.h5, .pt, .pth)
+        are taken for those of "released"
 
     Raises
     ------
@@ -68,6 +72,8 @@ def classifier(method: str = "network", **options: Any) -> Classifier:
     InputError
         A plug-in's is no `Classifier`.
     """
+    if method == "network" and os.fspath(options.get("weights") or "").endswith(TORCH_SUFFIXES):
+        method = "released"
     return _checked(CLASSIFIERS[method](**options))
 
 
@@ -87,7 +93,7 @@ def classify(
     mask : on the pixels of the image, as from `segment`
     other_band : image of the same scene at the other frequency, or None
     method : name of a classifier, or a classifier
-    weights : ONNX file of a trained network, for "network"; None: the shipped one
+    weights : file of a trained network, for "network"; None: the shipped one; see `classifier`
 
     Returns
     -------

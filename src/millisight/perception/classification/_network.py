@@ -12,7 +12,7 @@ import numpy as np
 
 from millisight.core import check_readable, checked_record, printable
 from millisight.core.errors import DamagedFileError, FormatError, InputError
-from millisight.data import Mask, Prediction, SarImage
+from millisight.data import Mask, Prediction, SarImage, grid_difference
 from millisight.perception import (
     canvas_axes,
     canvas_power,
@@ -55,11 +55,8 @@ def classifier_input(image: SarImage, mask: Mask, *, other_band: SarImage | None
     """
     checked_record(image, SarImage, name="image")
     checked_record(mask, Mask, name="mask")
+    check_mask_of(mask, image)
     grid = image.grid.xy
-    if not _same(mask.grid_xy.x, grid.x) or not _same(mask.grid_xy.y, grid.y):
-        raise InputError(
-            f"the mask is on {mask.grid_xy!r}, the image on {grid!r}; expected one grid: make the mask of this image"
-        )
     if not mask.inside.any():
         raise InputError("the mask is empty, and there is nothing to classify; segment the image again")
     x, y = canvas_axes(grid)
@@ -75,6 +72,15 @@ def classifier_input(image: SarImage, mask: Mask, *, other_band: SarImage | None
             "out"
         )
     return masked_channels(power, image.grid.z, inside, other)
+
+
+def check_mask_of(mask: Mask, image: SarImage) -> None:
+    """The mask must lie on the image's pixels; `InputError` otherwise, which tells the axis that differs."""
+    differs = grid_difference(mask.grid_xy, image.grid.xy)
+    if differs:
+        raise InputError(
+            f"the mask's pixels and the image's differ along {differs}; expected one grid: make the mask of this image"
+        )
 
 
 def square_symmetries(channels: np.ndarray) -> np.ndarray:
@@ -113,10 +119,6 @@ def masked_channels(
         channels[3 + SLICES] = projected_levels(_cut(other, window) * inside[..., None])
         channels[4 + SLICES] = inside
     return channels
-
-
-def _same(ours: np.ndarray, theirs: np.ndarray) -> bool:
-    return ours.shape == theirs.shape and np.allclose(ours, theirs, rtol=0, atol=1e-6)
 
 
 def _window(weights: np.ndarray) -> int:

@@ -13,6 +13,11 @@ from ._classifier import ClassifierRecipe as ClassifierRecipe
 from ._loop import Lesson as Lesson
 from ._loop import Schedule as Schedule
 from ._loop import check_installed as check_installed
+from ._released import RELEASED_WEIGHTS as RELEASED_WEIGHTS
+from ._released import ReleasedExample as ReleasedExample
+from ._released import ReleasedRecipe as ReleasedRecipe
+from ._released import released_example as released_example
+from ._released import train_released as train_released
 from ._scenes import BANDS as BANDS
 from ._scenes import SCENE_PARTS as SCENE_PARTS
 from ._scenes import SceneParts as SceneParts

@@ -19,7 +19,13 @@ from millisight.perception.classification import (
 )
 from millisight.perception.training import _augmentation as augmentation
 from millisight.perception.training._loop import Schedule, run
-from millisight.perception.training._scenes import RANDOM_OBJECTS, SCENE_PARTS, SceneParts, SceneSettings
+from millisight.perception.training._scenes import (
+    RANDOM_OBJECTS,
+    SCENE_PARTS,
+    SceneParts,
+    SceneSettings,
+    meshes_in,
+)
 from millisight.perception.training._training import RECIPES, SceneRequest, TrainingScene, TrainingScenes, held_back
 
 if TYPE_CHECKING:
@@ -56,7 +62,7 @@ class ClassifierRecipe:
         the description of the weights then holds the class of an object of your own
     scenes : of each class; its objects share them evenly. Every sixth of an object's is for validation
     drawn : of each class besides, scenes of shapes drawn at random (`meshes.random_shape`), every sixth for validation
-    vertices, spacing, widest : of the scenes, see SceneSettings
+    vertices, spacing, widest, meshes : of the scenes, see SceneSettings; `classes` may name meshes of the folder
     stretch : of the scenes of each class, see SceneSettings; 0.25 of those that are not named
     parts : "both", "edge" or "specular"
     network : "small", or the "paper"'s
@@ -77,6 +83,7 @@ class ClassifierRecipe:
     vertices: int = 3000
     spacing: tuple[float, float, float] = (0.003, 0.003, 0.015)
     widest: float = 0.32
+    meshes: str = ""
     stretch: Mapping[str, float] = field(default_factory=dict)
     parts: str = "both"
     network: str = "small"
@@ -94,8 +101,9 @@ class ClassifierRecipe:
             check_known(kind, value, known)
         named = [name for objects in own.values() for name in objects]
         for name in (*self.without, *self.tests, *named):
-            if name not in CATALOGUE and not (name in named and name in self.tests):
-                raise UnknownNameError("catalogue object", name, CATALOGUE)
+            known = name in CATALOGUE or name in meshes_in(self.meshes)
+            if not known and not (name in named and name in self.tests):
+                raise UnknownNameError("catalogue object", name, (*CATALOGUE, *meshes_in(self.meshes)))
         put(
             self,
             classes=own,
@@ -140,7 +148,7 @@ class ClassifierRecipe:
         objects = self.objects[shape]
         every = SceneSettings(
             poses=max(-(-self.scenes // len(objects)), 2), vertices=self.vertices, spacing=self.spacing,
-            widest=self.widest, stretch=self.stretch.get(shape, _STRETCH),
+            widest=self.widest, stretch=self.stretch.get(shape, _STRETCH), meshes=self.meshes,
         )  # fmt: skip
         made = dict.fromkeys(objects, every)
         if self.drawn:

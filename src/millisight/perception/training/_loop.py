@@ -175,10 +175,10 @@ def fit(
     """
     import torch
 
-    _check_device(device)
+    check_torch_device(device)
     path, digest = make_folder(folder) / CHECKPOINT_NAME, _digest(made_of, schedule)
     history: list[dict[str, float]] = []
-    with _logging(Path(folder) / "tensorboard" if tensorboard else None) as log, _repeatable(device):
+    with _logging(Path(folder) / "tensorboard" if tensorboard else None) as log, repeatable(device):
         torch.manual_seed(schedule.seed)
         network = lesson.network().to(device)
         optimizer = torch.optim.AdamW(network.parameters(), weight_decay=schedule.weight_decay)
@@ -203,7 +203,8 @@ def fit(
     return network, Fitted(len(history), _best_epoch(history), tuple(history))
 
 
-def _check_device(device: str) -> None:
+def check_torch_device(device: str) -> None:
+    """Refuse a device that torch cannot train on; `DeviceError`."""
     import torch
 
     check_device(device)
@@ -212,7 +213,7 @@ def _check_device(device: str) -> None:
 
 
 @contextmanager
-def _repeatable(device: str) -> Iterator[None]:
+def repeatable(device: str) -> Iterator[None]:
     """What torch draws and computes follows from its seed; its state outside is left as it was."""
     import torch
 

@@ -10,8 +10,10 @@ import dataclasses
 import hashlib
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,7 +32,7 @@ from millisight.core import (
 from millisight.core.errors import DamagedFileError
 from millisight.data import Capture, Material, Radar, Scene, Trajectory, TriangleMesh, VoxelGrid
 from millisight.imaging import combine, form_image
-from millisight.meshes import CATALOGUE, RANDOM_SHAPES, build_object, random_shape
+from millisight.meshes import CATALOGUE, RANDOM_SHAPES, build_object, find_meshes, load_mesh, random_shape
 from millisight.simulation import simulate
 
 BANDS = ("77_ghz", "24_ghz")
@@ -61,6 +63,8 @@ class SceneSettings:
     spacing : of the images along x, y and z [m]
     widest : of an image, which shows a part of a larger object [m]
     stretch : objects are made longer or shorter along each of their axes, by a factor of exp(stretch) at most
+    meshes : folder of mesh files, see `find_meshes`; objects of these names are taken from it, and it adds to the
+        catalogue's; "": none
     """
 
     without: tuple[str, ...] = ()
@@ -70,10 +74,11 @@ class SceneSettings:
     spacing: tuple[float, float, float] = (0.003, 0.003, 0.015)
     widest: float = 0.22
     stretch: float = 0.0
+    meshes: str = ""
 
     def __post_init__(self) -> None:
         for name in (*self.without, *self.validation):
-            check_known("catalogue object", name, CATALOGUE)
+            check_known("catalogue object", name, (*CATALOGUE, *meshes_in(self.meshes)))
         put(
             self,
             poses=checked_integer(self.poses, name="poses"),
@@ -86,11 +91,24 @@ class SceneSettings:
     @property
     def objects(self) -> dict[str, tuple[str, ...]]:
         """Names by "training" and "validation"."""
-        seen = [name for name in CATALOGUE if name not in self.without]
+        every = dict.fromkeys((*CATALOGUE, *meshes_in(self.meshes)))
+        seen = [name for name in every if name not in self.without]
         return {
             "training": tuple(name for name in seen if name not in self.validation),
             "validation": tuple(name for name in seen if name in self.validation),
         }
+
+
+@lru_cache(maxsize=4)
+def meshes_in(folder: str) -> Mapping[str, Path]:
+    """The meshes of a folder by name; none of "".
+
+    Raises
+    ------
+    FileError
+        The folder cannot be read, or holds none.
+    """
+    return MappingProxyType(find_meshes(folder) if folder else {})
 
 
 class SceneParts(NamedTuple):
@@ -120,7 +138,7 @@ def cached_scene(
 
     It is drawn from the seed, the object's name and the number, and from nothing else.
     """
-    path = Path(folder) / f"{name}-{number}-{_digest(settings, seed)}.npz"
+    path = Path(folder) / f"{name}-{number}-{_digest(name, settings, seed)}.npz"
     if not path.exists():
         _write(path, make_scene(name, settings, rng=np.random.default_rng([seed, number, *name.encode()])))
     return _read(path)
@@ -181,8 +199,9 @@ def _object(name: str, settings: SceneSettings, rng: np.random.Generator) -> tup
     source: str | TriangleMesh = name
     if name in RANDOM_OBJECTS:
         source = random_shape(RANDOM_OBJECTS[name], rng)
-    elif settings.stretch:
-        mesh = build_object(name)
+    elif settings.stretch or name in meshes_in(settings.meshes):
+        held = meshes_in(settings.meshes).get(name)
+        mesh = build_object(name) if held is None else load_mesh(held)
         factors = np.exp(rng.uniform(-settings.stretch, settings.stretch, 3))
         source = dataclasses.replace(mesh, vertices=mesh.vertices * factors)
     tilt, turn, side = rng.uniform(-12, 12, 2), rng.uniform(0, 360), 90 * rng.integers(0, 4, 2)
@@ -262,8 +281,11 @@ def _image(capture: Capture | None, believed: Trajectory, grid: VoxelGrid) -> np
     return form_image(dataclasses.replace(capture, trajectory=believed), grid, method="backprojection").values
 
 
-def _digest(settings: SceneSettings, seed: int) -> str:
+def _digest(name: str, settings: SceneSettings, seed: int) -> str:
     made_by = {"seed": seed} | {name: getattr(settings, name) for name in ("vertices", "spacing", "widest", "stretch")}
+    mesh = meshes_in(settings.meshes).get(name)
+    if mesh is not None:
+        made_by["mesh"] = hashlib.sha256(mesh.read_bytes()).hexdigest()
     return hashlib.sha256(json.dumps(made_by, sort_keys=True).encode()).hexdigest()[:12]
 
 

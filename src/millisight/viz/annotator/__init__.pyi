@@ -1,4 +1,5 @@
 from ._annotation import Annotation as Annotation
+from ._annotation import prompts_beside as prompts_beside
 from ._annotation import segmenters_for as segmenters_for
 from ._server import AnnotatorServer as AnnotatorServer
 from ._subject import OpenedPicture as OpenedPicture

@@ -16,7 +16,8 @@ import numpy as np
 from millisight.core import atomic_path, checked_integer, printable, write_text
 from millisight.core.errors import FileError, InputError, MillisightError, UnknownNameError
 from millisight.data import Mask, Prompts
-from millisight.io.mito import origin
+from millisight.evaluation import PUBLISHED_DEPTHS, camera_mask_of
+from millisight.io.mito import origin, write_published
 from millisight.perception.segmentation import Segmenter, chosen, largest_share, segmenter
 from millisight.viz.annotator._coarse import Coarse
 from millisight.viz.annotator._subject import OpenedPicture
@@ -90,7 +91,9 @@ class Annotation:
     Parameters
     ----------
     subject : OpenedPicture
-    mask_path : where the mask is saved: HDF5 of a radar image, PNG of a photo
+    mask_path : where the mask is saved: HDF5 of a radar image, PNG of a photo; in the published form where it ends in
+        .pkl, `radar_masks*.pkl` of a radar image and `camera_masks*.pkl` of a camera frame, or .h5 of a camera frame
+    depth_range : of the object in a camera frame, for the published form [m]
     segmenters : by name; a text in the place of one says why it cannot work here
     method : the segmenter to begin with; None: the first that can work
 
@@ -109,9 +112,11 @@ class Annotation:
         *,
         segmenters: Mapping[str, Segmenter | str],
         method: str | None = None,
+        depth_range: tuple[float, float] = PUBLISHED_DEPTHS,
     ) -> None:
+        self._depths = depth_range
         self.subject: OpenedPicture = subject
-        self.mask_path: Path = _checked_name(mask_path, ".h5" if subject.is_radar else ".png")
+        self.mask_path: Path = _checked_name(mask_path, subject)
         self.prompts_path: Path = prompts_beside(mask_path)
         self._lock = threading.Lock()
         self._segmenters = dict(segmenters)
@@ -202,18 +207,28 @@ class Annotation:
             self._question = question
             answer = self._answered(question)
             told = self._provenance(question, answer)
-            if self.subject.picture.grid_xy is None:
-                with atomic_path(self.mask_path) as temporary:
-                    temporary.write_bytes(_png(answer.inside.astype(np.uint8) * 255))
-            else:
-                from millisight.io import save
-
-                mask = Mask(grid_xy=self.subject.picture.grid_xy, inside=answer.inside)
-                save(self.mask_path, mask, extras={"segmentation": told})
+            self._write(answer.inside, told)
             lines = ",\n".join(f"  {json.dumps(name)}: {json.dumps(value)}" for name, value in told.items())
             write_text(self.prompts_path, f"{{\n{lines}\n}}\n")
             self._saved, self.saved_now = question, True
         return {"files": [printable(self.mask_path), printable(self.prompts_path)]}
+
+    def _write(self, inside: np.ndarray, told: Mapping[str, Any]) -> None:
+        """The mask, in the form that its file's name asks for."""
+        from millisight.io import save
+
+        grid, frame = self.subject.picture.grid_xy, self.subject.frame
+        if grid is None and self.mask_path.suffix.lower() == ".png":
+            with atomic_path(self.mask_path) as temporary:
+                temporary.write_bytes(_png(inside.astype(np.uint8) * 255))
+            return
+        mask: Any = None if grid is None else Mask(grid_xy=grid, inside=inside)
+        if frame is not None:
+            mask = camera_mask_of(frame, inside, depth_range=self._depths)
+        if self.mask_path.suffix.lower() == ".pkl":
+            write_published(self.mask_path, mask)
+        else:
+            save(self.mask_path, mask, extras={"segmentation": dict(told)})
 
     def finish(self) -> None:
         """Wait until nothing is being written."""
@@ -313,9 +328,19 @@ class Annotation:
         return Question(told["method"], prompts)
 
 
-def _checked_name(mask_path: Path, suffix: str) -> Path:
-    if mask_path.suffix.lower() != suffix:
-        raise InputError(f"the mask would be written to {printable(mask_path)}; expected a name that ends in {suffix}")
+def _checked_name(mask_path: Path, subject: OpenedPicture) -> Path:
+    """A name that a mask of this picture can have."""
+    suffix = mask_path.suffix.lower()
+    if subject.is_radar:
+        known, start = (".h5", ".pkl"), "radar_masks"
+    else:
+        known, start = ((".png",) if subject.frame is None else (".png", ".h5", ".pkl")), "camera_masks"
+    if suffix not in known:
+        raise InputError(
+            f"the mask would be written to {printable(mask_path)}; expected a name that ends in {' or '.join(known)}"
+        )
+    if suffix == ".pkl" and not mask_path.name.startswith(start):
+        raise InputError(f"a mask in the published form is called {start}*.pkl, not {printable(mask_path.name)}")
     return mask_path
 
 

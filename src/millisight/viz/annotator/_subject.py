@@ -6,21 +6,19 @@ upper left.
 """
 
 import os
-import warnings
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from millisight.core import PUBLISHED_COLORMAP, check_readable, colormap_names, printable, record
-from millisight.core.errors import DamagedFileError, FileError, FormatError, InputError
+from millisight.core.errors import FileError, FormatError, InputError
 from millisight.data import CameraFrame, Picture, SarImage
 from millisight.datasets import checksum
+from millisight.io import read_photo
 from millisight.io.mito import origin, read_published
 from millisight.perception import coloured, project
 
 PHOTO_SUFFIXES = (".png", ".jpg", ".jpeg")
-_MOST_PIXELS = 50_000_000
 _LARGEST_FILE = 1 << 30  # bytes; an image of 130 million voxels
 
 
@@ -34,12 +32,14 @@ class OpenedPicture:
     sha256 : of that file, hexadecimal
     picture : Picture, what segmenters look at
     other_band : the file of the same scene at the radar's other frequency; None: there is none
+    frame : the camera frame whose picture it is; None: it is of none
     """
 
     path: Path
     sha256: str
     picture: Picture
     other_band: Path | None = None
+    frame: CameraFrame | None = None
 
     @property
     def origin(self) -> str:
@@ -114,16 +114,17 @@ def open_picture(path: str | os.PathLike[str], *, other_band: str | os.PathLike[
         `other_band` with a photograph.
     """
     path = _of_bearable_size(check_readable(path))
-    read = _photo if path.suffix.lower() in PHOTO_SUFFIXES else _recorded
+    read = read_photo if path.suffix.lower() in PHOTO_SUFFIXES else _recorded
     content = read(path)
     if isinstance(content, SarImage):
         picture = project(content, other_band=None if other_band is None else _image(Path(other_band)))
     elif other_band is not None:
         raise InputError(f"{printable(path)} is a photograph, which has no other band; leave the other band out")
     else:
-        picture = Picture(rgb=content)
+        picture = Picture(rgb=content.rgb if isinstance(content, CameraFrame) else content)
     other = None if other_band is None else Path(other_band)
-    return OpenedPicture(path=path, sha256=checksum(path), picture=picture, other_band=other)
+    frame = content if isinstance(content, CameraFrame) else None
+    return OpenedPicture(path=path, sha256=checksum(path), picture=picture, other_band=other, frame=frame)
 
 
 def _of_bearable_size(path: Path) -> Path:
@@ -143,54 +144,17 @@ def _image(path: Path) -> SarImage:
     return content
 
 
-def _recorded(path: Path) -> SarImage | np.ndarray:
-    """A radar image, or a camera frame's (H, W, 3) picture, of a file of ours or of the published layout."""
+def _recorded(path: Path) -> SarImage | CameraFrame:
+    """A radar image or a camera frame of a file of ours or of the published layout."""
     if path.suffix.lower() == ".pkl":
         content = read_published(path).record
     else:
         from millisight.io import load
 
         content = load(path)
-    if isinstance(content, CameraFrame):
-        return content.rgb
-    if not isinstance(content, SarImage):
+    if not isinstance(content, SarImage | CameraFrame):
         raise FormatError(
             f"{printable(path)} holds a {type(content).__name__}, which is not a picture; expected an image that "
             "`millisight image` wrote, a camera frame, or a PNG or JPEG file"
         )
     return content
-
-
-def _photo(path: Path) -> np.ndarray:
-    """(H, W, 3) uint8 of a PNG or JPEG file, turned as its camera was held; transparency is shown on white."""
-    from PIL import Image, ImageOps, UnidentifiedImageError
-
-    name = printable(path)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of its size, which is judged here; of odd metadata
-            opened = Image.open(path, formats=("PNG", "JPEG"))
-        with opened:
-            if opened.width * opened.height > _MOST_PIXELS:
-                raise Image.DecompressionBombError
-            upright = ImageOps.exif_transpose(_eight_bits(opened))
-            if upright.has_transparency_data:
-                upright = Image.alpha_composite(Image.new("RGBA", upright.size, "white"), upright.convert("RGBA"))
-            return np.asarray(upright.convert("RGB"))
-    except UnidentifiedImageError as error:
-        raise FormatError(f"{name} is not a PNG or JPEG picture, although its name says so; convert it") from error
-    except Image.DecompressionBombError as error:
-        raise InputError(f"{name} has more than {_MOST_PIXELS:.0e} pixels; make a smaller one") from error
-    except (OSError, SyntaxError, ValueError) as error:
-        raise DamagedFileError(f"{name} is damaged: {error}; make or copy it again") from error
-
-
-def _eight_bits(opened: Any) -> Any:
-    """A picture of 16 bits a pixel in 8, over its own range; others as they are."""
-    from PIL import Image
-
-    if not opened.mode.startswith("I"):
-        return opened
-    values = np.asarray(opened, dtype=np.float64)
-    span = float(np.ptp(values)) or 1.0
-    return Image.fromarray(np.round((values - values.min()) / span * 255).astype(np.uint8))

@@ -9,7 +9,7 @@ import numpy as np
 
 from millisight.core import check_readable, checked_numbers, checked_record, printable, put, record
 from millisight.core.errors import DamagedFileError, FileError, FormatError, InputError
-from millisight.data import Mask, SarImage, Scene, TriangleMesh, VoxelGrid
+from millisight.data import Capture, Mask, SarImage, Scene, TriangleMesh, VoxelGrid
 from millisight.io import load, load_extras, mito, open_capture, provenance
 from millisight.meshes import FORMATS, load_mesh
 from millisight.viz import grid_box
@@ -226,6 +226,8 @@ def _read_pickle(path: Path, found: _Found) -> None:
         found.images.append(_Image(path, image.grid, image.metadata, image, None, _antennas(published.extras)))
     elif isinstance(published.record, Mask):
         found.masks.append((path, published.record))
+    elif isinstance(published.record, Capture):
+        found.paths.append((published.record.trajectory.positions, published.record.metadata))
     else:
         raise FormatError(
             f"{printable(path)} holds a {type(published.record).__name__}; of the published dataset the viewer shows "

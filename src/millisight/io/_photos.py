@@ -1,0 +1,58 @@
+"""Photographs: PNG and JPEG files as arrays of colours."""
+
+import os
+import warnings
+from typing import Any
+
+import numpy as np
+
+from millisight.core import check_readable, printable
+from millisight.core.errors import DamagedFileError, FormatError, InputError
+
+_MOST_PIXELS = 50_000_000
+
+
+def read_photo(path: str | os.PathLike[str]) -> np.ndarray:
+    """(H, W, 3) uint8 of a PNG or JPEG file, turned as its camera was held; transparency is shown on white.
+
+    Raises
+    ------
+    FileError
+        It cannot be read.
+    FormatError, DamagedFileError
+        It is no such picture, or a part of one.
+    InputError
+        It has more than 5e7 pixels.
+    """
+    from PIL import Image, ImageOps, UnidentifiedImageError
+
+    path = check_readable(path)
+    name = printable(path)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of its size, which is judged here; of odd metadata
+            opened = Image.open(path, formats=("PNG", "JPEG"))
+        with opened:
+            if opened.width * opened.height > _MOST_PIXELS:
+                raise Image.DecompressionBombError
+            upright = ImageOps.exif_transpose(_eight_bits(opened))
+            if upright.has_transparency_data:
+                upright = Image.alpha_composite(Image.new("RGBA", upright.size, "white"), upright.convert("RGBA"))
+            return np.asarray(upright.convert("RGB"))
+    except UnidentifiedImageError as error:
+        raise FormatError(f"{name} is not a PNG or JPEG picture, although its name says so; convert it") from error
+    except Image.DecompressionBombError as error:
+        raise InputError(f"{name} has more than {_MOST_PIXELS:.0e} pixels; make a smaller one") from error
+    except (OSError, SyntaxError, ValueError) as error:
+        raise DamagedFileError(f"{name} is damaged: {error}; make or copy it again") from error
+
+
+def _eight_bits(opened: Any) -> Any:
+    """A picture of 16 bits a pixel in 8, over its own range; others as they are."""
+    from PIL import Image
+
+    if not opened.mode.startswith("I"):
+        return opened
+    values = np.asarray(opened, dtype=np.float64)
+    span = float(np.ptp(values)) or 1.0
+    return Image.fromarray(np.round((values - values.min()) / span * 255).astype(np.uint8))
