@@ -1,4 +1,7 @@
-"""The error of range profiles, measured, and the oversampling that keeps it within a tolerance (primer 8)."""
+"""The error of range profiles, measured with a few poses, and the oversampling that keeps it within a tolerance.
+
+It decides the oversampling that an image is tried with; `_check` measures the image (primer 8).
+"""
 
 import numpy as np
 
@@ -9,9 +12,7 @@ from millisight.imaging._exact import image_at
 from millisight.imaging._lengths import boxes, grid_in
 from millisight.imaging._windows import Window, range_weights, window_pair
 
-PICKS = 128
-"""Voxels of a measurement."""
-
+_PICKS = 128  # voxels of a measurement
 _POSES = 16
 _RIPPLE = 0.165  # rms error of a profile times the oversampling squared, over a flat band
 
@@ -63,13 +64,6 @@ def finer(oversampling: int, error: float, tolerance: float) -> int:
     return int(min(max(wanted, oversampling + 1), MOST_OVERSAMPLING))
 
 
-def some_of(grid: VoxelGrid, count: int = PICKS) -> np.ndarray:
+def some_of(grid: VoxelGrid) -> np.ndarray:
     """(n,) numbers of random voxels."""
-    return np.random.default_rng(1).integers(0, grid.size, min(count, grid.size))
-
-
-def brightest(values: np.ndarray, count: int = PICKS) -> np.ndarray:
-    """(n,) numbers of the `count` brightest of all voxels."""
-    magnitude = np.abs(values).ravel()
-    count = min(count, magnitude.size)
-    return np.argpartition(magnitude, -count)[-count:]
+    return np.random.default_rng(1).integers(0, grid.size, min(_PICKS, grid.size))

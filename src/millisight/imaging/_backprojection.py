@@ -8,6 +8,7 @@ from jaxtyping import Complex, Float
 
 from millisight.core import SPEED_OF_LIGHT, check_device
 from millisight.data import Capture, VoxelGrid
+from millisight.imaging._check import Check, Deviation, of_whole
 from millisight.imaging._lengths import boxes, grid_in
 from millisight.imaging._refraction import Excess, excess_over
 from millisight.imaging._windows import Window, aperture_weights, range_weights, window_pair
@@ -32,20 +33,21 @@ def backproject(
     oversampling: int = OVERSAMPLING,
     device: str = "cpu",
     progress: Callable[[int, int], None] | None = None,
-) -> Complex[np.ndarray, "X Y Z"]:
-    """The image of a capture on a grid, as complex64 values; `ms.form_image` is the door to it.
+) -> tuple[Complex[np.ndarray, "X Y Z"], Deviation]:
+    """The image of a capture on a grid, as complex64 values, and its error; `ms.form_image` is the door to it.
 
     The capture may lie on disk: it is read in blocks of poses.
     """
     kernels = kernels_on(device)
     carrier = capture.radar.waveform.center_frequency / SPEED_OF_LIGHT
     image = np.empty(grid.shape, dtype=np.complex64)
-    parts = boxes(grid, carrier)
+    parts, deviations = boxes(grid, carrier), []
     for number, box in enumerate(parts):
-        image[box] = _backproject_box(
+        image[box], deviation = _backproject_box(
             kernels, capture, grid_in(grid, box), window, oversampling, share_of(progress, number, len(parts))
         )
-    return image
+        deviations.append(deviation)
+    return image, of_whole(deviations)
 
 
 def _backproject_box(
@@ -55,8 +57,8 @@ def _backproject_box(
     window: Window,
     oversampling: int,
     progress: Callable[[int, int], None] | None,
-) -> np.ndarray:
-    """(X, Y, Z) complex64 image on a grid that float32 can hold."""
+) -> tuple[np.ndarray, Deviation]:
+    """(X, Y, Z) complex64 image on a grid that float32 can hold, and its error."""
     # Distances are float32: count coordinates from the grid's middle, wherever the world's origin may lie.
     origin = grid.bounds.mean(axis=0)
     voxels = [kernels.to_device(v) for v in np.ascontiguousarray((grid.points - origin).T, dtype=np.float32)]
@@ -68,15 +70,18 @@ def _backproject_box(
     per_pose = 8 * channels * sum(compression.steering.shape)
     step = int(max(1, min(_BLOCK_BYTES // per_pose, _BLOCK_PAIRS // (channels * grid.size))))
     carrier = capture.radar.waveform.center_frequency / SPEED_OF_LIGHT
+    axes = tuple(axis - o for axis, o in zip((grid.x, grid.y, grid.z), origin, strict=True))
+    check = Check(axes, oversampling)
     for block, frames in weighted_blocks(capture, step, window):
-        kernels.backproject(
-            compression.profiles(frames, block), compression.nearest(block), compression.per_metre, carrier,
-            tx[block], rx[block], *voxels, sums[0], sums[1], compression.excess,
-        )  # fmt: skip
+        profiles = compression.profiles(frames, block)
+        scan = compression.nearest(block), compression.per_metre, carrier, tx[block], rx[block]
+        kernels.backproject(profiles, *scan, *voxels, sums[0], sums[1], compression.excess)
+        check.add(kernels.to_host(profiles), *scan, compression.excess, lambda: kernels.to_host(sums))
         if progress is not None:
             progress(block.stop, len(capture.trajectory))
     real, imag = kernels.to_host(sums)
-    return ((real + 1j * imag) / np.float32(capture.channels)).reshape(grid.shape)
+    values = ((real + 1j * imag) / np.float32(capture.channels)).reshape(grid.shape)
+    return values, check.deviation(kernels.to_host(sums))
 
 
 class Compression(NamedTuple):
@@ -143,12 +148,6 @@ def range_compression(
     steering, per_metre = range_steering(capture, 0.0, span, oversampling, window)
     baseband = (waveform.frequencies - waveform.center_frequency) / SPEED_OF_LIGHT
     return Compression(kernels, kernels.to_device(steering), (near_tx, near_rx), baseband, per_metre, excess)
-
-
-def relative_error(values: np.ndarray, truth: np.ndarray) -> float:
-    """|values - truth| / |truth| in the L2 norm; 0 where both are nothing."""
-    difference, norm = np.linalg.norm(values - truth), np.linalg.norm(truth)
-    return float(difference / norm) if norm > 0 else float(difference > 0)
 
 
 def share_of(progress: Callable[[int, int], None] | None, number: int, count: int) -> Callable[[int, int], None] | None:

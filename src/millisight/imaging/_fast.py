@@ -6,8 +6,8 @@ interpolated to finer grids, given the phase of the next larger sub-aperture's c
 puts the whole phase back on the image's own grid. Positions may lie anywhere, antennas apart.
 
 Sizes, spacings and the number of levels are `_plan`'s, by a probe of the interpolations' error; once formed, the image
-is compared with direct backprojection at random voxels and at its brightest. Where factorising does not pay, or errs
-by too much, direct backprojection does the work.
+is checked at random voxels and at its brightest (`_check`). Where factorising does not pay, or errs by too much, direct
+backprojection does the work.
 """
 
 from collections.abc import Callable, Iterator
@@ -22,10 +22,10 @@ from millisight.imaging._backprojection import (
     backproject,
     kernels_on,
     range_compression,
-    relative_error,
     share_of,
     weighted_blocks,
 )
+from millisight.imaging._check import Check, Deviation, of_whole
 from millisight.imaging._lengths import antenna_rows, boxes, grid_in, rows_of_pairs
 from millisight.imaging._plan import TAPS, Plan, axis_weights, cells_of, make_plan, means_of, middles
 from millisight.imaging._refraction import Excess
@@ -34,12 +34,13 @@ from millisight.imaging._windows import Window
 # Range profiles are held for so many poses at a time [bytes].
 _PROFILE_BYTES = 1_000_000_000
 
-_PICKS = 256  # random voxels, and as many of the brightest, at which the image is compared with direct backprojection
 _ATTEMPTS = 3  # plans that are tried before direct backprojection does it
 
 # Of the tolerance, what the first plan may take: where it is dark an image errs by more than the waves of the probe,
 # and a finer plan costs little beside a second image.
 _PLANNED = 0.65
+
+_SPENT = 0.9  # of the tolerance, what range profiles may take before another plan is tried
 
 
 class Factorised(NamedTuple):
@@ -49,12 +50,12 @@ class Factorised(NamedTuple):
     ----------
     values : (X, Y, Z) complex64
     plan : None where direct backprojection did all of it; where the grid was imaged in boxes, the first plan
-    error : relative L2 error as measured, at random voxels or at the brightest, whichever is more; 0 without a plan
+    deviation : as measured at random voxels and at the brightest
     """
 
     values: np.ndarray
     plan: Plan | None
-    error: float
+    deviation: Deviation
 
 
 def fast(
@@ -68,22 +69,24 @@ def fast(
     device: str = "cpu",
     progress: Callable[[int, int], None] | None = None,
 ) -> Factorised:
-    """The image, within `tolerance` where its range profiles err by `profiles`; `ms.form_image` is the door to it.
+    """The image, within `tolerance` unless its range profiles alone err by more; `ms.form_image` is the door to it.
+
+    `profiles` is what they err by as far as is known beforehand.
 
     Memory: range profiles of at most a gigabyte, and the fields of one largest sub-aperture's parts.
     """
     image = np.empty(grid.shape, dtype=np.complex64)
     parts = boxes(grid, capture.radar.waveform.center_frequency / SPEED_OF_LIGHT)
-    plans, errors = [], []
+    plans, deviations = [], []
     for number, box in enumerate(parts):
-        image[box], plan, error = _fast_box(
+        image[box], plan, deviation = _fast_box(
             capture, grid_in(grid, box), window, oversampling, tolerance, profiles, device,
             share_of(progress, number, len(parts)),
         )  # fmt: skip
-        errors.append(error)
+        deviations.append(deviation)
         if plan is not None:
             plans.append(plan)
-    return Factorised(image, plans[0] if plans else None, max(errors))
+    return Factorised(image, plans[0] if plans else None, of_whole(deviations))
 
 
 def _fast_box(
@@ -106,15 +109,15 @@ def _fast_box(
         plan = make_plan(tx, rx, axes, capture, planned)
         if plan is None:
             break
-        values, errors = _factorise(kernels_on(device), capture, tx, rx, axes, plan, window, oversampling, progress)
-        # Direct backprojection, which the random voxels were compared with, errs as well: half of that is taken off,
-        # as `profiles` was measured with few poses.
-        error = max(float(np.sqrt(max(errors[0] ** 2 - profiles**2 / 2, profiles**2))), errors[1])
-        if error <= tolerance:
-            return Factorised(values, plan, error)
-        planned *= 0.7 * tolerance / error
-    values = backproject(capture, grid, window=window, oversampling=oversampling, device=device, progress=progress)
-    return Factorised(values, None, 0.0)
+        values, deviation = _factorise(kernels_on(device), capture, tx, rx, axes, plan, window, oversampling, progress)
+        # Where the range profiles take it all, no plan helps: others are tried once these are finer.
+        if deviation.error <= tolerance or deviation.profile_error > _SPENT * tolerance:
+            return Factorised(values, plan, deviation)
+        planned *= 0.7 * tolerance / deviation.error
+    values, deviation = backproject(
+        capture, grid, window=window, oversampling=oversampling, device=device, progress=progress
+    )
+    return Factorised(values, None, deviation)
 
 
 def _factorise(
@@ -127,9 +130,8 @@ def _factorise(
     window: Window,
     oversampling: int,
     progress: Callable[[int, int], None] | None,
-) -> tuple[np.ndarray, tuple[float, float]]:
-    """The image (X, Y, Z) complex64 by a plan, and its relative L2 difference from direct backprojection at random
-    voxels and at the brightest."""
+) -> tuple[np.ndarray, Deviation]:
+    """The image (X, Y, Z) complex64 by a plan, and its error."""
     first, second = plan.levels[0].axes
     turn = np.array(plan.order)
     fine = tuple(axes[a] for a in plan.order)
@@ -144,14 +146,14 @@ def _factorise(
     poses = len(capture.trajectory)
     channels = int(np.prod(capture.frames.shape[1:3]))
     many = max(1, min(poses, _PROFILE_BYTES // (8 * channels * compression.steering.shape[1])))
-    check = _Check(kernels, fine)
+    check = Check(fine, oversampling)
     for start in range(0, poses, many):
         some = slice(start, min(start + many, poses))
         profiles = _range_profiles(kernels, capture, some, compression, window)
         nearest = compression.nearest(some)
         rows = rows_of_pairs(tx[some], rx[some], nearest, compression.per_metre, carrier)
         scan = _Scan(
-            profiles,
+            kernels.to_device(profiles),
             tx[some],
             rx[some],
             *rows,
@@ -162,51 +164,13 @@ def _factorise(
         for done, total in _add_sub_apertures(kernels, scan, plan, fine, image):
             if progress is not None:
                 progress(start + (some.stop - start) * done // total, poses)
-        check.add(scan, nearest, carrier, image)
-    real, imag = kernels.to_host(image)[:, 0]
-    values = (real + 1j * imag) / np.float32(capture.channels)
-    return np.ascontiguousarray(values.transpose(np.argsort(turn))), check.errors(image)
-
-
-class _Check:
-    """The image beside direct backprojection, at random voxels and at the brightest that its first part shows."""
-
-    def __init__(self, kernels: Any, axes: tuple[np.ndarray, ...]) -> None:
-        self.kernels, self.axes = kernels, axes
-        self.shape = tuple(map(len, axes))
-        size = int(np.prod(self.shape))
-        self.count = min(_PICKS, size)
-        self.picks: np.ndarray | None = None
-        self.sums = np.zeros((2, 2 * self.count), dtype=np.float32)
-
-    def add(self, scan: "_Scan", nearest: tuple[np.ndarray, np.ndarray], carrier: float, image: Any) -> None:
-        """Add the poses of a scan, which `image` holds as the last."""
-        if self.picks is None:
-            magnitude = np.hypot(*self.kernels.to_host(image)[:, 0]).ravel()
-            random = np.random.default_rng(0).choice(magnitude.size, self.count)
-            self.picks = np.concatenate([random, np.argpartition(magnitude, -self.count)[-self.count :]])
-        places = np.unravel_index(self.picks, self.shape)
-        points = [_f32(axis[place]) for axis, place in zip(self.axes, places, strict=True)]
-        self.kernels.backproject(
-            scan.profiles,
-            nearest,
-            scan.per_metre,
-            carrier,
-            scan.tx,
-            scan.rx,
-            *points,
-            self.sums[0],
-            self.sums[1],
-            scan.excess,
-        )
-
-    def errors(self, image: Any) -> tuple[float, float]:
-        """Relative L2 difference of the image, at the random ones and at the brightest."""
-        real, imag = self.kernels.to_host(image)[:, 0].reshape(2, -1)[:, self.picks].astype(np.float64)
-        direct = self.sums[0] + 1j * self.sums[1].astype(np.float64)
-        random, bright = slice(0, self.count), slice(self.count, None)
-        values = real + 1j * imag
-        return relative_error(values[random], direct[random]), relative_error(values[bright], direct[bright])
+        check.add(
+            profiles, nearest, compression.per_metre, carrier, tx[some], rx[some], compression.excess,
+            lambda: kernels.to_host(image)[:, 0],
+        )  # fmt: skip
+    whole = kernels.to_host(image)[:, 0]
+    values = (whole[0] + 1j * whole[1]) / np.float32(capture.channels)
+    return np.ascontiguousarray(values.transpose(np.argsort(turn))), check.deviation(whole)
 
 
 class _Scan(NamedTuple):
@@ -222,14 +186,16 @@ class _Scan(NamedTuple):
     excess: Excess | None
 
 
-def _range_profiles(kernels: Any, capture: Capture, some: slice, compression: Compression, window: Window) -> Any:
-    """(P, T, R, M) complex64 range profiles of the poses `some`, on the device; their frames are read in blocks."""
+def _range_profiles(
+    kernels: Any, capture: Capture, some: slice, compression: Compression, window: Window
+) -> np.ndarray:
+    """(P, T, R, M) complex64 range profiles of the poses `some`; their frames are read in blocks."""
     shape = (some.stop - some.start, *capture.frames.shape[1:3], compression.steering.shape[1])
     profiles = np.empty(shape, dtype=np.complex64)
     for block, frames in weighted_blocks(capture, 1000, window, some):
         made = compression.profiles(frames, block)
         profiles[block.start - some.start : block.stop - some.start] = kernels.to_host(made)
-    return kernels.to_device(profiles)
+    return profiles
 
 
 def _add_sub_apertures(

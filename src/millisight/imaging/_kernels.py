@@ -133,7 +133,7 @@ def _beyond(x, y, z, end, exact, out):
 
 
 @subroutine
-def _bend(x, y, z, end, table, frame, out):
+def bend(x, y, z, end, table, frame, out):
     """out[i] += what refraction adds to the path from voxel i to an antenna, from the table of an `Excess`; float32."""
     rows, columns = np.float32(table.shape[0] - 1), np.float32(table.shape[1] - 1)
     zero = np.float32(0)
@@ -169,11 +169,11 @@ def _gather(profiles, per_metre, carrier, tx, rx, table, frame, poses, x, y, z, 
         for t in range(tx.shape[1]):
             _beyond(x, y, z, tx[p, t], exact, to)
             if table is not None:
-                _bend(x, y, z, tx[p, t], table, frame, to)
+                bend(x, y, z, tx[p, t], table, frame, to)
             for r in range(rx.shape[1]):
                 _beyond(x, y, z, rx[p, r], exact, back)
                 if table is not None:
-                    _bend(x, y, z, rx[p, r], table, frame, back)
+                    bend(x, y, z, rx[p, r], table, frame, back)
                 start, turned = tx[p, t, 4] + rx[p, r, 4], tx[p, t, 5] + rx[p, r, 5]
                 for i in range(count):
                     d = to[i] + back[i]
