@@ -9,5 +9,9 @@ from ._combine import combine as combine
 from ._exact import image_at as image_at
 from ._form import METHODS as METHODS
 from ._form import form_image as form_image
+from ._sheets import CLUTTER as CLUTTER
+from ._sheets import Sheet as Sheet
+from ._sheets import SheetRemoval as SheetRemoval
+from ._sheets import remove_sheets as remove_sheets
 from ._synchronise import estimate_clock as estimate_clock
 from ._windows import WINDOWS as WINDOWS
