@@ -15,7 +15,7 @@ from millisight.cli.sources import Opened, Source, sources
 from millisight.core import PUBLISHED_COLORMAP, check_known, make_folder
 from millisight.core.errors import InputError, MillisightError, UnknownNameError
 from millisight.data import Capture, SarImage, VoxelGrid
-from millisight.imaging import METHODS, WINDOWS, form_image
+from millisight.imaging import CLUTTER, METHODS, WINDOWS, form_image, remove_sheets
 
 _CLOCKS = ("given", "report", "apply")
 _FOCUSES = ("none", "rows", "path")
@@ -31,6 +31,7 @@ class _Settings:
     tolerance: float | None
     clock: str
     focus: str
+    clutter: str | None
     data: Path | None
     background: list[Source]
     outline: str | None
@@ -42,6 +43,8 @@ class _Settings:
         values = {name: getattr(self, name) for name in ("grid", "method", "window", "tolerance", "clock")}
         if self.focus != "none":
             values["focus"] = self.focus
+        if self.clutter is not None:
+            values["clutter"] = self.clutter
         return {**values, "background": [source.name for source in self.background]}
 
 
@@ -118,6 +121,14 @@ def image(
             "estimate errors of the path. Both maximise the sharpness of the image."
         ),
     ] = "none",
+    clutter: Annotated[
+        str | None,
+        typer.Option(
+            help="none: image everything. lid: the objects are covered; take the echo of lids and other sheets off the "
+            "frames, or off the image where the frames do not show them. auto: likewise, if a sheet is very sure. "
+            "[default: none, or as the description states]"
+        ),
+    ] = None,
     plot: Annotated[
         Path | None,
         typer.Option(help="Write a picture of the three projections (PNG, SVG, PDF); a folder for several captures."),
@@ -147,6 +158,8 @@ def image(
     """
     check_known("--clock", clock, _CLOCKS)
     check_known("--focus", focus, _FOCUSES)
+    if clutter is not None:
+        check_known("--clutter", clutter, CLUTTER)
     if outline is not None and plot is None and slices is None:
         raise InputError("--outline is drawn over pictures; add --plot or --slices")
     settings = _Settings(
@@ -156,6 +169,7 @@ def image(
         tolerance=tolerance,
         clock=clock,
         focus=focus,
+        clutter=clutter,
         data=data,
         background=[] if background is None else sources([background], radar),
         outline=outline,
@@ -219,13 +233,18 @@ def _image_one(source: Source, outputs: _Outputs, settings: _Settings, *, label:
     with source.opened(settings.data, f"{label}read") as opened:
         for note in (*opened.notes, *_oddities(opened.capture)):
             say(note)
+        _check_stated(opened.capture, settings)
         capture = _without_background(opened.capture, source, settings)
         mesh = None if settings.outline is None else outline_mesh(settings.outline, capture)
         voxels = parse_grid(settings.grid, capture)
         capture = _on_time(Opened(capture, opened.log), voxels, settings.clock, label)
         say(f"grid: {' x '.join(map(str, voxels.shape))} voxels, {capture.channels} channels")
         capture = _in_focus(capture, voxels, settings.focus, label)
+        clutter = settings.clutter or _stated(capture).get("clutter") or "none"
+        capture, taken = _uncovered(capture, clutter)
         formed = _form(capture, voxels, settings, label)
+        if not taken:
+            formed = _uncovered(formed, clutter, capture.radar.waveform.center_frequency)[0]
     metadata = {**formed.metadata, "asked": settings.asked}
     save(outputs.image, SarImage(grid=formed.grid, values=formed.values, metadata=metadata))
     say(f"peak: {formed.magnitude.max():.4g} at {', '.join(f'{p * 100:.1f}' for p in formed.peak)} cm")
@@ -258,13 +277,35 @@ def _oddities(capture: Capture) -> list[str]:
     return found
 
 
-def _form(capture: Capture, voxels: VoxelGrid, settings: _Settings, label: str) -> SarImage:
-    """The image; what the command line leaves open is as the capture's description states it."""
+def _stated(capture: Capture) -> Mapping[str, Any]:
+    """The image settings of the capture's description."""
     stated: Any = capture.metadata.get("imaging")
-    stated = stated if isinstance(stated, Mapping) else {}
-    for key, known in (("method", METHODS), ("window", ("none", *WINDOWS))):
+    return stated if isinstance(stated, Mapping) else {}
+
+
+def _check_stated(capture: Capture, settings: _Settings) -> None:
+    stated = _stated(capture)
+    for key, known in (("method", METHODS), ("window", ("none", *WINDOWS)), ("clutter", CLUTTER)):
         if stated.get(key) and not getattr(settings, key) and stated[key] not in known:
             raise UnknownNameError(f"{key} in {capture.metadata.get('description')}, [image]:", stated[key], known)
+
+
+def _uncovered(scene: Any, clutter: str, frequency: float | None = None) -> tuple[Any, bool]:
+    """The capture or the image without the echoes of sheets over it, and whether there were any."""
+    if clutter == "none":
+        return scene, False
+    found = remove_sheets(scene, clutter=clutter, frequency=frequency)
+    what = "frames" if frequency is None else "image"
+    for sheet in found.sheets:
+        say(f"clutter: a sheet taken off the {what}: {sheet}; {100 * sheet.power:.0f} % of its power")
+    if not found.sheets:
+        say(f"clutter: nothing taken off the {what}: {found.reason}")
+    return found.result, bool(found.sheets)
+
+
+def _form(capture: Capture, voxels: VoxelGrid, settings: _Settings, label: str) -> SarImage:
+    """The image; what the command line leaves open is as the capture's description states it."""
+    stated = _stated(capture)
     method = settings.method or str(stated.get("method", "fast"))
     window = settings.window or stated.get("window") or "none"
     with progress(f"{label}image by {method}") as report:

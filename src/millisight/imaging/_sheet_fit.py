@@ -32,10 +32,11 @@ _MOST_KNOTS = 22  # along an axis
 _PENALTY = 0.3  # of the second differences, over the mean weight of a knot
 _WINDOW = 1.5  # over which a sheet is coherent, in distances of the knots
 _CHANNELS = 8  # principal components of the channels that are looked at
-_ROUNDS, _STEPS = 2, 6  # of the phase; of the weights
+_ROUNDS, _STEPS = 3, 6  # of the phase; of the weights
 _SCALE = 1.5  # median misfits at which a cell's weight has fallen to a quarter
 _LEAST_SCALE = 0.03  # and at least this share of the sheet's amplitude
 _OUTSIDE = 0.2  # of an axis, at either end
+_INSIDE = 0.1  # weight of cells away from the border before anything is fitted: objects are there
 _BRIGHTER = 2.5  # than the sheet: something else
 _SUPPORT = 0.3  # of the sheet's amplitude: where it is seen
 
@@ -97,14 +98,13 @@ class SheetFit(NamedTuple):
     explained: float
 
 
-def fit_sheet(cells: Cells, wave_number: float, *, ripples: bool, within: bool) -> SheetFit | None:
+def fit_sheet(cells: Cells, wave_number: float, *, ripples: bool) -> SheetFit | None:
     """The sheet that most of the cells agree on, or None where nothing there is coherent.
 
     Parameters
     ----------
     wave_number : k at the band's centre [rad/m], by which the phase of the steepest sheet is known
     ripples : whether the cells show the ripples of an aperture's edges
-    within : whether a sheet may end within the scene on all sides; otherwise it is learned from near the border
     """
     looked_at = cells.counts > 0
     raw = cells.values(None) * looked_at[..., None]
@@ -113,14 +113,14 @@ def fit_sheet(cells: Cells, wave_number: float, *, ripples: bool, within: bool) 
     zone = float(np.sqrt(np.pi * _DISTANCE / wave_number))  # sqrt(wavelength distance / 2)
     basis = _principal(raw)
     phase = _linear_phase(raw @ basis.conj(), cells, wave_number)
-    outside = np.ones(looked_at.shape, dtype=bool) if within else _near_border(looked_at.shape)
+    outside = _near_border(looked_at.shape)
     for last in (False,) * _ROUNDS + (True,):
         flat = cells.values(phase) * looked_at[..., None] @ basis.conj()
         weights, level = _first_weights(flat, cells, zone, outside)
         if not level > 0:
             return None
         if not last:
-            phase = _refined(phase, flat, weights, cells, wave_number)
+            phase = _refined(phase, _local(flat, weights, cells, zone), weights, cells, wave_number)
     knots = _knots(cells.x, zone), _knots(cells.y, zone)
     matrices = spline_matrix(cells.x, knots[0]), spline_matrix(cells.y, knots[1])
     rest = np.zeros_like(flat)
@@ -232,14 +232,15 @@ def _first_weights(flat: np.ndarray, cells: Cells, zone: float, outside: np.ndar
     bright = np.minimum(amplitude, np.quantile(amplitude, 0.95)) ** 2
     level = _typical(amplitude[outside], (trust * bright)[outside])
     weights = np.where(amplitude < _SUPPORT * level, 1.0, trust) * looked_at
-    return np.where(amplitude > _BRIGHTER * level, 0.0, weights), level
+    weights = np.where(amplitude > _BRIGHTER * level, 0.0, weights)
+    return np.where(outside, weights, _INSIDE * weights), level
 
 
 def _near_border(shape: tuple[int, ...]) -> np.ndarray:
     """(X, Y) bool, the outer parts of a plane of cells."""
     near = np.zeros(shape, dtype=bool)
     for axis, count in enumerate(shape):
-        width = round(_OUTSIDE * count)
+        width = max(1, round(_OUTSIDE * count))
         lines = np.moveaxis(near, axis, 0)
         lines[:width], lines[count - width :] = True, True
     return near
@@ -247,14 +248,27 @@ def _near_border(shape: tuple[int, ...]) -> np.ndarray:
 
 def _coherence(flat: np.ndarray, cells: Cells, zone: float) -> np.ndarray:
     """(X, Y) share of the energy about each cell that is in the mean there."""
-    sizes = [
-        max(1, min(round(_WINDOW * zone / (axis[1] - axis[0])), len(axis))) if len(axis) > 1 else 1
-        for axis in (cells.x, cells.y)
-    ]
+    sizes = _sizes(cells, _WINDOW * zone)
     filled = np.maximum(_averaged((cells.counts > 0).astype(np.float32), sizes), 1e-6)
     mean = _averaged(np.real(flat), sizes) + 1j * _averaged(np.imag(flat), sizes)
     energy = _averaged((np.abs(flat) ** 2).sum(axis=2), sizes)
     return (np.abs(mean) ** 2).sum(axis=2) / filled / np.maximum(energy, 1e-30)
+
+
+def _local(flat: np.ndarray, weights: np.ndarray, cells: Cells, zone: float) -> np.ndarray:
+    """(X, Y, C) weighted means about each cell, in which another sheet of another tilt is weaker."""
+    sizes = _sizes(cells, zone)
+    weighted = flat * weights.astype(np.float32)[..., None]
+    mean = _averaged(np.real(weighted), sizes) + 1j * _averaged(np.imag(weighted), sizes)
+    return mean / np.maximum(_averaged(weights.astype(np.float32), sizes), 1e-3)[..., None]
+
+
+def _sizes(cells: Cells, width: float) -> list[int]:
+    """How many cells are as wide as that [m], along each axis."""
+    return [
+        max(1, min(round(width / (axis[1] - axis[0])), len(axis))) if len(axis) > 1 else 1
+        for axis in (cells.x, cells.y)
+    ]
 
 
 def _averaged(values: np.ndarray, sizes: list[int], mode: str = "constant") -> np.ndarray:

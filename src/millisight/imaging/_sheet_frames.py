@@ -76,10 +76,6 @@ class FrameScene:
         step = float(self._frequencies[1] - self._frequencies[0]) if samples.shape[1] > 1 else 1.0
         return self._level + float(turn) * SPEED_OF_LIGHT / (4 * np.pi * step)
 
-    def below(self, fit: SheetFit) -> float:
-        """0: ranges are too coarse to tell what a sheet covers."""
-        return 0.0
-
     def cleaned(self, metadata: Mapping[str, Any]) -> Capture:
         shape = (len(self._places), self._tx.shape[1], self._rx.shape[1], len(self._frequencies))
         frames = np.empty(shape, dtype=np.complex64)

@@ -9,7 +9,6 @@ from millisight.data import SarImage
 from millisight.imaging._sheet_fit import Cells, Phase, SheetFit, spline_matrix, spline_values
 from millisight.imaging._sheet_ripples import rippled, spread_on_grid, total_of_grid
 
-_BELOW = 0.025  # a sheet is what it covers [m]
 _CELL = 0.005  # of columns that are averaged [m]
 
 
@@ -22,21 +21,21 @@ class ImageScene:
         self._image = image
         self._values = image.values.astype(np.complex64)
         self._power = float((np.abs(self._values) ** 2).sum())
-        self._starts = tuple(_starts(axis) for axis in (image.grid.x, image.grid.y))
+        self._sizes = tuple(_size(axis) for axis in (image.grid.x, image.grid.y))
 
     @property
     def cells(self) -> Cells:
         """Columns averaged over about 5 mm."""
-        x, y = self._image.grid.x, self._image.grid.y
-        sizes = [np.diff(np.append(starts, len(axis))) for starts, axis in zip(self._starts, (x, y), strict=True)]
-        counts = np.multiply.outer(*sizes).astype(float)
+        axes = self._image.grid.x, self._image.grid.y
+        sizes = [_summed(np.ones(len(axis)), size) for axis, size in zip(axes, self._sizes, strict=True)]
+        counts = np.multiply.outer(*sizes)
 
         def values(phase: Phase | None) -> np.ndarray:
             flat = self._values if phase is None else self._values * self._turn(phase).conj()
-            sums = np.add.reduceat(np.add.reduceat(flat, self._starts[0], axis=0), self._starts[1], axis=1)
-            return sums / counts[..., None].astype(np.float32)
+            sums = _summed(np.swapaxes(_summed(flat, self._sizes[0]), 0, 1), self._sizes[1])
+            return np.swapaxes(sums, 0, 1) / counts[..., None].astype(np.float32)
 
-        middles = [np.add.reduceat(a, s) / n for a, s, n in zip((x, y), self._starts, sizes, strict=True)]
+        middles = [_summed(axis, s) / n for axis, s, n in zip(axes, self._sizes, sizes, strict=True)]
         return Cells(x=middles[0], y=middles[1], counts=counts, values=values)
 
     def take(self, fit: SheetFit) -> float:
@@ -54,15 +53,6 @@ class ImageScene:
         """z of the strongest echo of a sheet [m], between slices by a parabola."""
         return _peak(np.abs(fit.profile), self._image.grid.z)
 
-    def below(self, fit: SheetFit) -> float:
-        """Of the power where a sheet is seen, the share that is not its own and lies well below it."""
-        where = self._spread(fit.support)
-        values, (x, y, z) = self._values[where], (self._image.grid.x, self._image.grid.y, self._image.grid.z)
-        smooth = spline_values((spline_matrix(x, fit.knots[0]), spline_matrix(y, fit.knots[1])), fit.splines)
-        rest = values - (smooth * self._turn(fit.phase))[where]
-        deep = z < self.height(fit) - _BELOW
-        return float((np.abs(rest[:, deep]) ** 2).sum() / max(float((np.abs(values) ** 2).sum()), 1e-30))
-
     def cleaned(self, metadata: Mapping[str, Any]) -> SarImage:
         values = self._values.astype(self._image.values.dtype)
         values.flags.writeable = False
@@ -70,10 +60,8 @@ class ImageScene:
 
     def _spread(self, of_cells: np.ndarray) -> np.ndarray:
         """(X, Y) a figure of each cell, at its columns."""
-        which = (
-            np.searchsorted(starts, np.arange(len(axis)), side="right") - 1
-            for starts, axis in zip(self._starts, (self._image.grid.x, self._image.grid.y), strict=True)
-        )
+        axes = self._image.grid.x, self._image.grid.y
+        which = (np.arange(len(axis)) // size for axis, size in zip(axes, self._sizes, strict=True))
         return of_cells[np.ix_(*which)]
 
     def _turn(self, phase: Phase) -> np.ndarray:
@@ -82,10 +70,18 @@ class ImageScene:
         return np.exp(1j * phase.at(x[:, None], y)).astype(np.complex64)[..., None]
 
 
-def _starts(axis: np.ndarray) -> np.ndarray:
-    """Where cells of about `_CELL` begin along an axis."""
-    step = float(np.diff(axis).mean()) if len(axis) > 1 else _CELL
-    return np.arange(0, len(axis), max(1, round(_CELL / step)))
+def _size(axis: np.ndarray) -> int:
+    """How many places along an axis make a cell of about `_CELL`."""
+    return max(1, round(_CELL / float(np.diff(axis).mean()))) if len(axis) > 1 else 1
+
+
+def _summed(values: np.ndarray, size: int) -> np.ndarray:
+    """Sums of every `size` along the first axis; the last may be of fewer."""
+    total = values[::size].copy()
+    for offset in range(1, size):
+        some = values[offset::size]
+        total[: len(some)] += some
+    return total
 
 
 def _peak(strength: np.ndarray, places: np.ndarray) -> float:

@@ -45,13 +45,15 @@ def rippled(
     weights = weights.astype(np.float32)[..., None]
     echo = smooth
     for axis in (0, 1) if factors else ():
-        energy = total(weights * np.abs(echo) ** 2, axis)
-        change = total(weights * echo.conj() * (flat - echo), axis)
+        weighted = weights * echo.conj()
+        energy = total(np.real(weighted * echo), axis)
+        change = total(weighted * (flat - echo), axis)
         echo = echo * (1 + spread(change / (energy + _FLOOR * energy.mean()), axis))
     for axis in (0, 1):
         counts = total(weights, 1 - axis)
         along = spread(total(weights * echo, 1 - axis) / (counts + _FLOOR * counts.mean()), 1 - axis)
-        energy = total(weights * np.abs(along) ** 2, axis)
-        change = total(weights * along.conj() * (flat - echo), axis)
+        weighted = weights * along.conj()
+        energy = total(np.real(weighted * along), axis)
+        change = total(weighted * (flat - echo), axis)
         echo = echo + spread(change / (energy + _FLOOR * energy.mean()), axis) * along
     return echo

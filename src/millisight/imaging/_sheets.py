@@ -27,10 +27,10 @@ CLUTTER = ("none", "lid", "auto")
 
 Cleaned = TypeVar("Cleaned", bound=SarImage | Capture)
 
-_LEAST_EXPLAINED = 0.6  # of a sheet's echo
-_LEAST_BORDER = 0.3  # of the scene's, that a sheet reaches
+_LEAST_EXPLAINED = {"auto": 0.75, "lid": 0.6}  # of a sheet's echo
+_LEAST_BORDER = 0.25  # of the scene's, that a sheet reaches
 _LEAST_SHARE = 0.15  # of the scene
-_LEAST_BELOW = 0.2  # of the power, where a sheet that ends within the scene covers something
+_LARGE = 0.06  # sheets so large are no object's top [m²]
 _RING = 2  # cells along the scene's border
 _ATTEMPTS = 4  # flat things that are looked at, besides the sheets that are taken
 
@@ -88,7 +88,7 @@ class SheetRemoval(Generic[Cleaned]):
     result : the image or the capture without the sheets' echoes, its history telling what was taken; the given one
         where nothing was
     sheets : those taken, the first found first
-    left : flat things that were found and left: they do not reach the border of the scene
+    left : flat things that were found and left, since they may be the tops of objects
     reason : why nothing was taken; empty where something was
     """
 
@@ -122,7 +122,8 @@ def remove_sheets(scene: Any, *, clutter: str = "auto", frequency: float | None 
     that follows the sheet's height. A surface of the second degree takes that phase off: height, tilt up to 8 degrees,
     bow. What is left changes slowly over centimetres; it is fitted by splines, robustly, so that cells which hold
     something else tell nothing, and under an object the sheet goes on from its surroundings. Only the fitted echo is
-    taken. What is flat and ends within the scene, such as the top of a can, is no sheet.
+    taken. What is flat and ends within the scene, such as the top of a can, is left, unless it is larger than 600 cm²;
+    so is a lid that is hardly larger than what it covers, in an image much larger than both.
 
     Frames are the better place: an image has ripples from the aperture's edges, which are fitted too, by a factor of
     each row and column.
@@ -130,8 +131,8 @@ def remove_sheets(scene: Any, *, clutter: str = "auto", frequency: float | None 
     Parameters
     ----------
     scene : SarImage, seen from above along z; or Capture, frames in memory or on disk
-    clutter : "auto": take what reaches the border of the scene; "lid": where nothing does, also take what ends within
-        the image and has something below it (of frames as "auto"); "none": take nothing
+    clutter : "auto": take sheets that explain three quarters of the echoes where they are seen; "lid": 60 %, since
+        one is known to be there; "none": take nothing
     frequency : centre of the band [Hz], of an image; a capture states its own
     most : sheets at most
 
@@ -160,9 +161,7 @@ def remove_sheets(scene: Any, *, clutter: str = "auto", frequency: float | None 
     if clutter == "none":
         return SheetRemoval(result=scene, sheets=(), left=(), reason="nothing was asked for")
     echoes, wave_number = _echoes_of(scene), 2 * np.pi * centre / SPEED_OF_LIGHT
-    sheets, left = _search(echoes, wave_number, most, within=False)
-    if clutter == "lid" and not sheets:
-        sheets, left = _search(echoes, wave_number, most, within=True)
+    sheets, left = _search(echoes, wave_number, most, _LEAST_EXPLAINED[clutter])
     if not sheets:
         reason = (
             "no sheet is sure" if not left else "what is flat there ends within the scene and may be an object's top"
@@ -185,8 +184,6 @@ class _Echoes(Protocol):
 
     def height(self, fit: "SheetFit") -> float: ...
 
-    def below(self, fit: "SheetFit") -> float: ...
-
     def cleaned(self, metadata: Mapping[str, Any]) -> Any: ...
 
 
@@ -201,12 +198,9 @@ def _echoes_of(scene: Any) -> _Echoes:
 
 
 def _search(
-    echoes: _Echoes, wave_number: float, most: int, *, within: bool
+    echoes: _Echoes, wave_number: float, most: int, least_explained: float
 ) -> tuple[tuple[Sheet, ...], tuple[Sheet, ...]]:
-    """The sheets, taken from `echoes` one after the other, and what is flat and was left.
-
-    `within`: whether a sheet may end within the scene on all sides, if it covers something.
-    """
+    """The sheets, taken from `echoes` one after the other, and what is flat and was left."""
     from scipy.ndimage import binary_dilation
 
     from millisight.imaging._sheet_fit import fit_sheet
@@ -217,12 +211,11 @@ def _search(
     while len(sheets) < most and len(left) < _ATTEMPTS:
         cells = echoes.cells
         cells = cells._replace(counts=np.where(passed_over, 0, cells.counts))
-        fit = fit_sheet(cells, wave_number, ripples=echoes.ripples, within=within)
-        if fit is None or fit.explained < _LEAST_EXPLAINED:
+        fit = fit_sheet(cells, wave_number, ripples=echoes.ripples)
+        if fit is None or fit.explained < least_explained:
             break
         sheet = _told(fit, cells, echoes.height(fit), wave_number)
-        wide = float(fit.support.mean()) >= _LEAST_SHARE
-        if wide and (sheet.border >= _LEAST_BORDER or (within and echoes.below(fit) >= _LEAST_BELOW)):
+        if float(fit.support.mean()) >= _LEAST_SHARE and (sheet.border >= _LEAST_BORDER or sheet.area >= _LARGE):
             sheets.append(replace(sheet, power=echoes.take(fit)))
         else:
             left.append(sheet)
