@@ -4,8 +4,8 @@
 
 Scenes of the virtual rig with 9 cm of margin around each object, at 77 and 24 GHz: in sight, under the sheet, and with
 the sheet taken off the image or the frames. Prints a table in Markdown: F1 of the best threshold of the projected image
-against the object's true outline [%], by how much the image in sight changes [%], and the largest loss of the object's
-peak to the sheet's removal. Draws the images of a few scenes into OUT, and keeps the echoes there, since each scene
+against the object's true outline [%], by how much the image in sight changes [%], and the object's peak over that in
+sight [dB], with the loss of the sheet in it. Draws the images of a few scenes into OUT, and keeps the echoes there, since each scene
 takes some two minutes on one core.
 """
 
@@ -57,7 +57,7 @@ def lid(layers: Any, above: float, **place: Any) -> dict[str, Any]:
 
 
 # Object, its rotation [degrees], its place off the image's middle [m], and sheets; or the clearance of a carton [m].
-# The method was chosen on the first twenty; the others were imaged when it was finished.
+# The method was chosen on the first twenty.
 SCENES: dict[str, tuple[str, tuple[float, float, float], tuple[float, float], Any]] = {
     "mug3": ("mug", (0, 0, 30), (0, 0), [lid(board(3e-3), 0.02)]),
     "golf3t": ("golf_ball", (0, 0, 0), (0.02, -0.01), [lid(board(3e-3), 0.03, tilt=(2, 1))]),
