@@ -5,8 +5,8 @@
 Scenes of the virtual rig with 9 cm of margin around each object, at 77 and 24 GHz: in sight, under the sheet, and with
 the sheet taken off the image or the frames. Prints a table in Markdown: F1 of the best threshold of the projected image
 against the object's true outline [%], by how much the image in sight changes [%], and the object's peak over that in
-sight [dB], with the loss of the sheet in it. Draws the images of a few scenes into OUT, and keeps the echoes there, since each scene
-takes some two minutes on one core.
+sight [dB], with the loss of the sheet in it. Draws the images of a few scenes into OUT, and keeps the echoes there,
+since each scene takes some two minutes on one core.
 """
 
 import sys

@@ -59,7 +59,7 @@ def points(device, path, places=SPOTS, strength=0.03):
     return frames
 
 
-def disc(radius, height, spacing=0.0012):
+def disc(radius, height, spacing=0.002):
     """Places that make up a flat top."""
     axis = np.arange(-radius, radius + spacing / 2, spacing)
     x, y = (a.ravel() for a in np.meshgrid(axis, axis))
