@@ -8,6 +8,7 @@ import pytest
 import millisight as ms
 from helpers.commands import refused, run
 from helpers.miniature import MUG, fault_folder
+from helpers.mirrors import DEVICES, capture_of, mirror, points, raster
 from helpers.oracles import shared
 from millisight.io.mito import read_experiment
 
@@ -161,6 +162,29 @@ def test_a_plain_folder_with_a_description(described, tmp_path):
     assert "cube.npz" in refused("image", "scan", "-o", "i.h5", cwd=tmp_path)
     code, _, err = run("image", "scan", "--data", "elsewhere", "-o", "i.h5", cwd=tmp_path)
     assert code == 0, err
+
+
+def test_a_lid_is_taken_off_where_it_is_asked_for(tmp_path):
+    device, path = DEVICES["24 GHz"], raster(step=0.005)
+    spot = points(device, path, [[0, 0, -0.25]], 0.02)
+    ms.save(tmp_path / "covered.h5", capture_of(device, path, spot + mirror(device, path, -0.2, tilt_deg=(0, 1))))
+    ms.save(tmp_path / "open.h5", capture_of(device, path, spot))
+    grid = ("--grid=-8cm:8cm:4mm,-8cm:8cm:4mm,-26cm:-18cm:2cm",)
+    powers = {}
+    for name, clutter in (("covered", "lid"), ("covered", "none"), ("covered", "auto"), ("open", "auto")):
+        code, out, err = run(
+            "image", f"{name}.h5", *grid, "--clutter", clutter, "-o", f"{name}-{clutter}.h5", cwd=tmp_path
+        )
+        assert code == 0, err
+        told = {"lid": "taken off the frames: z = ", "none": "grid:", "auto": "clutter: "}[clutter]
+        assert told in out
+        image = ms.load(tmp_path / f"{name}-{clutter}.h5")
+        powers[name, clutter] = np.linalg.norm(image.values)
+        steps = [step["step"] for step in image.metadata["history"]]
+        assert ("remove_sheets" in steps) == (name == "covered" and clutter != "none")
+    assert powers["covered", "lid"] < 0.5 * powers["covered", "none"]
+    assert abs(powers["covered", "lid"] / powers["open", "auto"] - 1) < 0.2
+    assert "clutter" in refused("image", "open.h5", *grid, "--clutter", "box", "-o", "i.h5", cwd=tmp_path)
 
 
 def test_a_forgotten_unit_and_a_wrong_order_are_warned_of(described, mug, tmp_path):

@@ -6,9 +6,10 @@ import trimesh
 
 import millisight as ms
 from helpers.scatter import METAL, mesh_of, radar
+from millisight.core import rotation_from_euler_deg
 from millisight.data import LAYERED, Layer
 from millisight.imaging import form_image
-from millisight.rig.virtual import EchoModel, Part, box_sheets
+from millisight.rig.virtual import EchoModel, Part, Sheet, box_sheets
 
 TOP, LID = -0.22, -0.14
 GRID = ms.VoxelGrid.regular((-0.033, -0.033, TOP - 0.03), (0.033, 0.033, LID + 0.02), (0.003, 0.003, 0.005))
@@ -58,3 +59,22 @@ def test_at_77_ghz_both_carton_and_object_show(images):
     assert profiles["3 mm"][top] > 0.8 * profiles["open"][top]
     assert profiles["3 mm"][lid] > 1.5 * profiles["open"][lid]  # a side lobe of the block's
     assert profiles["3 mm"][lid] > 0.2 * profiles["3 mm"][top]
+
+
+@pytest.mark.parametrize("tilt_deg", [1, 5])
+def test_a_tilted_sheet_is_a_level_one_seen_by_antennas_tilted_as_much(tilt_deg):
+    """It does not look through itself: the middles of its clusters lie a little off its plane."""
+    start, step, _ = BANDS["77 GHz"]
+    device = radar(start, step, 24)
+    turn = rotation_from_euler_deg((tilt_deg, tilt_deg / 2, 0))
+    path = ms.Trajectory.raster(size=(0.03, 0.03), step=0.006, center=(0, 0, 0.15))
+    tilted = ms.Trajectory(times=path.times, positions=path.positions @ turn.T)
+    corner, u, v = np.array([-0.06, -0.05, 0.0]), np.array([0.12, 0, 0]), np.array([0, 0.1, 0])
+    frames = [
+        EchoModel(
+            [], device, way, occluders=[Sheet(corner=by @ corner, u=by @ u, v=by @ v, layers=LAYERED["carton"])]
+        ).frames(way)
+        for by, way in ((np.eye(3), path), (turn, tilted))
+    ]
+    assert abs(frames[0]).min() > 0.1
+    np.testing.assert_allclose(frames[1], frames[0], atol=2e-3 * abs(frames[0]).max())

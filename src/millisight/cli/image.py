@@ -1,6 +1,5 @@
 """`millisight image`: from captures to 3-D images, one or a whole dataset."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -8,44 +7,18 @@ from typing import Annotated, Any
 
 import typer
 
-from millisight.cli.console import check_outputs, end_with_failures, in_options, progress, say
-from millisight.cli.grids import outline_mesh, parse_grid
+from millisight.cli.console import check_outputs, end_with_failures, in_options, say
+from millisight.cli.grids import outline_mesh
+from millisight.cli.image_steps import ImageSettings, check_stated, image_of, oddities
 from millisight.cli.options import RadarChoice
-from millisight.cli.sources import Opened, Source, sources
+from millisight.cli.sources import Source, sources
 from millisight.core import PUBLISHED_COLORMAP, check_known, make_folder
-from millisight.core.errors import InputError, MillisightError, UnknownNameError
-from millisight.data import Capture, SarImage, VoxelGrid
-from millisight.imaging import METHODS, WINDOWS, form_as_published, form_image
+from millisight.core.errors import InputError, MillisightError
+from millisight.data import SarImage
+from millisight.imaging import CLUTTER, WINDOWS
 
 _CLOCKS = ("given", "report", "apply")
 _FOCUSES = ("none", "rows", "path")
-
-
-@dataclass(frozen=True, slots=True)
-class _Settings:
-    """The options that are the same for every capture."""
-
-    grid: str | None
-    method: str | None
-    window: str | None
-    tolerance: float | None
-    clock: str
-    focus: str
-    data: Path | None
-    background: list[Source]
-    as_published: bool
-    outline: str | None
-    db: bool
-
-    @property
-    def asked(self) -> dict[str, Any]:
-        """What decides the image's values, as its metadata hold it."""
-        values = {name: getattr(self, name) for name in ("grid", "method", "window", "tolerance", "clock")}
-        if self.focus != "none":
-            values["focus"] = self.focus
-        if self.as_published:
-            values["as_published"] = True
-        return {**values, "background": [source.name for source in self.background]}
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,6 +102,14 @@ def image(
             "4096 range bins below, the phase of one frequency, both receivers at 24 GHz; divided by poses.",
         ),
     ] = False,
+    clutter: Annotated[
+        str | None,
+        typer.Option(
+            help="none: image everything. lid: the objects are covered; take the echo of lids and other sheets off the "
+            "frames, or off the image where the frames do not show them. auto: likewise, if a sheet is very sure. "
+            "[default: none, or as the description states]"
+        ),
+    ] = None,
     plot: Annotated[
         Path | None,
         typer.Option(help="Write a picture of the three projections (PNG, SVG, PDF); a folder for several captures."),
@@ -158,17 +139,20 @@ def image(
     """
     check_known("--clock", clock, _CLOCKS)
     check_known("--focus", focus, _FOCUSES)
+    if clutter is not None:
+        check_known("--clutter", clutter, CLUTTER)
     if outline is not None and plot is None and slices is None:
         raise InputError("--outline is drawn over pictures; add --plot or --slices")
     if as_published and any(one is not None for one in (method, window, tolerance)):
         raise InputError("--as-published is a method of its own; leave --method, --window and --tolerance out")
-    settings = _Settings(
+    settings = ImageSettings(
         grid=grid,
         method=method,
         window=window,
         tolerance=tolerance,
         clock=clock,
         focus=focus,
+        clutter=clutter,
         data=data,
         background=[] if background is None else sources([background], radar),
         as_published=as_published,
@@ -195,7 +179,7 @@ def _image_all(
     output: Path | None,
     plot: Path | None,
     slices: Path | None,
-    settings: _Settings,
+    settings: ImageSettings,
     *,
     resume: bool,
 ) -> None:
@@ -227,19 +211,15 @@ def _image_all(
     end_with_failures(failures)
 
 
-def _image_one(source: Source, outputs: _Outputs, settings: _Settings, *, label: str) -> None:
+def _image_one(source: Source, outputs: _Outputs, settings: ImageSettings, *, label: str) -> None:
     from millisight.io import save
 
     with source.opened(settings.data, f"{label}read", as_published=settings.as_published) as opened:
-        for note in (*opened.notes, *_oddities(opened.capture)):
+        for note in (*opened.notes, *oddities(opened.capture)):
             say(note)
-        capture = _without_background(opened.capture, source, settings)
-        mesh = None if settings.outline is None else outline_mesh(settings.outline, capture)
-        voxels = parse_grid(settings.grid, capture)
-        capture = _on_time(Opened(capture, opened.log), voxels, settings.clock, label)
-        say(f"grid: {' x '.join(map(str, voxels.shape))} voxels, {capture.channels} channels")
-        capture = _in_focus(capture, voxels, settings.focus, label)
-        formed = _form(capture, voxels, settings, label)
+        check_stated(opened.capture, settings)
+        mesh = None if settings.outline is None else outline_mesh(settings.outline, opened.capture)
+        formed = image_of(opened, source, settings, label)
     metadata = {**formed.metadata, "asked": settings.asked}
     save(outputs.image, SarImage(grid=formed.grid, values=formed.values, metadata=metadata))
     say(f"peak: {formed.magnitude.max():.4g} at {', '.join(f'{p * 100:.1f}' for p in formed.peak)} cm")
@@ -247,7 +227,7 @@ def _image_one(source: Source, outputs: _Outputs, settings: _Settings, *, label:
     _draw(formed, mesh, outputs, "db" if settings.db else "linear")
 
 
-def _done(outputs: _Outputs, settings: _Settings) -> bool:
+def _done(outputs: _Outputs, settings: ImageSettings) -> bool:
     """Whether an earlier run made this image with these options; pictures that are missing are drawn from it."""
     from millisight.io import load
 
@@ -259,96 +239,6 @@ def _done(outputs: _Outputs, settings: _Settings) -> bool:
     missing = (path if path is not None and not path.exists() else None for path in (outputs.plot, outputs.slices))
     _draw(image, None, _Outputs(outputs.image, *missing), "db" if settings.db else "linear")
     return True
-
-
-def _oddities(capture: Capture) -> list[str]:
-    """Warnings of what is possible, but more often a unit that was forgotten."""
-    found = []
-    frequency, extent = capture.radar.waveform.center_frequency, float(capture.trajectory.extent.max())
-    if not 1e8 <= frequency <= 1e12:
-        found.append(f"warning: the centre frequency is {frequency:.3g} Hz; is its unit right?")
-    if extent > 10 and not capture.metadata.get("far_field"):
-        found.append(f"warning: the aperture is {extent:.3g} m large; is the unit of the positions right?")
-    return found
-
-
-def _form(capture: Capture, voxels: VoxelGrid, settings: _Settings, label: str) -> SarImage:
-    """The image; what the command line leaves open is as the capture's description states it."""
-    if settings.as_published:
-        say("as published: the nearest of 4096 range bins below, and the phase of the first frequency, not paper Eq. 1")
-        with progress(f"{label}image as published") as report:
-            return form_as_published(capture, voxels, progress=report)
-    stated: Any = capture.metadata.get("imaging")
-    stated = stated if isinstance(stated, Mapping) else {}
-    for key, known in (("method", METHODS), ("window", ("none", *WINDOWS))):
-        if stated.get(key) and not getattr(settings, key) and stated[key] not in known:
-            raise UnknownNameError(f"{key} in {capture.metadata.get('description')}, [image]:", stated[key], known)
-    method = settings.method or str(stated.get("method", "fast"))
-    window = settings.window or stated.get("window") or "none"
-    with progress(f"{label}image by {method}") as report:
-        return form_image(
-            capture, voxels, method=method, window=None if window == "none" else window,
-            tolerance=settings.tolerance, progress=report,
-        )  # fmt: skip
-
-
-def _without_background(capture: Capture, source: Source, settings: _Settings) -> Capture:
-    """The capture less the first frame of the empty scene's, where one is given for its radar."""
-    if not settings.background:
-        return capture
-    from millisight.calibration import subtract_background
-
-    for empty in settings.background:
-        if empty.radar == source.radar:
-            with empty.opened(settings.data, "read background", as_published=settings.as_published) as opened:
-                return subtract_background(capture, opened.capture, frame="first")
-    say(f"background: no capture of the {source.radar} radar; nothing is subtracted")
-    return capture
-
-
-def _on_time(opened: Opened, voxels: VoxelGrid, clock: str, label: str) -> Capture:
-    """The capture, its poses put right for the clocks' offset and drift where that was asked for."""
-    if clock == "given":
-        return opened.capture
-    if opened.log is None:
-        raise InputError(f"--clock {clock} needs a robot log, and this capture has none")
-    from millisight.calibration import retime
-    from millisight.imaging import estimate_clock
-
-    with progress(f"{label}clock") as report:
-        found = estimate_clock(opened.capture, opened.log, voxels, progress=report)
-    if found.clock is None:
-        say(f"clock: not observable: {found.reason}")
-        return opened.capture
-    offset, drift = found.clock.offset * 1e3, found.clock.drift * 1e6
-    say(
-        f"clock: the robot's clock is ahead by {offset:.2f} +- {found.offset_uncertainty * 1e3:.2f} ms at "
-        f"{found.clock.reference_time:.3f} s, and drifts by {drift:.1f} +- {found.drift_uncertainty * 1e6:.1f} ppm"
-        f"{'' if clock == 'apply' else '; not corrected (use --clock apply)'}"
-    )
-    return retime(opened.capture, opened.log, found.clock) if clock == "apply" else opened.capture
-
-
-def _in_focus(capture: Capture, voxels: VoxelGrid, focus: str, label: str) -> Capture:
-    """The capture, its path put right by the sharpness of the image where that was asked for."""
-    if focus == "none":
-        return capture
-    from millisight.imaging import autofocus
-
-    with progress(f"{label}focus") as report:
-        found = autofocus(capture, voxels, focus=focus, progress=report)
-    if "rows" in found.applied:
-        worst = float(abs(found.row_offsets).max())
-        say(f"focus: rows corrected by up to {worst:.1f} +- {found.row_uncertainty:.1f} frames")
-    if found.applied:
-        farthest = 1e3 * float((found.displacements**2).sum(axis=1).max()) ** 0.5
-        say(
-            f"focus: poses corrected by up to {farthest:.2f} mm (along the line of sight +- "
-            f"{1e3 * found.uncertainty:.3f} mm); contrast increased by {100 * (found.gain - 1):.0f} %"
-        )
-    if found.reason:
-        say(f"focus: {found.reason}")
-    return found.capture
 
 
 def _draw(formed: SarImage, mesh: Any, outputs: _Outputs, scale: Any) -> None:

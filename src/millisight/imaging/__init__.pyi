@@ -11,5 +11,9 @@ from ._floor import FLOOR_BINS as FLOOR_BINS
 from ._floor import form_as_published as form_as_published
 from ._form import METHODS as METHODS
 from ._form import form_image as form_image
+from ._sheets import CLUTTER as CLUTTER
+from ._sheets import DetectedSheet as DetectedSheet
+from ._sheets import SheetRemoval as SheetRemoval
+from ._sheets import remove_sheets as remove_sheets
 from ._synchronise import estimate_clock as estimate_clock
 from ._windows import WINDOWS as WINDOWS

@@ -36,7 +36,7 @@ def _tables() -> dict[str, tuple[str, ...]]:
         "times": _positions.TIMES_KEYS,
         "calibration": _calibration.KEYS,
         "medium": _calibration.MEDIUM_KEYS,
-        "image": ("lower", "upper", "spacing", "method", "window"),
+        "image": ("lower", "upper", "spacing", "method", "window", "clutter"),
     }
 
 
@@ -201,7 +201,7 @@ class Description:
         return _positions.read_times(self._tables["times"], counts) if "times" in self._tables else None
 
     def _read_image(self) -> dict[str, Any]:
-        """What [image] says, as metadata: the grid that is wanted, method and window."""
+        """What [image] says, as metadata: the grid that is wanted, method, window and clutter."""
         if "image" not in self._tables:
             return {}
         table, told = self._tables["image"], {}
@@ -212,8 +212,8 @@ class Description:
             with table.errors(), np.errstate(over="ignore", invalid="ignore"):
                 VoxelGrid.regular(grid["lower"], grid["upper"], spacing)
             told["image_grid"] = {key: values.tolist() for key, values in (grid | {"spacing": spacing}).items()}
-        # Which methods and windows there are is known to the imagers, who are asked when the image is formed.
-        told["imaging"] = {key: table.text(key) for key in ("method", "window") if key in table}
+        # What there is of each is known to the imagers, who are asked when the image is formed.
+        told["imaging"] = {key: table.text(key) for key in ("method", "window", "clutter") if key in table}
         return told
 
     def _metadata(self, settings: dict[str, Any], **counts: int) -> dict[str, Any]:

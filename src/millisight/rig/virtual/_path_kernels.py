@@ -23,13 +23,15 @@ _PLANE = 1e-6  # nearer to a sheet than this [m], a place lies in it and not beh
 
 
 @kernel(error_model="numpy")
-def fill_legs(antennas, axes, exponents, centers, sheets, tables, legs):
+def fill_legs(antennas, axes, exponents, centers, own, sheets, tables, legs):
     """legs[a, g] of every antenna and cluster: the antenna's pattern, and the sheets that are crossed.
 
     axes (A, 3, 3): the radar's x, y and the direction it looks in, as rows, in the world frame; exponents (2,) of its
-    pattern, see `antenna`; sheets (K, 14): corner, unit vectors along both sides, normal, and the sides' lengths;
-    tables (K, N, 4) over the cosine of incidence from 0 to 1: logarithm of the transmission's amplitude, its delay
-    [cycles], and the slope of the transmission's logarithm in ν (real, imaginary part).
+    pattern, see `antenna`; own (G,): the sheet that a cluster is a part of, which it does not look through, or below 0:
+    the middle of a tilted cluster's box lies a little off its plane; sheets (K, 14): corner, unit vectors along both
+    sides, normal, and the sides' lengths; tables (K, N, 4) over the cosine of incidence from 0 to 1: logarithm of the
+    transmission's amplitude, its delay [cycles], and the slope of the transmission's logarithm in ν (real, imaginary
+    part).
     """
     steps = tables.shape[1] - 1
     for a in prange(len(antennas)):
@@ -54,6 +56,8 @@ def fill_legs(antennas, axes, exponents, centers, sheets, tables, legs):
                         gy += by_ahead * axes[a, 2, 1] + by_aside * uy
                         gz += by_ahead * axes[a, 2, 2] + by_aside * uz
             for k in range(len(sheets)):
+                if k == own[g]:
+                    continue
                 s = sheets[k]
                 px, py, pz = _between(s, antennas[a])
                 above = _along(s, 9, px, py, pz)

@@ -89,6 +89,7 @@ class SurfaceScatterers:
         coherent, self._terms, self._diffuse = fitted(surfaces, band.center, band.half)
         self._coherent = np.stack([np.real(coherent), np.imag(coherent)], axis=2)
         self._sheets, self._sheet_tables = sheet_tables(sheets, band.center, band.half)
+        self._own = (patches.surface - len(solids)) // 2  # both faces of a sheet; below 0 for solids
         self._exponents = np.zeros(2) if antenna is None else antenna.exponents
 
         found = [sharp_edges(mesh, EDGE_DEG, 2 * reach) for mesh, _ in solids] if edges else []
@@ -150,7 +151,14 @@ class SurfaceScatterers:
         flat = antennas.reshape(-1, 3)
         legs = np.empty((len(flat), len(self._centers), _kernels.LEG), dtype=np.float32)
         _path_kernels.fill_legs(
-            flat, np.repeat(axes, count, axis=0), self._exponents, self._centers, self._sheets, self._sheet_tables, legs
+            flat,
+            np.repeat(axes, count, axis=0),
+            self._exponents,
+            self._centers,
+            self._own,
+            self._sheets,
+            self._sheet_tables,
+            legs,
         )
         lowest, bins = self._bins(flat, len(channels), far=len(mirrors) > 0)
         scale = self._band.carrier, self._band.slope, lowest, self._band.width

@@ -1,0 +1,168 @@
+"""What `millisight image` does with one capture: background, clocks, focus, sheets, and the image."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from millisight.cli.console import progress, say
+from millisight.cli.grids import parse_grid
+from millisight.cli.sources import Opened, Source
+from millisight.core.errors import InputError, UnknownNameError
+from millisight.data import Capture, SarImage, VoxelGrid
+from millisight.imaging import CLUTTER, METHODS, WINDOWS, form_as_published, form_image, remove_sheets
+
+
+@dataclass(frozen=True, slots=True)
+class ImageSettings:
+    """The options that are the same for every capture."""
+
+    grid: str | None
+    method: str | None
+    window: str | None
+    tolerance: float | None
+    clock: str
+    focus: str
+    clutter: str | None
+    data: Path | None
+    background: list[Source]
+    as_published: bool
+    outline: str | None
+    db: bool
+
+    @property
+    def asked(self) -> dict[str, Any]:
+        """What decides the image's values, as its metadata hold it."""
+        values = {name: getattr(self, name) for name in ("grid", "method", "window", "tolerance", "clock")}
+        if self.focus != "none":
+            values["focus"] = self.focus
+        if self.as_published:
+            values["as_published"] = True
+        if self.clutter is not None:
+            values["clutter"] = self.clutter
+        return {**values, "background": [source.name for source in self.background]}
+
+
+def image_of(opened: Opened, source: Source, settings: ImageSettings, label: str) -> SarImage:
+    """The image of a capture, with all that comes before and after it."""
+    capture = _without_background(opened.capture, source, settings)
+    voxels = parse_grid(settings.grid, capture)
+    capture = _on_time(Opened(capture, opened.log), voxels, settings.clock, label)
+    say(f"grid: {' x '.join(map(str, voxels.shape))} voxels, {capture.channels} channels")
+    capture = _in_focus(capture, voxels, settings.focus, label)
+    clutter = settings.clutter or _stated(capture).get("clutter") or "none"
+    capture, taken = _uncovered(capture, clutter)
+    formed = _form(capture, voxels, settings, label)
+    return formed if taken else _uncovered(formed, clutter, capture.radar.waveform.center_frequency)[0]
+
+
+def oddities(capture: Capture) -> list[str]:
+    """Warnings of what is possible, but more often a unit that was forgotten."""
+    found = []
+    frequency, extent = capture.radar.waveform.center_frequency, float(capture.trajectory.extent.max())
+    if not 1e8 <= frequency <= 1e12:
+        found.append(f"warning: the centre frequency is {frequency:.3g} Hz; is its unit right?")
+    if extent > 10 and not capture.metadata.get("far_field"):
+        found.append(f"warning: the aperture is {extent:.3g} m large; is the unit of the positions right?")
+    return found
+
+
+def _stated(capture: Capture) -> Mapping[str, Any]:
+    """The image settings of the capture's description."""
+    stated: Any = capture.metadata.get("imaging")
+    return stated if isinstance(stated, Mapping) else {}
+
+
+def check_stated(capture: Capture, settings: ImageSettings) -> None:
+    stated = _stated(capture)
+    for key, known in (("method", METHODS), ("window", ("none", *WINDOWS)), ("clutter", CLUTTER)):
+        if stated.get(key) and not getattr(settings, key) and stated[key] not in known:
+            raise UnknownNameError(f"{key} in {capture.metadata.get('description')}, [image]:", stated[key], known)
+
+
+def _uncovered(scene: Any, clutter: str, frequency: float | None = None) -> tuple[Any, bool]:
+    """The capture or the image without the echoes of sheets over it, and whether there were any."""
+    if clutter == "none":
+        return scene, False
+    found = remove_sheets(scene, clutter=clutter, frequency=frequency)
+    what = "frames" if frequency is None else "image"
+    for sheet in found.sheets:
+        say(f"clutter: a sheet taken off the {what}: {sheet}; {100 * sheet.power:.0f} % of its power")
+    if not found.sheets:
+        say(f"clutter: nothing taken off the {what}: {found.reason}")
+    return found.result, bool(found.sheets)
+
+
+def _form(capture: Capture, voxels: VoxelGrid, settings: ImageSettings, label: str) -> SarImage:
+    """The image; what the command line leaves open is as the capture's description states it."""
+    if settings.as_published:
+        say("as published: the nearest of 4096 range bins below, and the phase of the first frequency, not paper Eq. 1")
+        with progress(f"{label}image as published") as report:
+            return form_as_published(capture, voxels, progress=report)
+    stated = _stated(capture)
+    method = settings.method or str(stated.get("method", "fast"))
+    window = settings.window or stated.get("window") or "none"
+    with progress(f"{label}image by {method}") as report:
+        return form_image(
+            capture, voxels, method=method, window=None if window == "none" else window,
+            tolerance=settings.tolerance, progress=report,
+        )  # fmt: skip
+
+
+def _without_background(capture: Capture, source: Source, settings: ImageSettings) -> Capture:
+    """The capture less the first frame of the empty scene's, where one is given for its radar."""
+    if not settings.background:
+        return capture
+    from millisight.calibration import subtract_background
+
+    for empty in settings.background:
+        if empty.radar == source.radar:
+            with empty.opened(settings.data, "read background", as_published=settings.as_published) as opened:
+                return subtract_background(capture, opened.capture, frame="first")
+    say(f"background: no capture of the {source.radar} radar; nothing is subtracted")
+    return capture
+
+
+def _on_time(opened: Opened, voxels: VoxelGrid, clock: str, label: str) -> Capture:
+    """The capture, its poses put right for the clocks' offset and drift where that was asked for."""
+    if clock == "given":
+        return opened.capture
+    if opened.log is None:
+        raise InputError(f"--clock {clock} needs a robot log, and this capture has none")
+    from millisight.calibration import retime
+    from millisight.imaging import estimate_clock
+
+    with progress(f"{label}clock") as report:
+        found = estimate_clock(opened.capture, opened.log, voxels, progress=report)
+    if found.clock is None:
+        say(f"clock: not observable: {found.reason}")
+        return opened.capture
+    offset, drift = found.clock.offset * 1e3, found.clock.drift * 1e6
+    say(
+        f"clock: the robot's clock is ahead by {offset:.2f} +- {found.offset_uncertainty * 1e3:.2f} ms at "
+        f"{found.clock.reference_time:.3f} s, and drifts by {drift:.1f} +- {found.drift_uncertainty * 1e6:.1f} ppm"
+        f"{'' if clock == 'apply' else '; not corrected (use --clock apply)'}"
+    )
+    return retime(opened.capture, opened.log, found.clock) if clock == "apply" else opened.capture
+
+
+def _in_focus(capture: Capture, voxels: VoxelGrid, focus: str, label: str) -> Capture:
+    """The capture, its path put right by the sharpness of the image where that was asked for."""
+    if focus == "none":
+        return capture
+    from millisight.imaging import autofocus
+
+    with progress(f"{label}focus") as report:
+        found = autofocus(capture, voxels, focus=focus, progress=report)
+    if "rows" in found.applied:
+        worst = float(abs(found.row_offsets).max())
+        say(f"focus: rows corrected by up to {worst:.1f} +- {found.row_uncertainty:.1f} frames")
+    if found.applied:
+        farthest = 1e3 * float((found.displacements**2).sum(axis=1).max()) ** 0.5
+        say(
+            f"focus: poses corrected by up to {farthest:.2f} mm (along the line of sight +- "
+            f"{1e3 * found.uncertainty:.3f} mm); contrast increased by {100 * (found.gain - 1):.0f} %"
+        )
+    if found.reason:
+        say(f"focus: {found.reason}")
+    return found.capture

@@ -1,0 +1,95 @@
+"""The echoes of an image, column by column, as the search for sheets sees them."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from millisight.data import SarImage
+from millisight.imaging._sheet_fit import Cells, Phase, SheetFit, spline_matrix, spline_values
+from millisight.imaging._sheet_ripples import rippled, spread_on_grid, total_of_grid
+
+_CELL = 0.005  # of columns that are averaged [m]
+
+
+class ImageScene:
+    """An image from which sheets are taken."""
+
+    ripples = True
+
+    def __init__(self, image: SarImage):
+        self._image = image
+        self._values = image.values.astype(np.complex64)
+        self._power = float((np.abs(self._values) ** 2).sum())
+        self._sizes = tuple(_size(axis) for axis in (image.grid.x, image.grid.y))
+
+    @property
+    def cells(self) -> Cells:
+        """Columns averaged over about 5 mm."""
+        axes = self._image.grid.x, self._image.grid.y
+        sizes = [_summed(np.ones(len(axis)), size) for axis, size in zip(axes, self._sizes, strict=True)]
+        counts = np.multiply.outer(*sizes)
+
+        def values(phase: Phase | None) -> np.ndarray:
+            flat = self._values if phase is None else self._values * self._turn(phase).conj()
+            sums = _summed(np.swapaxes(_summed(flat, self._sizes[0]), 0, 1), self._sizes[1])
+            return np.swapaxes(sums, 0, 1) / counts[..., None].astype(np.float32)
+
+        middles = [_summed(axis, s) / n for axis, s, n in zip(axes, self._sizes, sizes, strict=True)]
+        return Cells(x=middles[0], y=middles[1], counts=counts, values=values)
+
+    def take(self, fit: SheetFit) -> float:
+        """Take a sheet's echo; returns its power over the whole image's."""
+        x, y = self._image.grid.x, self._image.grid.y
+        turn = self._turn(fit.phase)
+        smooth = spline_values((spline_matrix(x, fit.knots[0]), spline_matrix(y, fit.knots[1])), fit.splines)
+        flat = self._values * turn.conj()
+        weights = self._spread(fit.weights)
+        echo = rippled(flat, smooth, weights, total_of_grid, spread_on_grid, factors=True) * turn
+        self._values -= echo
+        return float((np.abs(echo) ** 2).sum()) / self._power
+
+    def height(self, fit: SheetFit) -> float:
+        """z of the strongest echo of a sheet [m], between slices by a parabola."""
+        return _peak(np.abs(fit.profile), self._image.grid.z)
+
+    def cleaned(self, metadata: Mapping[str, Any]) -> SarImage:
+        values = self._values.astype(self._image.values.dtype)
+        values.flags.writeable = False
+        return SarImage(grid=self._image.grid, values=values, metadata=metadata)
+
+    def _spread(self, of_cells: np.ndarray) -> np.ndarray:
+        """(X, Y) a figure of each cell, at its columns."""
+        axes = self._image.grid.x, self._image.grid.y
+        which = (np.arange(len(axis)) // size for axis, size in zip(axes, self._sizes, strict=True))
+        return of_cells[np.ix_(*which)]
+
+    def _turn(self, phase: Phase) -> np.ndarray:
+        """(X, Y, 1) exp(i psi)"""
+        x, y = self._image.grid.x, self._image.grid.y
+        return np.exp(1j * phase.at(x[:, None], y)).astype(np.complex64)[..., None]
+
+
+def _size(axis: np.ndarray) -> int:
+    """How many places along an axis make a cell of about `_CELL`."""
+    return max(1, round(_CELL / float(np.diff(axis).mean()))) if len(axis) > 1 else 1
+
+
+def _summed(values: np.ndarray, size: int) -> np.ndarray:
+    """Sums of every `size` along the first axis; the last may be of fewer."""
+    total = values[::size].copy()
+    for offset in range(1, size):
+        some = values[offset::size]
+        total[: len(some)] += some
+    return total
+
+
+def _peak(strength: np.ndarray, places: np.ndarray) -> float:
+    """Where a sampled curve is highest."""
+    i = int(strength.argmax())
+    if not 0 < i < len(places) - 1:
+        return float(places[i])
+    before, top, after = strength[i - 1 : i + 2]
+    bend = before - 2 * top + after
+    shift = 0.5 * (before - after) / bend if bend < 0 else 0.0
+    return float(places[i] + shift * (places[i + 1] - places[i - 1]) / 2)

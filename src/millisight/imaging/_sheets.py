@@ -1,0 +1,255 @@
+"""Sheets over a scene, such as the lid of a carton: their echo found, told, and taken off images and frames."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, replace
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar, overload
+
+import numpy as np
+
+from millisight.core import (
+    SPEED_OF_LIGHT,
+    check_known,
+    checked_integer,
+    checked_number,
+    checked_numbers,
+    put,
+    record,
+    with_step,
+)
+from millisight.core.errors import InputError
+from millisight.data import Capture, SarImage
+
+if TYPE_CHECKING:
+    from millisight.imaging._sheet_fit import Cells, SheetFit  # needs SciPy: not for --help
+
+CLUTTER = ("none", "lid", "auto")
+"""What may be said of sheets over the objects."""
+
+Cleaned = TypeVar("Cleaned", bound=SarImage | Capture)
+
+_LEAST_EXPLAINED = {"auto": 0.75, "lid": 0.6}  # of a sheet's echo
+_LEAST_BORDER = 0.25  # of the scene's, that a sheet reaches
+_LEAST_SHARE = 0.15  # of the scene
+_LARGE = 0.06  # sheets so large are no object's top [m²]
+_RING = 2  # cells along the scene's border
+_ATTEMPTS = 4  # flat things that are looked at, besides the sheets that are taken
+
+
+@record
+class DetectedSheet:
+    """A sheet that was found: a lid, a cloth, a wall, or the flat top of something large.
+
+    Attributes
+    ----------
+    height : z in the middle of where it is seen [m], to a fraction of the range resolution
+    tilt_deg : (2,) by how much it rises along x and along y, in the middle [degrees]
+    lower, upper : (2,) corners of the box around where it is seen, x and y [m]
+    area : where it is seen [m²]
+    border : share of the scene's border where it is seen: 1 for a lid that reaches beyond the scene on all sides
+    explained : how sure it is: median share, over its area, of the echo's power that follows the fitted sheet
+    power : what was taken, over the power of the whole image or of all frames; 0 where it was left
+    """
+
+    height: float
+    tilt_deg: tuple[float, float]
+    lower: tuple[float, float]
+    upper: tuple[float, float]
+    area: float
+    border: float
+    explained: float
+    power: float
+
+    def __post_init__(self) -> None:
+        put(
+            self,
+            height=checked_number(self.height, name="height", unit="m"),
+            tilt_deg=checked_numbers(self.tilt_deg, name="tilt_deg", count=2, unit="degrees"),
+            lower=checked_numbers(self.lower, name="lower", count=2, unit="m"),
+            upper=checked_numbers(self.upper, name="upper", count=2, unit="m"),
+        )
+        for name in ("area", "border", "explained", "power"):
+            put(self, **{name: checked_number(getattr(self, name), name=name, minimum=0)})
+
+    def __str__(self) -> str:
+        (x0, y0), (x1, y1) = self.lower, self.upper
+        return (
+            f"z = {100 * self.height:.1f} cm, tilted by {self.tilt_deg[0]:.1f} and {self.tilt_deg[1]:.1f} "
+            f"degrees along x and y, over {100 * (x1 - x0):.0f} x {100 * (y1 - y0):.0f} cm, "
+            f"{100 * self.explained:.0f} % explained"
+        )
+
+
+@record
+class SheetRemoval(Generic[Cleaned]):
+    """What `remove_sheets` made and found.
+
+    Attributes
+    ----------
+    result : the image or the capture without the sheets' echoes, its history telling what was taken; the given one
+        where nothing was
+    sheets : those taken, the first found first
+    left : flat things that were found and left, since they may be the tops of objects
+    reason : why nothing was taken; empty where something was
+    """
+
+    result: Cleaned
+    sheets: tuple[DetectedSheet, ...]
+    left: tuple[DetectedSheet, ...]
+    reason: str
+
+    def __repr__(self) -> str:
+        if not self.sheets:
+            return f"SheetRemoval(nothing taken: {self.reason})"
+        return f"SheetRemoval({'; '.join(map(str, self.sheets))})"
+
+
+@overload
+def remove_sheets(
+    scene: SarImage, *, clutter: str = "auto", frequency: float | None = None, most: int = 2
+) -> SheetRemoval[SarImage]: ...
+
+
+@overload
+def remove_sheets(
+    scene: Capture, *, clutter: str = "auto", frequency: None = None, most: int = 2
+) -> SheetRemoval[Capture]: ...
+
+
+def remove_sheets(scene: Any, *, clutter: str = "auto", frequency: float | None = None, most: int = 2) -> Any:
+    """Take the echo of sheets off an image or the frames of a capture: lids, cloths, walls (primer 18).
+
+    A sheet is a mirror: each column of voxels, and each pose, holds the echo of the part straight below, with a phase
+    that follows the sheet's height. A surface of the second degree takes that phase off: height, tilt up to 8 degrees,
+    bow. What is left changes slowly over centimetres; it is fitted by splines, robustly, so that cells which hold
+    something else tell nothing, and under an object the sheet goes on from its surroundings. Only the fitted echo is
+    taken. What is flat and ends within the scene, such as the top of a can, is left, unless it is larger than 600 cm²;
+    so is a lid that is hardly larger than what it covers, in an image much larger than both.
+
+    Frames are the better place: an image has ripples from the aperture's edges, which are fitted too, by a factor of
+    each row and column.
+
+    Parameters
+    ----------
+    scene : SarImage, seen from above along z; or Capture, frames in memory or on disk
+    clutter : "auto": take sheets that explain three quarters of the echoes where they are seen; "lid": 60 %, since
+        one is known to be there; "none": take nothing
+    frequency : centre of the band [Hz], of an image; a capture states its own
+    most : sheets at most
+
+    Returns
+    -------
+    SheetRemoval
+        With the scene as it was, and a reason, where no sheet is sure.
+
+    Raises
+    ------
+    UnknownNameError, InputError
+        An argument is invalid, a capture has layers, or an image has no frequency.
+    """
+    check_known("clutter", clutter, CLUTTER)
+    most = checked_integer(most, name="most", minimum=1)
+    if isinstance(scene, SarImage):
+        if frequency is None:
+            raise InputError("an image does not state its frequency; pass frequency=79e9, for example [Hz]")
+        centre = checked_number(frequency, name="frequency", unit="Hz", above=0)
+    elif isinstance(scene, Capture):
+        if frequency is not None:
+            raise InputError("a capture states its own frequencies; leave frequency out")
+        centre = scene.radar.waveform.center_frequency
+    else:
+        raise InputError(f"remove_sheets got {type(scene).__name__}; expected an image or a capture")
+    if clutter == "none":
+        return SheetRemoval(result=scene, sheets=(), left=(), reason="nothing was asked for")
+    echoes, wave_number = _echoes_of(scene), 2 * np.pi * centre / SPEED_OF_LIGHT
+    sheets, left = _search(echoes, wave_number, most, _LEAST_EXPLAINED[clutter])
+    if not sheets:
+        reason = (
+            "no sheet is sure" if not left else "what is flat there ends within the scene and may be an object's top"
+        )
+        return SheetRemoval(result=scene, sheets=(), left=left, reason=reason)
+    told = [asdict(sheet) for sheet in sheets]
+    metadata = with_step(scene.metadata, "remove_sheets", clutter=clutter, sheets=told)
+    return SheetRemoval(result=echoes.cleaned(metadata), sheets=sheets, left=left, reason="")
+
+
+class _Echoes(Protocol):
+    """What is searched: an image or frames."""
+
+    ripples: bool
+
+    @property
+    def cells(self) -> "Cells": ...
+
+    def take(self, fit: "SheetFit") -> float: ...
+
+    def height(self, fit: "SheetFit") -> float: ...
+
+    def cleaned(self, metadata: Mapping[str, Any]) -> Any: ...
+
+
+def _echoes_of(scene: Any) -> _Echoes:
+    if isinstance(scene, SarImage):
+        from millisight.imaging._sheet_image import ImageScene
+
+        return ImageScene(scene)
+    from millisight.imaging._sheet_frames import FrameScene
+
+    return FrameScene(scene)
+
+
+def _search(
+    echoes: _Echoes, wave_number: float, most: int, least_explained: float
+) -> tuple[tuple[DetectedSheet, ...], tuple[DetectedSheet, ...]]:
+    """The sheets, taken from `echoes` one after the other, and what is flat and was left."""
+    from scipy.ndimage import binary_dilation
+
+    from millisight.imaging._sheet_fit import fit_sheet
+
+    sheets: list[DetectedSheet] = []
+    left: list[DetectedSheet] = []
+    passed_over = np.zeros((1, 1), dtype=bool)
+    while len(sheets) < most and len(left) < _ATTEMPTS:
+        cells = echoes.cells
+        cells = cells._replace(counts=np.where(passed_over, 0, cells.counts))
+        fit = fit_sheet(cells, wave_number, ripples=echoes.ripples)
+        if fit is None or fit.explained < least_explained:
+            break
+        sheet = _told(fit, cells, echoes.height(fit), wave_number)
+        if float(fit.support.mean()) >= _LEAST_SHARE and (sheet.border >= _LEAST_BORDER or sheet.area >= _LARGE):
+            sheets.append(replace(sheet, power=echoes.take(fit)))
+        else:
+            left.append(sheet)
+            passed_over = passed_over | np.asarray(binary_dilation(fit.support, iterations=3), dtype=bool)
+    return tuple(sheets), tuple(left)
+
+
+def _told(fit: "SheetFit", cells: "Cells", height: float, wave_number: float) -> DetectedSheet:
+    """The sheet in words and numbers, nothing taken yet."""
+    inside = [np.flatnonzero(fit.support.any(axis=axis)) for axis in (1, 0)]
+    ends = [
+        (float(places[some[0]]), float(places[some[-1]]))
+        for places, some in zip((cells.x, cells.y), inside, strict=True)
+    ]
+    middle = [np.array(np.mean(end)) for end in ends]
+    slopes = [float(fit.phase.coefficients @ slope) for slope in fit.phase.slopes(*middle)]
+    ring = np.zeros(fit.support.shape, dtype=bool)
+    for axis, count in enumerate(ring.shape):
+        if count > 2 * _RING:
+            some = np.moveaxis(ring, axis, 0)
+            some[:_RING], some[-_RING:] = True, True
+    steps = [float(np.diff(places).mean()) if len(places) > 1 else 1e-9 for places in (cells.x, cells.y)]
+    return DetectedSheet(
+        height=height,
+        tilt_deg=(_tilt_deg(slopes[0], wave_number), _tilt_deg(slopes[1], wave_number)),
+        lower=(ends[0][0], ends[1][0]),
+        upper=(ends[0][1], ends[1][1]),
+        area=float(fit.support.sum()) * steps[0] * steps[1],
+        border=float(fit.support[ring].mean()) if ring.any() else 1.0,
+        explained=min(max(fit.explained, 0.0), 1.0),
+        power=0.0,
+    )
+
+
+def _tilt_deg(slope: float, wave_number: float) -> float:
+    """Of a mirror whose echo's phase has that slope [rad/m]: 2 k sin(tilt)."""
+    return float(np.degrees(np.arcsin(np.clip(slope / (2 * wave_number), -1, 1))))

@@ -1,0 +1,214 @@
+"""Lids and other sheets: found where they are, taken off, and nothing else with them."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import millisight as ms
+from helpers.mirrors import DEVICES, GRID, capture_of, disc, mirror, points, raster
+from helpers.scatter import from_places
+from millisight.core.errors import InputError, UnknownNameError
+from millisight.data import Layers
+from millisight.imaging import SheetRemoval, remove_sheets
+
+RADAR = DEVICES["77 GHz"]
+FREQUENCY = RADAR.waveform.center_frequency
+SHEETS = {
+    "level": {"height": -0.2},
+    "tilted": {"height": -0.2, "tilt_deg": (1.0, -2.0)},
+    "steep": {"height": -0.2, "tilt_deg": (5.0, 0.0)},
+    "bowed": {"height": -0.2, "tilt_deg": (0.5, 0.5), "bow": 0.002},
+    "half": {"height": -0.2, "sides": [(0, 0.0, 1)]},
+    "a corner": {"height": -0.2, "tilt_deg": (0.0, 1.0), "sides": [(0, -0.03, 1), (1, 0.03, -1)]},
+}
+
+
+def image_of(frames, path, grid=GRID, device=RADAR):
+    return ms.form_image(capture_of(device, path, frames), grid, tolerance=0.02)
+
+
+def left_of(cleaned, truth, sheet):
+    """The power that is left of a sheet, or lost of what it covers, over that of the sheet."""
+    return np.linalg.norm(cleaned - truth) ** 2 / np.linalg.norm(sheet) ** 2
+
+
+@pytest.fixture(scope="module")
+def path():
+    return raster()
+
+
+@pytest.fixture(scope="module")
+def spots(path):
+    return points(RADAR, path, strength=0.005)
+
+
+@pytest.mark.parametrize("name", SHEETS)
+def test_a_sheet_is_found_and_only_its_echo_taken(name, path, spots):
+    sheet = mirror(RADAR, path, **SHEETS[name])
+    found = remove_sheets(capture_of(RADAR, path, spots + sheet))
+    (one,) = found.sheets
+    assert found.reason == ""
+    np.testing.assert_allclose(one.tilt_deg, SHEETS[name].get("tilt_deg", (0, 0)), atol=0.3)
+    if "sides" not in SHEETS[name]:
+        assert abs(one.height - -0.2) < 0.005
+        assert one.border > 0.7
+        assert abs(one.power - np.linalg.norm(sheet) ** 2 / np.linalg.norm(spots + sheet) ** 2) < 0.05
+    assert left_of(found.result.frames, spots, sheet) < (0.06 if "sides" in SHEETS[name] else 0.02)
+
+
+@pytest.mark.parametrize("name", ["level", "steep", "bowed", "half"])
+def test_in_images_too(name, path, spots):
+    sheet, truth = image_of(mirror(RADAR, path, **SHEETS[name]), path), image_of(spots, path)
+    covered = ms.SarImage(grid=GRID, values=truth.values + sheet.values)
+    found = remove_sheets(covered, frequency=FREQUENCY)
+    (one,) = found.sheets
+    np.testing.assert_allclose(one.tilt_deg, SHEETS[name].get("tilt_deg", (0, 0)), atol=0.3)
+    assert left_of(found.result.values, truth.values, sheet.values) < (0.08 if "sides" in SHEETS[name] else 0.05)
+    if "sides" not in SHEETS[name]:
+        assert abs(one.height - -0.2) < 0.01
+    # What lies below keeps its peak.
+    inside = np.hypot(*np.meshgrid(GRID.x, GRID.y, indexing="ij")) < 0.04
+    below = inside[..., None] & (GRID.z < -0.235)
+    assert 20 * abs(np.log10(found.result.magnitude[below].max() / truth.magnitude[below].max())) < 1
+
+
+@pytest.mark.parametrize("device", DEVICES)
+def test_every_radar(device):
+    radar, path = DEVICES[device], raster(step=0.004)
+    sheet, spots = mirror(radar, path, -0.2, tilt_deg=(2, 1)), points(radar, path, strength=0.01)
+    found = remove_sheets(capture_of(radar, path, spots + sheet))
+    (one,) = found.sheets
+    np.testing.assert_allclose(one.tilt_deg, (2, 1), atol=0.5)
+    assert left_of(found.result.frames, spots, sheet) < 0.05
+
+
+def test_nothing_but_a_lid_leaves_next_to_nothing(path):
+    sheet = mirror(RADAR, path, -0.2, tilt_deg=(1, 0))
+    noise = np.random.default_rng(0).normal(size=(*sheet.shape, 2)).astype(np.float32).view(np.complex64)[..., 0]
+    frames = remove_sheets(capture_of(RADAR, path, sheet + 1e-3 * noise)).result.frames
+    assert left_of(frames, 0, sheet) < 1e-3
+    image = remove_sheets(image_of(sheet, path), frequency=FREQUENCY).result
+    assert left_of(image.values, 0, image_of(sheet, path).values) < 0.05
+
+
+def test_two_sheets_are_taken_one_after_the_other(path, spots):
+    sheets = mirror(RADAR, path, -0.2, tilt_deg=(1, 0)) + mirror(RADAR, path, -0.14, tilt_deg=(-2, 1), strength=0.05)
+    capture = capture_of(RADAR, path, spots + sheets)
+    found = remove_sheets(capture)
+    assert len(found.sheets) == 2
+    np.testing.assert_allclose(found.sheets[0].tilt_deg, (1, 0), atol=0.3)
+    np.testing.assert_allclose(found.sheets[1].tilt_deg, (-2, 1), atol=0.5)
+    assert left_of(found.result.frames, spots, sheets) < 0.03
+    assert len(remove_sheets(capture, most=1).sheets) == 1
+
+
+@pytest.mark.parametrize("device", DEVICES)
+def test_in_sight_nothing_changes(device):
+    radar, path = DEVICES[device], raster(step=0.004)
+    for places in (np.array([[0.01, 0, -0.25]]), disc(0.035, -0.24)):
+        capture = capture_of(radar, path, points(radar, path, places, 0.05 / len(places) ** 0.5))
+        found = remove_sheets(capture)
+        assert found.result is capture
+        assert found.sheets == ()
+        assert found.reason
+        image = ms.form_image(capture, GRID, tolerance=0.02)
+        again = remove_sheets(image, frequency=radar.waveform.center_frequency, clutter="auto")
+        assert again.result is image
+        assert "nothing taken" in repr(again)
+
+
+@pytest.mark.parametrize("strength", [0.014, 0.14])
+def test_a_flat_top_under_a_lid_keeps_its_peak(path, strength):
+    """Like metal: ten and a hundred times as bright as the lid in the image."""
+    top = points(RADAR, path, disc(0.03, -0.24), strength)
+    truth, sheet = image_of(top, path), image_of(mirror(RADAR, path, -0.2, tilt_deg=(0.5, 0)), path)
+    assert 0.5 < truth.magnitude.max() / sheet.magnitude.max() / (strength / 0.0014) < 3
+    frames = remove_sheets(capture_of(RADAR, path, top + mirror(RADAR, path, -0.2, tilt_deg=(0.5, 0))))
+    image = remove_sheets(ms.SarImage(grid=GRID, values=truth.values + sheet.values), frequency=FREQUENCY)
+    for found in (image_of(frames.result.frames, path), image.result):
+        inside = truth.magnitude > 0.5 * truth.magnitude.max()
+        assert 20 * abs(np.log10(np.median(found.magnitude[inside] / truth.magnitude[inside]))) < 1
+
+
+def test_noise_and_nothing_are_no_sheets(path):
+    rng = np.random.default_rng(0)
+    noise = rng.normal(size=(len(path), 1, 1, 32)) + 1j * rng.normal(size=(len(path), 1, 1, 32))
+    for frames in (noise, 0 * noise):
+        assert remove_sheets(capture_of(RADAR, path, frames)).sheets == ()
+    for values in (rng.normal(size=(*GRID.shape, 2)) @ [1, 1j], np.zeros(GRID.shape)):
+        assert remove_sheets(ms.SarImage(grid=GRID, values=values), frequency=FREQUENCY).sheets == ()
+
+
+def test_one_row_of_poses_or_voxels():
+    path = from_places(np.column_stack([np.zeros(100), np.linspace(-0.12, 0.12, 100), np.zeros(100)]))
+    spot, sheet = points(RADAR, path, strength=0.01), mirror(RADAR, path, -0.2, tilt_deg=(0, 1))
+    found = remove_sheets(capture_of(RADAR, path, spot + sheet))
+    assert abs(found.sheets[0].tilt_deg[1] - 1) < 0.3
+    assert left_of(found.result.frames, spot, sheet) < 0.1
+    wide = raster()
+    grid = ms.VoxelGrid(x=[0.0], y=GRID.y, z=GRID.z)
+    image = remove_sheets(image_of(mirror(RADAR, wide, -0.2), wide, grid), frequency=FREQUENCY)
+    assert len(image.sheets) == 1
+    assert left_of(image.result.values, 0, image_of(mirror(RADAR, wide, -0.2), wide, grid).values) < 0.05
+
+
+def test_one_slice_and_one_pose(path):
+    grid = ms.VoxelGrid(x=GRID.x, y=GRID.y, z=[-0.2])
+    image = image_of(mirror(RADAR, path, -0.2), path, grid)
+    (one,) = remove_sheets(image, frequency=FREQUENCY).sheets
+    assert one.height == pytest.approx(-0.2)
+    alone = from_places([0, 0, 0])
+    capture = capture_of(RADAR, alone, mirror(RADAR, alone, -0.2))
+    assert isinstance(remove_sheets(capture), SheetRemoval)
+
+
+def test_what_ends_within_the_scene_is_left_and_told(path):
+    """A lid of 11 cm in an image of 20 cm may as well be an object's top; in an image of 12 cm it is a lid."""
+    sides = [(axis, sign * -0.055, sign) for axis in (0, 1) for sign in (1, -1)]
+    sheet = mirror(RADAR, path, -0.2, sides=sides) + points(RADAR, path, strength=0.002)
+    whole = remove_sheets(image_of(sheet, path), frequency=FREQUENCY, clutter="lid")
+    assert whole.sheets == ()
+    assert whole.reason
+    grid = ms.VoxelGrid.regular((-0.06, -0.06, -0.28), (0.06, 0.06, -0.15), (0.0025, 0.0025, 0.01))
+    (one,) = remove_sheets(image_of(sheet, path, grid), frequency=FREQUENCY, clutter="lid").sheets
+    assert one.border > 0.3
+
+
+def test_history_files_and_precision(path, spots, tmp_path):
+    capture = capture_of(RADAR, path, spots + mirror(RADAR, path, -0.2))
+    cleaned = remove_sheets(capture).result
+    step = cleaned.metadata["history"][-1]
+    assert step["step"] == "remove_sheets"
+    assert abs(step["sheets"][0]["height"] + 0.2) < 0.005
+    assert json.loads(json.dumps(step["sheets"][0]))["power"] > 0.5
+    ms.save(tmp_path / "capture.h5", capture)
+    with ms.open_capture(tmp_path / "capture.h5") as on_disk:
+        np.testing.assert_array_equal(remove_sheets(on_disk).result.frames, cleaned.frames)
+    image = ms.form_image(capture, GRID, tolerance=0.02)
+    precise = ms.SarImage(grid=GRID, values=image.values.astype(complex))
+    assert remove_sheets(precise, frequency=FREQUENCY).result.values.dtype == complex
+    ms.save(tmp_path / "image.h5", remove_sheets(image, frequency=FREQUENCY).result)
+    assert ms.load(tmp_path / "image.h5").metadata["history"][-1]["clutter"] == "auto"
+
+
+def test_what_cannot_be_right_is_refused(path, spots):
+    capture = capture_of(RADAR, path, spots)
+    image = ms.SarImage(grid=GRID, values=np.ones(GRID.shape))
+    assert remove_sheets(capture, clutter="none").result is capture
+    with pytest.raises(UnknownNameError, match="clutter"):
+        remove_sheets(capture, clutter="box")
+    with pytest.raises(InputError, match="does not state its frequency"):
+        remove_sheets(image)
+    with pytest.raises(InputError, match="leave frequency out"):
+        remove_sheets(capture, frequency=79e9)
+    with pytest.raises(InputError, match="most"):
+        remove_sheets(capture, most=0)
+    with pytest.raises(InputError, match="expected an image or a capture"):
+        remove_sheets(GRID)
+    slab = Layers(thicknesses=[0.01], indices=[1.4], normal=[0, 0, -1], moved=0.0, offset=0.0, error=0.0)
+    with pytest.raises(InputError, match="before layers are added"):
+        remove_sheets(replace(capture, layers=slab))
+    with pytest.raises(InputError):
+        replace(remove_sheets(capture_of(RADAR, path, mirror(RADAR, path, -0.2))).sheets[0], area=-1.0)
