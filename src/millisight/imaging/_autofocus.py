@@ -21,7 +21,8 @@ _LEAST_AGREEMENT = 1 / 15  # wavelengths rms by which two halves of the scene ma
 _LEAST_CORRECTION = 3  # times the uncertainty: what is less stays as it was given
 _LEAST_GAIN = 1.005  # of the sharpness of places that were not fitted
 _LEAST_COHERENCE = 1.5  # times what rows that have nothing in common reach, of likeness and of coherence
-_CLIMBS = (20, 30)  # steps uphill, what is bright looked for again before each
+# Steps uphill, what is bright looked for again before each: by halves of the scene, and by all of it.
+_HALVES, _ALL = (20, 30), (20, 30, 30)
 
 UNOBSERVABLE = (
     "A shift of the whole path moves the image and changes nothing else: the path as a whole stays where it was given.",
@@ -145,7 +146,9 @@ def autofocus(
         )
     mean = np.mean([capture.frames_of(slice(i, i + 1)).mean(axis=0) for i in range(len(path))], axis=0)
     subject = Subject(capture, rows, Pieces.of(path, rows, capture.radar.waveform.wavelength), mean, grid.bounds)
-    search = _Search(subject, max_offset, smoothness, rng, _Steps(progress, 3 * len(_CLIMBS) * len(tried)))
+    search = _Search(
+        subject, max_offset, smoothness, rng, _Steps(progress, (2 * len(_HALVES) + len(_ALL)) * len(tried))
+    )
     reasons = []
     for what in tried:
         found = search.focused(what)
@@ -270,7 +273,7 @@ class _Search:
         subject = self._subject
         modes = [path_modes(subject, self._smoothness)] if "path" in what else []
         modes += [row_modes(subject)] if "rows" in what else []
-        for steps in _CLIMBS:
+        for steps in _ALL if fold is None else _HALVES:
             points = self._points(moves, fold)
             if len(points):
                 moves = moves + climb(subject, subject.view(moves, points), modes, steps)
