@@ -11,7 +11,9 @@ from helpers.oracles import point_frames
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.data import Layers
 from millisight.imaging._autofocus_model import Pieces, View
+from millisight.imaging._autofocus_search import Subject
 from millisight.imaging._path_rows import rows_of_path
+from millisight.imaging._row_offsets import row_offsets
 
 GRID = ms.VoxelGrid.regular((-0.08, -0.08, -0.02), (0.08, 0.08, 0.02), (0.002, 0.002, 0.005))
 LINES = 81
@@ -208,3 +210,31 @@ def test_combined_captures_keep_their_own_antennas(right):
     points = right.tx_positions + 0.01
     own = replace(right, tx_points=points, rx_points=points)
     np.testing.assert_array_equal(ms.combine(own, own, (1, 1)).tx_positions, points)
+
+
+def test_rows_are_laid_on_each_other_by_magnitude_alone(right):
+    """To a third of a frame though phases are random; noise is no more alike than rows shifted at random."""
+    moved = errors(right.trajectory, 5, wander=0.0)
+    turned = np.exp(2j * np.pi * np.random.default_rng(0).uniform(size=LINES))
+    rows = rows_of_path(right.trajectory)
+    frames = np.array(right.frames)
+    for row, turn in zip(rows, turned, strict=True):
+        frames[row.poses] *= turn
+    found = offsets_of(astray(replace(right, frames=frames), moved))
+    true = np.array([moved[row.poses].mean(axis=0) @ row.step / (row.step @ row.step) for row in rows])
+    left = (found.frames - true) * [np.sign(row.step.sum()) for row in rows]
+    trend = np.polyval(np.polyfit(np.arange(LINES), left, 1), np.arange(LINES))
+    assert true.std() > 1
+    assert (left - trend).std() < 1 / 3
+    assert found.likeness > 3 * found.chance
+    rng = np.random.default_rng(0)
+    noise = rng.normal(size=(*right.frames.shape, 2)).astype(np.float32).view(np.complex64)[..., 0]
+    found = offsets_of(replace(right, frames=noise))
+    assert found.likeness < 1.5 * found.chance
+
+
+def offsets_of(capture):
+    rows = rows_of_path(capture.trajectory)
+    pieces = Pieces.of(capture.trajectory, rows, capture.radar.waveform.wavelength)
+    subject = Subject(capture, rows, pieces, np.zeros((1, 1, 16)), GRID.bounds)
+    return row_offsets(subject, 5.0, np.random.default_rng(0))

@@ -25,7 +25,8 @@ def row_axes(subject: Subject) -> np.ndarray:
     middles = np.array([places[row.poses].mean(axis=0) for row in subject.rows])
     apart = middles - middles.mean(axis=0)
     apart = apart - np.outer(apart @ along, along)
-    across = np.linalg.svd(apart)[2][0]
+    # Rows that all lie in one line have no direction from row to row: any across them will do.
+    across = next(v for v in np.linalg.svd(apart)[2] if abs(v @ along) < 0.9)
     across = across - (across @ along) * along
     across = across / np.linalg.norm(across)
     return np.stack([along, across, np.cross(along, across)])
@@ -46,6 +47,11 @@ def lattice(subject: Subject, axes: np.ndarray, steps: np.ndarray, most: int) ->
     return inner.reshape(-1, 3) @ axes, inner.shape[:3]
 
 
+def row_lobe(subject: Subject, axes: np.ndarray) -> float:
+    """Width of the main lobe along the rows [m]."""
+    return float(1 / (np.abs(axes[0]) / lobe(subject.capture, subject.box.mean(axis=0))).sum())
+
+
 def row_fields(view: View, pieces: Pieces) -> np.ndarray:
     """(R, V) fields of whole rows."""
     first = np.flatnonzero(np.diff(pieces.rows, prepend=-1))
@@ -64,19 +70,19 @@ class RowOffsets(NamedTuple):
 def row_offsets(subject: Subject, most: float, rng: np.random.Generator) -> RowOffsets | None:
     """Offsets of `most` frames at most; None where nothing is seen."""
     axes = row_axes(subject)
-    fine = 1 / (np.abs(axes[0]) / lobe(subject.capture, subject.box.mean(axis=0))).sum()
     resolution = subject.capture.radar.waveform.range_resolution
-    points, shape = lattice(subject, axes, np.array([fine / 2, resolution, resolution]), _MOST_CELLS)
+    steps = np.array([row_lobe(subject, axes) / 2, resolution, resolution])
+    points, shape = lattice(subject, axes, steps, _MOST_CELLS)
     still = np.zeros_like(subject.capture.trajectory.positions)
     sizes = np.abs(row_fields(subject.view(still, points), subject.pieces)).reshape(len(subject.rows), -1, shape[-1])
     sizes = sizes - sizes.mean(axis=2, keepdims=True)
     spacing = float(np.ptp(points @ axes[0])) / max(shape[-1] - 1, 1)
     if not spacing or not sizes.any():
         return None
-    steps = np.array([row.step @ axes[0] for row in subject.rows]) / spacing
-    shifts, likeness = _aligned(sizes, most * np.abs(steps))
+    frames = np.array([row.step @ axes[0] for row in subject.rows]) / spacing
+    shifts, likeness = _aligned(sizes, most * np.abs(frames))
     rolled = np.stack([np.roll(lines, rng.integers(shape[-1]), axis=1) for lines in sizes])
-    return RowOffsets(np.clip(shifts / steps, -most, most), likeness, _aligned(rolled, most * np.abs(steps))[1])
+    return RowOffsets(np.clip(shifts / frames, -most, most), likeness, _aligned(rolled, most * np.abs(frames))[1])
 
 
 def _aligned(sizes: np.ndarray, reach: np.ndarray) -> tuple[np.ndarray, float]:

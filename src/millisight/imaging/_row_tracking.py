@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from millisight.imaging._autofocus_search import Subject
-from millisight.imaging._row_offsets import lattice, row_axes, row_fields
+from millisight.imaging._row_offsets import lattice, row_axes, row_fields, row_lobe
 
 _MOST_CELLS = 12_000
 _MOST_TARGETS, _FAINTEST = 40, 0.03  # of the brightest target's power
@@ -104,15 +104,13 @@ def _histories(subject: Subject, moves: np.ndarray) -> Histories | None:
 
 def _targets(subject: Subject, moves: np.ndarray, axes: np.ndarray) -> np.ndarray:
     """(K, 3) places of targets [m], the brightest first: maxima of the rows' powers, added without their phases."""
-    from millisight.imaging._autofocus_model import lobe
-
     pieces = subject.pieces.thinned(_EVERY)
 
     def power(points: np.ndarray) -> np.ndarray:
         fields = row_fields(subject.view(moves, points, pieces), pieces)
         return (np.abs(fields) ** 2).sum(axis=0)
 
-    fine = 1 / (np.abs(axes[0]) / lobe(subject.capture, subject.box.mean(axis=0))).sum()
+    fine = row_lobe(subject, axes)
     steps = np.array([fine / 1.3, 6 * subject.wavelength, 3 * subject.wavelength])
     points, _ = lattice(subject, axes, steps, _MOST_CELLS)
     values = power(points)
