@@ -49,6 +49,8 @@ class TestSides:
         [
             ("mug", (0, 0, 30), CLOSED),
             ("025_mug", (0, 0, 30), CLOSED),  # by its folder, as a scan is called
+            ("025-Mug", (0, 0, 30), CLOSED),  # spelled otherwise
+            ("065-B cups", (0, 0, 30), CLOSED),
             ("mug", (0, 0, 91), SAME_POSE),
             ("mug", (0, 0, 92), CLOSED),
             ("fork", (0, 0, 0), CLOSED),

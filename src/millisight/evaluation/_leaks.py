@@ -5,6 +5,7 @@ training nor in validation, object-disjoint. Objects are the same by name: a rea
 shape is no new object.
 """
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -24,7 +25,13 @@ NO_TEST = "not tested by the split"
 LEFT_OUT = (VALIDATION, SAME_POSE, NO_CLASS)
 """Why an image stands in no table."""
 
-_NAMES = {entry.ycb_id: name for name, entry in CATALOGUE.items()}
+
+def _plain(name: str) -> str:
+    """Without case, and with one mark between words: folders spell one object 057_racquetball and 057-racquetball."""
+    return re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
+
+
+_NAMES = {_plain(spelled): name for name, entry in CATALOGUE.items() for spelled in (name, entry.ycb_id)}
 
 
 class Training(NamedTuple):
@@ -78,8 +85,8 @@ def training_of(name: str, description: Mapping[str, Any]) -> Training:
 
 
 def _known_as(name: str) -> str:
-    """The name in the catalogue, also of a folder of the YCB set."""
-    return _NAMES.get(name, name)
+    """The name in the catalogue, also of a folder of the YCB set, however it is spelled."""
+    return _NAMES.get(_plain(name), name)
 
 
 def _rotations(name: str, angles_deg: list) -> np.ndarray:
