@@ -62,17 +62,17 @@ def left_over(path, moves, middle=(0, 0, 0)):
 
 
 def peak(capture, grid):
-    """The largest magnitude, between the voxels as well."""
-    brightest = grid.points[ms.form_image(capture, grid).magnitude.argmax()]
-    steps = [np.diff(axis)[0] for axis in (grid.x, grid.y, grid.z)]
+    """The largest magnitude, between the voxels as well: around the ten brightest that lie apart."""
+    size, points, brightest = ms.form_image(capture, grid).magnitude.ravel(), grid.points, []
+    steps = np.array([np.diff(axis)[0] for axis in (grid.x, grid.y, grid.z)])
+    for _ in range(10):
+        brightest.append(points[size.argmax()])
+        size = np.where((abs(points - brightest[-1]) < 2.5 * steps).all(axis=1), 0, size)
     around = np.stack(np.meshgrid(*3 * [np.linspace(-0.5, 0.5, 5)]), axis=-1).reshape(-1, 3) * steps
     values = ms.image_at(
-        capture.frames,
-        capture.tx_positions,
-        capture.rx_positions,
-        capture.radar.waveform.frequencies,
-        brightest + around,
-    )
+        capture.frames, capture.tx_positions, capture.rx_positions, capture.radar.waveform.frequencies,
+        (np.array(brightest)[:, None] + around).reshape(-1, 3),
+    )  # fmt: skip
     return abs(values).max()
 
 
@@ -98,16 +98,17 @@ def rig_scene():
     return ms.Capture(radar=radar, trajectory=path, frames=frames.astype(np.complex64)), grid
 
 
+# What makes them; the least that is left, one over so many wavelengths; the least peak [% of the true path's].
 SCENES = {
-    "points at 77 GHz": (lambda: scene("mito-sim-77ghz"), 18),
-    "points at 24 GHz": (lambda: scene("mito-sim-24ghz"), 6),
-    "the rig's balls at 77 GHz": (rig_scene, 18),
+    "points at 77 GHz": (lambda: scene("mito-sim-77ghz"), 18, 90),
+    "points at 24 GHz": (lambda: scene("mito-sim-24ghz"), 6, 70),
+    "the rig's balls at 77 GHz": (rig_scene, 18, 70),
 }
 
 
 @pytest.mark.parametrize("name", SCENES)
 def test_what_is_left(name):
-    make, least = SCENES[name]
+    make, least, least_peak = SCENES[name]
     right, grid = make()
     path, wavelength = right.trajectory, right.radar.waveform.wavelength
     middle = grid.bounds.mean(axis=0)
@@ -129,4 +130,4 @@ def test_what_is_left(name):
             f"{' and '.join(found.applied) or found.reason}"
         )
         assert after > least
-        assert peaks[1] > 80
+        assert peaks[1] > least_peak
