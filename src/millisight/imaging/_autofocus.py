@@ -187,14 +187,17 @@ class _Search:
     """Fits the path to each half of the scene, lets the other half judge it, and then fits it to all."""
 
     def __init__(self, subject: Subject, most: float, smoothness: float, rng, steps: _Steps):
-        self._subject, self._most, self._smoothness, self._steps = subject, most, smoothness, steps
+        self._subject, self._smoothness, self._steps = subject, smoothness, steps
         self._rng = np.random.default_rng(rng)
         self._nothing = np.zeros_like(subject.capture.trajectory.positions)
+        # What the given path shows, for every attempt alike.
+        self._bright = self._points(self._nothing, None)
+        self._late = row_offsets(subject, most, self._rng) if subject.rows else None
 
     def focused(self, what: tuple[str, ...]) -> Focused | str:
         """The correction; where it is not to be believed, the reason."""
         subject = self._subject
-        if not len(self._points(self._nothing, None)):
+        if not len(self._bright):
             return "no echo comes from the grid"
         begun = self._sharpest([self._nothing, *self._begun(what)])
         halves = [self._fit(what, begun, fold) for fold in range(2)]
@@ -250,8 +253,7 @@ class _Search:
 
     def _begun(self, what: tuple[str, ...]) -> list[np.ndarray]:
         """(P, 3) what the rows tell before anything is in phase [m]: their offsets; these and their distances."""
-        subject, moves = self._subject, np.zeros_like(self._nothing)
-        late = row_offsets(subject, self._most, self._rng) if subject.rows else None
+        subject, moves, late = self._subject, np.zeros_like(self._nothing), self._late
         if late is None or late.likeness < _LEAST_COHERENCE * late.chance:
             return []
         for row, offset in zip(subject.rows, late.frames, strict=True):
@@ -263,7 +265,9 @@ class _Search:
 
     def _sharpest(self, tried: list[np.ndarray]) -> np.ndarray:
         """The sharpest of displacements (P, 3) [m], each seen where any of them is bright."""
-        points = np.concatenate([self._points(moves, None) for moves in tried])
+        if len(tried) == 1:
+            return tried[0]
+        points = np.concatenate([self._bright if m is self._nothing else self._points(m, None) for m in tried])
         still = np.zeros((len(self._subject.pieces.rows), 3))
         sharp = [self._subject.view(moves, points).sharpness(still)[0] for moves in tried]
         return tried[int(np.argmax(sharp))]
