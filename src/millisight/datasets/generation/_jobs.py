@@ -26,6 +26,8 @@ Job = RigJob | SimulatorJob
 EMPTY_FOLDERS = "{}_background", "{}_EMPTY"
 """Of the empty scenes' raw files and of their images, by background."""
 
+_EMPTY_CARTON = "{}-carton_EMPTY"
+_EMPTY_SIZES = (0.09, 0.09, 0.05), (0.24, 0.24, 0.14)  # of empty cartons, from and to [m]
 _CLOTHS = 4
 _UPRIGHT = (0, 0, 0)
 
@@ -133,6 +135,7 @@ class _Scans:
 
     def jobs(self) -> list[Job]:
         empty = [job for background in self._rig.backgrounds for job in self._empty(background)]
+        empty += [job for background in self._rig.backgrounds for job in self._empty_cartons(background)]
         return [*empty, *(job for subject in self._subjects for job in self._experiments(subject))]
 
     def _world(self, number: int, background: str) -> World:
@@ -145,7 +148,7 @@ class _Scans:
 
     def _experiments(self, subject: RecipeObject) -> Iterator[Job]:
         """The scans of a subject in every condition on every background; experiments are numbered through."""
-        hidden = self._rig.conditions[1:]
+        hidden = self._rig.hidden
         for b, background in enumerate(self._rig.backgrounds):
             first = 1 + (subject.number * len(self._rig.backgrounds) + b) * max(1, len(hidden))
             for condition, number in (("los", first), *((c, first + i) for i, c in enumerate(hidden))):
@@ -197,20 +200,64 @@ class _Scans:
         empty: Mapping[str, str], image_folder: str | None = None, keep: str | None = None,
     ) -> RigJob:  # fmt: skip
         hiding = condition.split("+")
+        carton, cloth = self._covers(world, folder, alone=not objects)
         world = dataclasses.replace(
             world,
             seed=seed_of(self._recipe, folder, *_folders(world)),
             objects=objects,
-            carton=(world.carton or Carton()) if "carton" in hiding else None,
-            cloth=(world.cloth or Cloth(layers=_CLOTHS)) if "cloth" in hiding else None,
+            carton=carton if "carton" in hiding else None,
+            cloth=cloth if "cloth" in hiding else None,
         )
         # One for all scans of an experiment, whose radars it speaks of.
         info = experiment_info(dataclasses.replace(self._worlds[0][background], radars=tuple(self._radars)))
         info |= {"simulated": True, "physics": PHYSICS, "conditions": conditions}
         return RigJob(
             folder=folder, world=world, info=info, voxels=self._rig.image, keep=keep or self._rig.keep, camera=camera,
-            first=first, sources=sources, empty=empty, image_folder=image_folder,
+            first=first, sources=sources, empty=empty, image_folder=image_folder, beyond=self._beyond(folder),
         )  # fmt: skip
+
+    def _beyond(self, folder: str) -> tuple[float, float, float, float]:
+        """Of the images of an experiment, the same for both radars."""
+        rng = np.random.default_rng(seed_of(self._recipe, folder, "beyond"))
+        a, b, c, d = np.round(rng.uniform(0, self._rig.image.beyond, 4), 4).tolist()
+        return a, b, c, d
+
+    def _covers(self, world: World, folder: str, *, alone: bool) -> tuple[Carton, Cloth]:
+        """The carton and the cloth of an experiment, the same for all its scans; `alone` with nothing in the carton."""
+        carton, cloth = world.carton or Carton(), world.cloth or Cloth(layers=_CLOTHS)
+        drawn = self._rig.covers
+        if drawn is None:
+            return carton, cloth
+        rng = np.random.default_rng(seed_of(self._recipe, folder, "covers"))
+        tilt = np.round(rng.uniform(-drawn.tilt_deg, drawn.tilt_deg, 2), 2).tolist()
+        carton = dataclasses.replace(
+            carton,
+            clearance=_drawn(drawn.clearance, rng),
+            thickness=carton.thickness if drawn.thickness is None else _drawn(drawn.thickness, rng),
+            tilt_deg=tuple(tilt),
+        )
+        cloth = dataclasses.replace(cloth, gap=_drawn(drawn.gap, rng))
+        if alone:
+            size = np.round(rng.uniform(_EMPTY_SIZES[0], _EMPTY_SIZES[1]), 3).tolist()
+            carton = dataclasses.replace(carton, size=tuple(size), clearance=0.0)
+        return carton, cloth
+
+    def _empty_cartons(self, background: str) -> Iterator[Job]:
+        """Cartons with nothing in them, as large as those around objects; they test what finds objects."""
+        for number in range(1, 1 + (0 if self._rig.covers is None else self._rig.covers.empty)):
+            folder = experiment_folder(".", _EMPTY_CARTON.format(background), _UPRIGHT, number, "nlos").as_posix()
+            for i, worlds in enumerate(self._worlds):
+                world = worlds[background]
+                carton, _ = self._covers(world, folder, alone=True)
+                if self._rig.margin is not None and carton.size is not None:
+                    half = np.array(carton.size[:2]) / 2
+                    size = cover(np.array([-half, half]), np.zeros(2), self._rig.margin)
+                    world = _with_aperture(world, np.minimum(size, world.scan.size))
+                empty = {radar: _empty_folder(0, background) for radar in self._subtracted if radar in _folders(world)}
+                yield self._job(
+                    folder, world, background, {"nlos": "carton"}, condition="carton", objects=(), camera=False,
+                    first=i == 0, sources={}, empty=empty,
+                )  # fmt: skip
 
     def _around(self, world: World, subject: RecipeObject) -> World:
         """The world with its aperture cut to what the subject needs."""
@@ -218,6 +265,11 @@ class _Scans:
             return world
         size = cover(subject.bounds(), np.zeros(2), self._rig.margin)
         return _with_aperture(world, np.minimum(size, world.scan.size))
+
+
+def _drawn(ends: tuple[float, float], rng: np.random.Generator) -> float:
+    """A length between two ends, to a tenth of a millimetre [m]."""
+    return round(float(rng.uniform(*ends)), 4)
 
 
 def _with_aperture(world: World, size: np.ndarray) -> World:

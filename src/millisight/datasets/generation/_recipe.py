@@ -184,10 +184,37 @@ class Voxels:
 
     spacing: tuple[float, float, float] = (0.0025, 0.0025, 0.01)  # along x, y and z [m]
     margin: float | None = None  # how much is kept around the objects [m]; None: the whole box
+    beyond: float = 0.0  # how much more, at most, drawn for each side along x and y: the objects lie off the middle [m]
 
     def __post_init__(self) -> None:
         spacing = checked_numbers(self.spacing, name="spacing", count=3, unit="m", above=0)
-        put(self, spacing=spacing, margin=_margin(self.margin))
+        beyond = checked_number(self.beyond, name="beyond", unit="m", minimum=0)
+        if beyond and self.margin is None:
+            raise InputError(f"beyond is {beyond:g} m, but the whole box is kept; state a margin, too")
+        put(self, spacing=spacing, margin=_margin(self.margin), beyond=beyond)
+
+
+@record
+class Covers:
+    """How what hides the objects is drawn, anew for each experiment, evenly between two ends."""
+
+    cartons: int = 1  # cartons of each object in each pose
+    clearance: tuple[float, float] = (0.02, 0.02)  # between the objects and the carton's walls, and its lid [m]
+    thickness: tuple[float, float] | None = None  # of the carton's walls [m]; None: as the world's
+    tilt_deg: float = 0.0  # of the carton's lid along x and along y, at most
+    gap: tuple[float, float] = (0.002, 0.002)  # below the first layer of cloth [m]
+    empty: int = 0  # cartons with nothing in them, besides
+
+    def __post_init__(self) -> None:
+        put(
+            self,
+            cartons=checked_integer(self.cartons, name="cartons"),
+            clearance=_ends(self.clearance, "clearance"),
+            thickness=None if self.thickness is None else _ends(self.thickness, "thickness"),
+            tilt_deg=checked_number(self.tilt_deg, name="tilt_deg", unit="degrees", minimum=0),
+            gap=_ends(self.gap, "gap"),
+            empty=checked_integer(self.empty, name="empty", minimum=0),
+        )
 
 
 @record
@@ -205,6 +232,7 @@ class Rig:
     empty: tuple[str, ...] = ("24_ghz",)  # radars of which the empty scene is captured; of "24_ghz" it is subtracted
     margin: float | None = None  # [m]
     image: Voxels = field(default_factory=Voxels)
+    covers: Covers | None = None  # None: the world's carton and cloth, the same for all
     world: Mapping[str, Any] = field(default_factory=dict)  # tables of WORLD.toml; the cloth has four layers by default
     scans: tuple[Mapping[str, Any], ...] = ()
 
@@ -218,6 +246,12 @@ class Rig:
         _check_all("radar", self.empty, RADARS)
         check_known("keep", self.keep, KEEPS)
         put(self, margin=_margin(self.margin))
+
+    @property
+    def hidden(self) -> tuple[str, ...]:
+        """The conditions of one object in one pose that hide it, each as often as it is made."""
+        cartons = 1 if self.covers is None else self.covers.cartons
+        return tuple(c for c in self.conditions[1:] for _ in range(cartons if "carton" in c else 1))
 
 
 @record
@@ -355,6 +389,13 @@ def recipe_from_table(table: Mapping[str, Any], *, folder: str = ".", source: st
 
 def _margin(value: float | None) -> float | None:
     return None if value is None else checked_number(value, name="margin", unit="m", minimum=0)
+
+
+def _ends(value: Any, name: str) -> tuple[float, float]:
+    low, high = checked_numbers(value, name=name, count=2, unit="m")
+    if not 0 <= low <= high:
+        raise InputError(f"{name} is [{low:g}, {high:g}]; expected two lengths, the smaller first [m]")
+    return low, high
 
 
 def _angles(value: Any, name: str) -> tuple[int, int, int]:

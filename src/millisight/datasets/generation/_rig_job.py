@@ -47,6 +47,7 @@ class RigJob:
     sources : checksums of the mesh files, by their paths relative to the dataset
     empty : folder of the empty scene's experiment that is subtracted before imaging, by radar
     image_folder : of the experiment where images go; None: `folder`
+    beyond : (4,) by how much the images reach further than the margin, to lower and higher x, lower and higher y [m]
     """
 
     folder: str
@@ -59,6 +60,7 @@ class RigJob:
     sources: Mapping[str, str]
     empty: Mapping[str, str]
     image_folder: str | None = None
+    beyond: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
 
     @property
     def radars(self) -> tuple[str, ...]:
@@ -90,6 +92,7 @@ class RigJob:
             "world": _plain(dataclasses.replace(self.world, folder=".")),
             "info": dict(self.info),
             "image": _plain(self.voxels),
+            "beyond": list(self.beyond),
             "keep": self.keep,
             "camera": self.camera,
             "first": self.first,
@@ -132,8 +135,11 @@ class RigJob:
 
     def _grid(self, stage: WorldLayout, radar: str) -> VoxelGrid:
         box = mito.published_box(radar, self.world.support.kind)
-        bounds = [thing.bounds for thing in stage.objects]
-        around = (np.min(bounds, axis=0)[0], np.max(bounds, axis=0)[1]) if bounds else None
+        bounds = [thing.bounds for thing in stage.objects] or [panel.mesh.bounds for panel in stage.panels]
+        around = None
+        if bounds:
+            left, right, near, far = self.beyond
+            around = np.min(bounds, axis=0)[0] - [left, near, 0], np.max(bounds, axis=0)[1] + [right, far, 0]
         return cut_grid(box["lower"], box["upper"], self.voxels, around)
 
     def _image(self, root: Path, to: Path, stage: WorldLayout, radar: str, made_by: Mapping[str, Any]) -> None:
@@ -155,7 +161,7 @@ class RigJob:
         if self.keep == "captures":
             save(make_folder(raw) / mito.RAW_CAPTURE, capture, reproducible=True)
             save(raw / mito.RAW_LOG, scan.log, extras=made_by, reproducible=True)
-        if not stage.objects:
+        if not stage.objects and not stage.panels:
             save(raw / CAPTURE_NAME, capture, reproducible=True)
 
     def _without_empty(self, capture: Capture, root: Path, radar: str) -> Capture:

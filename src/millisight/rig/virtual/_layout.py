@@ -7,11 +7,11 @@ import numpy as np
 
 from millisight.core import box, rotation_from_euler_deg
 from millisight.core.errors import CoverageError, InputError, MillisightError
-from millisight.data import TriangleMesh, VoxelGrid, material_named
+from millisight.data import LAYERED, Layer, TriangleMesh, VoxelGrid, material_named
 from millisight.meshes import ObjectPart, RayCaster, build_parts, load_mesh
 from millisight.rig.virtual._published import image_grid
 from millisight.rig.virtual._shading import ShadedMeshes
-from millisight.rig.virtual._world import World, WorldObject
+from millisight.rig.virtual._world import Carton, World, WorldObject
 
 
 class PlacedObject(NamedTuple):
@@ -85,12 +85,13 @@ _BLOCK = 0.20  # height of the styrofoam block [m]
 
 
 class LayerPanel(NamedTuple):
-    """A flat piece of layers: a corner (3,) and its two sides (3,) [m], and the name of the stack."""
+    """A flat piece of layers: a corner (3,) and its two sides (3,) [m], the name of the stack, and its layers."""
 
     corner: np.ndarray
     u: np.ndarray
     v: np.ndarray
     stack: str
+    layers: tuple[Layer, ...] = ()
 
     @property
     def mesh(self) -> TriangleMesh:
@@ -222,24 +223,41 @@ def _carton_panels(world: World, objects: tuple[PlacedObject, ...]) -> tuple[Lay
     carton = world.carton
     if carton is None:
         return ()
-    if not objects:
-        raise InputError("carton: there is no object to put it around; add one, or leave the carton out")
-    bounds = np.array([item.bounds for item in objects])
-    lower = bounds[:, 0].min(axis=0) - carton.clearance
-    upper = bounds[:, 1].max(axis=0) + carton.clearance
+    if objects:
+        bounds = np.array([item.bounds for item in objects])
+        lower = bounds[:, 0].min(axis=0) - carton.clearance
+        upper = bounds[:, 1].max(axis=0) + carton.clearance
+    elif carton.size is None:
+        raise InputError("carton: there is no object to put it around; add one, state its size, or leave it out")
+    else:
+        lower = upper = np.append(world.scan.middle, world.support.height)
+    middle = (lower + upper) / 2
+    if carton.at is not None:
+        middle[:2] = carton.at
+    extent = upper - lower
+    lower, upper = middle - extent / 2, middle + extent / 2
     lower[2] = world.support.height
     if carton.size is not None:
-        middle, size = (lower + upper) / 2, np.array(carton.size)
+        size = np.array(carton.size)
         lower[:2], upper[:2] = middle[:2] - size[:2] / 2, middle[:2] + size[:2] / 2
         upper[2] = lower[2] + size[2]
-    return _box_panels(lower, upper, carton.stack, lid=carton.lid)
+    else:
+        upper[2] += (
+            np.tan(np.radians(np.abs(carton.tilt_deg))) @ (upper - lower)[:2] / 2
+        )  # of the middle, so that no corner is too low
+    return _box_panels(lower, upper, carton)
 
 
-def _box_panels(lower: np.ndarray, upper: np.ndarray, stack: str, *, lid: bool) -> tuple[LayerPanel, ...]:
+def _box_panels(lower: np.ndarray, upper: np.ndarray, carton: Carton) -> tuple[LayerPanel, ...]:
+    """Four walls, and the lid if there is one."""
     x, y, z = np.diag(upper - lower)
     # Fronts outward.
-    sides = [(lower, z, y), (lower + x, y, z), (lower, x, z), (lower + y, z, x), (lower + z, x, y)]
-    return tuple(LayerPanel(corner, u, v, stack) for corner, u, v in (sides if lid else sides[:-1]))
+    sides = [(lower, z, y), (lower + x, y, z), (lower, x, z), (lower + y, z, x)]
+    if carton.lid:
+        turn = rotation_from_euler_deg((carton.tilt_deg[1], -carton.tilt_deg[0], 0.0))
+        u, v = turn @ x, turn @ y
+        sides.append((lower + z + (x + y - u - v) / 2, u, v))
+    return tuple(LayerPanel(corner, u, v, carton.stack, carton.layers) for corner, u, v in sides)
 
 
 def _cloth_panels(
@@ -257,7 +275,8 @@ def _cloth_panels(
     top = upper[2] - cloth.overhang
     x, y = np.diag(upper - lower)[:2]
     heights = top + cloth.gap * (1 + np.arange(cloth.layers))
-    return tuple(LayerPanel(np.array([lower[0], lower[1], height]), x, y, cloth.stack) for height in heights)
+    layers = LAYERED[cloth.stack]
+    return tuple(LayerPanel(np.array([*lower[:2], height]), x, y, cloth.stack, layers) for height in heights)
 
 
 def _check_places(world: World, objects: tuple[PlacedObject, ...]) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from millisight.core import atomic_path, make_folder
 from millisight.core.errors import InputError, UnknownNameError
-from millisight.data import LAYERED, CameraMask, Trajectory
+from millisight.data import CameraMask, Trajectory
 from millisight.io import save
 from millisight.rig import ArmPose, ScanPlan
 from millisight.rig.virtual._arm import VirtualArm
@@ -164,7 +164,7 @@ def optics_of(layout: WorldLayout) -> Frames:
 
     world = layout.world
     parts = tuple(Part(mesh=part.mesh, material=part.material) for part in layout.parts)
-    sheets = tuple(Sheet(corner=p.corner, u=p.u, v=p.v, layers=LAYERED[p.stack]) for p in layout.panels)
+    sheets = tuple(Sheet(corner=p.corner, u=p.u, v=p.v, layers=p.layers) for p in layout.panels)
     models: dict[RadarSettings, EchoModel] = {}
 
     def frames(settings: RadarSettings, trajectory: Trajectory) -> np.ndarray:

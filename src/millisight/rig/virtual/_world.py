@@ -27,12 +27,13 @@ from millisight.core import (
     write_text,
 )
 from millisight.core.errors import InputError
-from millisight.data import LAYERED, material_named
+from millisight.data import LAYERED, Layer, material_named
 from millisight.meshes import CATALOGUE
 from millisight.rig.virtual._settings import ArmSettings, CameraSettings, RadarSettings
 
 _TOPS = {"tripod": -0.30, "styrofoam": -0.48}
 _MOST = 100  # objects, walls, layers of cloth
+_STEEPEST = 20.0  # lid [degrees]
 PATTERNS = ("serpentine", "one-way")
 
 
@@ -116,22 +117,62 @@ class Carton:
     Attributes
     ----------
     stack : layers of its walls, a name of `LAYERED`
+    thickness : of its walls [m], the middle one of an odd number of layers thicker or thinner; None: as the stack
     clearance : between the objects and its walls, and its lid [m]
     size : along x, y and z, around the objects' middle [m]; None: so that it fits
+    at : x and y of its middle [m]; None: the objects' middle, in an empty scene the aperture's
     lid : whether it is closed above
+    tilt_deg : how far the lid rises along x and along y, about its middle; it never gets closer than `clearance`
+        [degrees]
     """
 
     stack: str = "carton"
+    thickness: float | None = None
     clearance: float = 0.02
     size: tuple[float, float, float] | None = None
+    at: tuple[float, float] | None = None
     lid: bool = True
+    tilt_deg: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         _check_stack(self.stack)
         checked_record(self.lid, bool, name="lid")
-        put(self, clearance=checked_number(self.clearance, name="clearance", unit="m", minimum=0))
+        tilt = checked_numbers(self.tilt_deg, name="tilt_deg", count=2, unit="degrees")
+        if not max(abs(tilt[0]), abs(tilt[1])) <= _STEEPEST:
+            raise InputError(f"tilt_deg is {list(tilt)}; expected {_STEEPEST} degrees at most")
+        put(
+            self,
+            clearance=checked_number(self.clearance, name="clearance", unit="m", minimum=0),
+            tilt_deg=tilt,
+        )
         if self.size is not None:
             put(self, size=checked_numbers(self.size, name="size", count=3, unit="m", above=0))
+        if self.at is not None:
+            put(self, at=checked_numbers(self.at, name="at", count=2, unit="m"))
+        if self.thickness is not None:
+            put(self, thickness=checked_number(self.thickness, name="thickness", unit="m", above=0))
+        _ = self.layers
+
+    @property
+    def layers(self) -> tuple[Layer, ...]:
+        """Of its walls, from outside to inside.
+
+        Raises
+        ------
+        InputError
+            There is no single middle layer, or the outer ones are thicker than the walls.
+        """
+        layers = LAYERED[self.stack]
+        if self.thickness is None:
+            return layers
+        middle = len(layers) // 2
+        rest = sum(layer.thickness for layer in layers) - layers[middle].thickness
+        if len(layers) % 2 == 0 or not self.thickness > rest:
+            raise InputError(
+                f"thickness is {self.thickness:g} m; expected more than {rest:g} m, which the outer layers of "
+                f"{self.stack!r} have, and a stack of an odd number of layers"
+            )
+        return (*layers[:middle], Layer(layers[middle].material, self.thickness - rest), *layers[middle + 1 :])
 
 
 @record
