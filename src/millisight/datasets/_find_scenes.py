@@ -1,6 +1,7 @@
 """The scenes of a dataset, found by names alone, and the dataset as tasks of `ms.evaluate` see it."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from millisight.core import check_known, record
@@ -21,10 +22,12 @@ class DatasetFiles:
     dataset : Dataset
     scenes : those to be evaluated
     notes : what is to be said of them
+    empties : scenes with no object, of which there are 77 GHz images
     """
 
     dataset: Dataset
     scenes: tuple[SceneFiles, ...]
+    empties: tuple[SceneFiles, ...] = ()
     notes: tuple[str, ...] = ()
 
     @property
@@ -101,6 +104,17 @@ def find_scenes(
     return tuple(
         files for files in found if files.images and sight in (None, files.sight) and experiment in (None, files.number)
     )
+
+
+def find_empties(dataset: Dataset) -> tuple[SceneFiles, ...]:
+    """The scenes with no object, which test what finds objects: empty cartons. Published ones have no 77 GHz image."""
+    found = [
+        replace(_files(each, one.folder.name, one.experiments, {}), hollow=True)
+        for one in dataset.objects
+        if one.role == "empty"
+        for each in one.experiments
+    ]
+    return tuple(files for files in found if HIGH in files.images)
 
 
 def _empty_images(dataset: Dataset) -> dict[tuple[str, int], Item]:

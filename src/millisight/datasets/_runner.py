@@ -14,7 +14,7 @@ from millisight.core import make_folder, printable, write_text
 from millisight.core.errors import InputError
 from millisight.datasets import _mito
 from millisight.datasets._dataset import Dataset
-from millisight.datasets._find_scenes import DatasetFiles, find_scenes
+from millisight.datasets._find_scenes import DatasetFiles, find_empties, find_scenes
 from millisight.datasets._workers import each
 from millisight.evaluation import TASKS, EvaluationItem, Result, Task
 
@@ -82,16 +82,18 @@ def evaluate(
 
 def _opened(dataset: Any, objects: Iterable[str], sight: str | None, experiment: int | None = None) -> DatasetFiles:
     every = dataset if isinstance(dataset, Dataset) else _mito.open(dataset)
-    found = every.only(list(objects))
+    names = list(objects)
+    found = every.only(names)
     scenes = find_scenes(found, sight=sight, experiment=experiment, within=every)
     left_out = [scene.name for scene in scenes if not scene.used]
+    empties = () if sight == "los" or names else find_empties(found)
     if not left_out:
-        return DatasetFiles(dataset=found, scenes=scenes)
+        return DatasetFiles(dataset=found, scenes=scenes, empties=empties)
     told = f"the authors of the dataset leave out {', '.join(left_out)}"
     if len(left_out) == len(scenes):
         raise InputError(f"{printable(found.root)} has nothing to evaluate: {told}")
     scenes = tuple(scene for scene in scenes if scene.name not in left_out)
-    return DatasetFiles(dataset=found, scenes=scenes, notes=(told,))
+    return DatasetFiles(dataset=found, scenes=scenes, empties=empties, notes=(told,))
 
 
 def _task(task: str | Task, options: Mapping[str, Any]) -> Task:

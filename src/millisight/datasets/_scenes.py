@@ -52,6 +52,7 @@ class SceneFiles(SceneSource):
     turns : what may tell how the tool was held in the 77 GHz scan: the image, raw files, the robot's log
     published : what the table of the published dataset says of the experiment; it holds for measured scenes alone
     empty : the empty scene's image, to be subtracted at 24 GHz as published; None: there is none
+    hollow : whether there is no object in it, and its true masks are empty
     """
 
     images: Mapping[str, Item]
@@ -63,6 +64,7 @@ class SceneFiles(SceneSource):
     turns: tuple[Item, ...] = ()
     published: PublishedExperiment | None = None
     empty: Item | None = None
+    hollow: bool = False
 
     @property
     def bands(self) -> tuple[str, ...]:
@@ -163,7 +165,10 @@ class SceneFiles(SceneSource):
                 return published_radar_from_camera(self.number, pose, mito.BASE_ORIGIN, turn)
             return radar_from_camera(pose, mito.BASE_ORIGIN)
 
-        if truth == "exact":
+        if self.hollow:
+            grids = {band: image.grid.xy for band, image in images.items()}
+            masks = {band: Mask(grid_xy=grid, inside=np.zeros(grid.shape, bool)) for band, grid in grids.items()}
+        elif truth == "exact":
             masks = self._exact_masks()
         elif self.camera_mask is None or (self.camera_number != self.number and not self.physics()):
             raise FileError(

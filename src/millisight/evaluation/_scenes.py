@@ -19,6 +19,8 @@ CAMERA, LOW, HIGH, BOTH = "camera", "24 GHz", "77 GHz", "multi-spectral"
 INPUTS = (CAMERA, LOW, HIGH, BOTH)
 """Inputs of a segmenter: a photo; the image of one radar; that at 77 GHz, with prompts where 24 GHz agrees."""
 SIGHTS = {"los": "line of sight", "nlos": "out of sight"}
+EMPTY = "empty"
+"""In the place of a sight: a scene with no object, where nothing is to be found."""
 
 
 @record
@@ -120,7 +122,7 @@ class MaskTrial:
 
     Attributes
     ----------
-    scene, object, sight : of the scene
+    scene, object, sight : of the scene; `EMPTY` is a sight, too
     method : name of the segmenter
     input : one of INPUTS
     seed : of the prompts
@@ -155,8 +157,11 @@ class SegmenterEvaluator:
     def inputs(self) -> tuple[str, ...]:
         """Those of the scene that the segmenter takes.
 
-        Only prompts say which object of a photo is meant: a segmenter that needs none is made for radar images.
+        Only prompts say which object of a photo is meant: a segmenter that needs none is made for radar images. To one
+        that does not look all are the same.
         """
+        if getattr(self.by, "blind", False):
+            return tuple(name for name in (HIGH, LOW) if name in self.scene.images)[:1]
         return tuple(name for name in self.scene.inputs if name != CAMERA or self.by.needs_prompts)
 
     def attempt(self, given: str, seed: int) -> MaskAttempt:
@@ -176,7 +181,8 @@ class SegmenterEvaluator:
 
     def trials(self, seeds: Sequence[int]) -> list[MaskTrial]:
         """All inputs, each with prompts of every seed."""
-        scene = {"scene": self.scene.name, "object": self.scene.object, "sight": self.scene.sight}
+        sight = self.scene.sight if any(mask.inside.any() for mask in self.scene.truth.values()) else EMPTY
+        scene = {"scene": self.scene.name, "object": self.scene.object, "sight": sight}
         found = []
         for given in self.inputs:
             for seed in seeds:
@@ -200,7 +206,10 @@ class SegmenterEvaluator:
 
     def _from_radar(self, given: str, seed: int) -> Segmented:
         other = self.pictures[LOW] if given == BOTH else None
-        return find_mask(self.by, self.pictures[given], other=other, rng=seed, condition=self.scene.sight)
+        largest = 1.0 if getattr(self.by, "blind", False) else None
+        return find_mask(
+            self.by, self.pictures[given], other=other, rng=seed, condition=self.scene.sight, largest=largest
+        )
 
     def _from_photo(self, seed: int) -> Segmented:
         """The mask may be as large as the photo: the rule about large masks is for radar images."""

@@ -126,6 +126,11 @@ class EvaluationData(Protocol):
         """To be evaluated."""
         ...
 
+    @property
+    def empties(self) -> Sequence[SceneSource]:
+        """Scenes with no object, where nothing is to be found."""
+        ...
+
     def origins(self) -> Mapping[str, Origin]:
         """Where the scenes come from, by name."""
         ...

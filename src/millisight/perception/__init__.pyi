@@ -10,6 +10,9 @@ from ._canvas import power_levels as power_levels
 from ._canvas import projected_levels as projected_levels
 from ._canvas import resampled_power as resampled_power
 from ._canvas import resampling_weights as resampling_weights
+from ._cleaned import HIGH_BAND as HIGH_BAND
+from ._cleaned import LOW_BAND as LOW_BAND
+from ._cleaned import without_sheets as without_sheets
 from ._networks import open_network as open_network
 from ._networks import read_description as read_description
 from ._networks import write_network as write_network

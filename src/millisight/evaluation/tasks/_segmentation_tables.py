@@ -8,8 +8,8 @@ import numpy as np
 
 from millisight.core.errors import InputError
 from millisight.evaluation._metrics import METRICS, medians
-from millisight.evaluation._scenes import BOTH, CAMERA, HIGH, INPUTS, LOW, SIGHTS, MaskTrial
-from millisight.evaluation._statistics import bootstrap_interval
+from millisight.evaluation._scenes import BOTH, CAMERA, EMPTY, HIGH, INPUTS, LOW, SIGHTS, MaskTrial
+from millisight.evaluation._statistics import bootstrap_interval, wilson_interval
 from millisight.evaluation._tables import Table, table_of
 
 _PAPER_METRICS = ("precision", "recall", "f1", "iou", "accuracy")
@@ -182,6 +182,25 @@ def _pairs(rows: Sequence[TableRow]):
                     yield TableRow(method, given), TableRow(other, given)
 
 
+def empty_table(trials: Sequence[MaskTrial], *, data: str) -> Table:
+    """In how many scenes with no object nothing is found, with Wilson's 95 % intervals."""
+    mine = [one for one in trials if one.sight == EMPTY]
+    rows: list[tuple[str | float | None, ...]] = []
+    for row in rows_of(mine):
+        found = by_scene(mine, row, EMPTY, "f1")
+        right, scenes = sum(min(scores) == 1 for scores in found.values()), len(found)
+        low, high = wilson_interval(right, scenes)
+        share = f"{100 * right / scenes:.0f} ({100 * low:.0f} to {100 * high:.0f})"
+        rows.append((row.method, row.input, right, scenes, share))
+    return table_of(
+        f"Scenes with no object: {data}",
+        "segmenter|input|nothing found|scenes|share [%]",
+        rows,
+        "Nothing is found where the mask is empty, or none could be made, for all seeds. In brackets 95 % intervals.",
+        place="summary",
+    )
+
+
 def trial_table(trials: Sequence[MaskTrial], *, data: str) -> Table:
     """Every single mask, for other programs: shares from 0 to 1, lengths in metres."""
     columns = ("scene", "object", "sight", "segmenter", "input", "seed", *METRICS, "failure")
@@ -197,7 +216,7 @@ def worst(trials: Sequence[MaskTrial], count: int) -> list[MaskTrial]:
     """Of each segmenter the `count` worst masks of radar images, of each scene one at most."""
     found = []
     for method in dict.fromkeys(one.method for one in trials):
-        mine = [one for one in trials if one.method == method and one.input in (HIGH, BOTH)]
+        mine = [one for one in trials if one.method == method and one.input in (HIGH, BOTH) and one.sight != EMPTY]
         mine.sort(key=lambda one: one.scores["f1"])
         taken: dict[str, MaskTrial] = {}
         for one in mine:

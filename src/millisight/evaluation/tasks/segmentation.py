@@ -7,13 +7,19 @@ from typing import Any, ClassVar, NamedTuple
 from millisight.core import checked_integer, put, record
 from millisight.core.errors import InputError
 from millisight.evaluation._metrics import METRICS, MaskScores
-from millisight.evaluation._scenes import SIGHTS, MaskTrial, SegmenterEvaluator, checksum_of, named_segmenter
+from millisight.evaluation._scenes import EMPTY, SIGHTS, MaskTrial, SegmenterEvaluator, checksum_of, named_segmenter
 from millisight.evaluation._sources import EvaluationData, SceneSource, survey
 from millisight.evaluation._tables import Table
 from millisight.evaluation._task import TASKS, EvaluationItem, EvaluationSet, ReportFigure, Task
-from millisight.evaluation.tasks._segmentation_tables import difference_table, median_table, trial_table, worst
+from millisight.evaluation.tasks._segmentation_tables import (
+    difference_table,
+    empty_table,
+    median_table,
+    trial_table,
+    worst,
+)
 
-_FORMAT = 3
+_FORMAT = 4
 
 
 class _SegmenterSource(NamedTuple):
@@ -40,6 +46,7 @@ class SegmentationTask(Task):
     Attributes
     ----------
     methods : names of segmenters
+    blind : names of those beside them that do not look at the radar
     options : of segmenters, by their names
     seeds : number of random seeds for prompts: 0, 1, 2 and so on
     truth : true masks: "camera", the camera's mask moved to the images' grids; or "exact", those of simulated data
@@ -55,7 +62,8 @@ class SegmentationTask(Task):
     title: ClassVar[str] = "Segmentation"
     cache: ClassVar[str] = "trials"
 
-    methods: Sequence[str] = ("wave", "classical")
+    methods: Sequence[str] = ("wave", "classical", "threshold")
+    blind: Sequence[str] = ("blind ellipse", "blind disc", "blind box", "blind all")
     options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     seeds: int = 3
     truth: str = "camera"
@@ -69,6 +77,7 @@ class SegmentationTask(Task):
         put(
             self,
             methods=tuple(dict.fromkeys(methods)),
+            blind=tuple(name for name in dict.fromkeys(self.blind) if name not in methods),
             options=dict(self.options),
             crop=None if self.crop is None else tuple(self.crop),
         )
@@ -79,13 +88,13 @@ class SegmentationTask(Task):
         """One item for each segmenter and scene."""
         found = survey(data, transform=self.transform, truth=self.truth, support=self.support, crop=self.crop)
         items = []
-        for method in self.methods:
+        for method in (*self.methods, *self.blind):
             options = dict(self.options.get(method, {}))
             checksum = checksum_of(named_segmenter(method, options))
             seeds = tuple(range(self.seeds))
             settings = {"format": _FORMAT, "network": checksum, "method": method, "options": options, "seeds": seeds,
                         "reading": found.reading, "metrics": METRICS.names()}  # fmt: skip
-            for scene in data.scenes:
+            for scene in (*data.scenes, *data.empties):
                 part = f"{method}.{scene.name.replace('/', '.')}"
                 source = _SegmenterSource(scene, method, options, checksum, seeds, found.reading)
                 items.append(
@@ -122,6 +131,7 @@ class SegmentationTask(Task):
         there = {one.sight for one in rows}
         return {
             **{sight: median_table(rows, sight, data=data, notes=notes) for sight in SIGHTS if sight in there},
+            **({EMPTY: empty_table(rows, data=data)} if EMPTY in there else {}),
             "differences": difference_table(rows, data=data),
             "trials": trial_table(rows, data=data),
         }
@@ -171,7 +181,9 @@ class SegmentationTask(Task):
                 "depend on how much of the surroundings an image shows; for cropped images, as in small benchmarks, "
                 "they cannot be compared with the paper's."
             )
-        tested = {one.object for one in rows}
+        if self.blind:
+            notes.append("Blind rows do not look at the radar: what they score is due to the cut of the images.")
+        tested = {one.object for one in rows if one.sight != EMPTY}
         return notes + [_seen(named_segmenter(name, self.options.get(name, {})), tested) for name in self.methods]
 
 
@@ -183,6 +195,8 @@ def describe_scores(one: MaskTrial) -> str:
 
 def _seen(by: Any, tested: set[str]) -> str:
     """What the segmenter's network saw in training of the tested objects."""
+    if by.name == "threshold":
+        return "threshold: no network; its level was chosen on the scenes that validated wave."
     if by.name == "classical":
         return "classical: no network; its levels were chosen on the scenes of examples/recipes/bench24.toml."
     told = getattr(by, "description", {})

@@ -1,3 +1,6 @@
+from ._blind import BLIND_SHAPES as BLIND_SHAPES
+from ._blind import BlindSegmenter as BlindSegmenter
+from ._blind import ThresholdSegmenter as ThresholdSegmenter
 from ._classical import ClassicalSegmenter as ClassicalSegmenter
 from ._sam import SamSegmenter as SamSegmenter
 from ._segmentation import SEGMENTERS as SEGMENTERS
@@ -13,4 +16,5 @@ from ._wave import WAVE_CHANNELS as WAVE_CHANNELS
 from ._wave import WAVE_SLICES as WAVE_SLICES
 from ._wave import WAVE_WEIGHTS as WAVE_WEIGHTS
 from ._wave import WaveSegmenter as WaveSegmenter
+from ._wave import presence as presence
 from ._wave import wave_input as wave_input

@@ -15,6 +15,9 @@ from millisight.core import check_readable, printable
 from millisight.core.errors import DamagedFileError, FormatError, InputError
 from millisight.data import Picture, Prompts
 from millisight.perception import (
+    FLOOR_DB,
+    HIGH_BAND,
+    LOW_BAND,
     SPACING,
     canvas_axes,
     canvas_power,
@@ -23,29 +26,39 @@ from millisight.perception import (
     projected_levels,
     read_description,
     resampling_weights,
+    without_sheets,
 )
 from millisight.perception.segmentation._segmentation import SEGMENTERS, Candidates
 
 WAVE_SLICES = 8
 """Into which an image is cut along z, each seen by its brightest voxel."""
 WAVE_CHANNELS = (
-    "mean", *(f"slice {i}" for i in range(WAVE_SLICES)), "other", "has other", "image", "positive", "negative"
+    "mean", *(f"slice {i}" for i in range(WAVE_SLICES)), "other", "has other", "image", "positive", "negative",
+    "before", "taken",
 )  # fmt: skip
 
 _MULTIPLE = 8  # of the input's sides: the network halves them three times
+_OBJECT_PIXELS = 16
 _NO_POINTS = np.zeros((0, 2), int)
 
 
 def wave_input(
-    power: np.ndarray, other: np.ndarray | None, points: Sequence[np.ndarray] = (_NO_POINTS, _NO_POINTS)
+    power: np.ndarray,
+    other: np.ndarray | None,
+    points: Sequence[np.ndarray] = (_NO_POINTS, _NO_POINTS),
+    *,
+    before: np.ndarray | None = None,
+    taken_db: float = 0.0,
 ) -> np.ndarray:
     """The network's input for one image.
 
     Parameters
     ----------
-    power : (A, B, Z) on the canvas's pixels
-    other : (A, B, Z') of the other band on the same pixels; None: there is none
+    power : (A, B, Z) on the canvas's pixels, sheets taken off
+    other : (A, B, Z') of the other band on the same pixels, sheets taken off; None: there is none
     points : positive and negative prompts (n, 2), indices into A and B
+    before : (A, B) levels of the projection with sheets; None: there were none
+    taken_db : the maximum without sheets over that with them [dB]
 
     Returns
     -------
@@ -61,10 +74,18 @@ def wave_input(
         inner[1 + WAVE_SLICES] = projected_levels(other)
         inner[2 + WAVE_SLICES] = 1
     inner[3 + WAVE_SLICES] = 1
+    inner[6 + WAVE_SLICES] = inner[0] if before is None else before
+    inner[7 + WAVE_SLICES] = np.clip(1 + taken_db / FLOOR_DB, 0, 1)
     for channel, marked in zip((4 + WAVE_SLICES, 5 + WAVE_SLICES), points, strict=True):
         for i, j in marked:
             inner[channel, max(i - 1, 0) : i + 2, max(j - 1, 0) : j + 2] = 1
     return channels
+
+
+def presence(probability: np.ndarray) -> float:
+    """How sure it is that there is an object at all: the mean of the 16 highest probabilities."""
+    highest = np.sort(probability, axis=None)[-_OBJECT_PIXELS:]
+    return float(highest.mean())
 
 
 def _slice_levels(power: np.ndarray) -> np.ndarray:
@@ -121,14 +142,20 @@ class WaveSegmenter:
         if not np.any(image.values):
             raise InputError("the image is 0 everywhere, and there is nothing to segment; check how it was formed")
         x, y = canvas_axes(grid)
-        power = canvas_power(image, x, y)
-        other = None if picture.other_band is None else canvas_power(picture.other_band, x, y)
+        cleaned = without_sheets(image, frequency=HIGH_BAND)
+        power = canvas_power(cleaned, x, y)
+        before = None if cleaned is image else projected_levels(canvas_power(image, x, y))
+        taken_db = 20 * np.log10(max(cleaned.magnitude.max() / image.magnitude.max(), 1e-9))
+        other = None
+        if picture.other_band is not None:
+            other = canvas_power(without_sheets(picture.other_band, frequency=LOW_BAND), x, y)
         if other is not None and not other.any():
             raise InputError(
                 "the other band is 0 wherever the image is, or on another grid; image both bands over the same area, "
                 "or leave it out"
             )
-        channels = wave_input(power, other, _canvas_points(prompts, picture, x, y))
+        points = _canvas_points(prompts, picture, x, y)
+        channels = wave_input(power, other, points, before=before, taken_db=taken_db)
         (logits,) = self._session.run(None, {self._session.get_inputs()[0].name: channels[None]})
         inner = logits[0, : len(x), : len(y)]
         fine = resampling_weights(x, grid.x) @ inner @ resampling_weights(y, grid.y).T
@@ -136,6 +163,9 @@ class WaveSegmenter:
 
     def segment(self, picture: Picture, prompts: Prompts | None = None) -> Candidates:
         """Masks that begin at several probabilities, the one that did best on the validation scenes first.
+
+        Where nothing is found, as in an empty carton, the only mask is empty: the highest probabilities are as low as
+        in most of the empty scenes of validation.
 
         A mask's score is the intersection over union that the probabilities let expect of it; the first one's is at
         least as high as the others'.
@@ -146,6 +176,8 @@ class WaveSegmenter:
             As `probability`.
         """
         probability = self.probability(picture, prompts)
+        if presence(probability) < self.description["least"]:
+            return Candidates(masks=np.zeros((1, *probability.shape), bool), scores=np.ones(1))
         cut = min(self.description["cut"], 0.9 * float(probability.max()))
         cuts = [cut, *(cut + step for step in _STEPS[1:] if 0.05 < cut + step < probability.max())]
         masks = np.stack([_without_small_parts(probability > c) for c in cuts])
@@ -187,9 +219,10 @@ def _expected_iou(mask: np.ndarray, probability: np.ndarray) -> float:
 def _read_description(path: Path) -> dict[str, Any]:
     """What the weights' JSON holds, checked as far as it is used."""
     held = read_description(path, "cut", "channels")
-    cut = held["cut"]
     if held["channels"] != list(WAVE_CHANNELS) or held.get("spacing") != SPACING:
         raise FormatError(f"{printable(path)}: the weights belong to another version of the network; train again")
-    if not isinstance(cut, float) or not 0 < cut < 1:
-        raise DamagedFileError(f"{printable(path)}: cut is {cut!r}; expected a number between 0 and 1")
+    for name in ("cut", "least"):
+        value = held.get(name)
+        if not isinstance(value, float) or not 0 < value < 1:
+            raise DamagedFileError(f"{printable(path)}: {name} is {value!r}; expected a number between 0 and 1")
     return held

@@ -9,6 +9,7 @@ from ._augmentation import moved as moved
 from ._augmentation import object_image as object_image
 from ._augmentation import seen_otherwise as seen_otherwise
 from ._augmentation import with_noise as with_noise
+from ._bands import BANDS as BANDS
 from ._classifier import ClassifierRecipe as ClassifierRecipe
 from ._loop import Lesson as Lesson
 from ._loop import Schedule as Schedule
@@ -18,7 +19,6 @@ from ._released import ReleasedExample as ReleasedExample
 from ._released import ReleasedRecipe as ReleasedRecipe
 from ._released import released_example as released_example
 from ._released import train_released as train_released
-from ._scenes import BANDS as BANDS
 from ._scenes import SCENE_PARTS as SCENE_PARTS
 from ._scenes import SceneParts as SceneParts
 from ._scenes import SceneSettings as SceneSettings
@@ -31,3 +31,6 @@ from ._training import TrainingRecipe as TrainingRecipe
 from ._training import TrainingScene as TrainingScene
 from ._training import make_scenes as make_scenes
 from ._training import train as train
+from ._whole import WholeScene as WholeScene
+from ._whole import WholeSettings as WholeSettings
+from ._whole import compose as compose

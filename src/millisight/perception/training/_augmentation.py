@@ -1,9 +1,9 @@
 """Augmentation: images from the simulator's, as radars might have seen them; all of it drawn from one generator.
 
 First comes physics, on the parts of a scene's complex image: weights of its own for the specular and the edge part (the
-paper's augmentation: materials differ, and nobody knows by how much), what lies below and above, echoes, clutter,
-noise, speckle. Then, on channels of levels, what changes a picture and not its object: turns, scale, shift, blur,
-uneven light, places that are missing; and masks that err. `millisight.viz.plot_augmentations` draws each.
+paper's augmentation: materials differ, and nobody knows by how much), what lies below, echoes, clutter, noise. Then, on
+channels of levels, what changes a picture and not its object: turns, scale, shift, blur, uneven light, places that are
+missing; and masks that err. `millisight.viz.plot_augmentations` draws each.
 """
 
 from collections.abc import Mapping
@@ -15,12 +15,11 @@ from millisight.perception.training._scenes import SceneParts
 
 
 def drawn_gains(rng: np.random.Generator) -> dict[str, float]:
-    """Drawn gains of the parts, relative to the object's maximum: the paper's weights, and those of plate and sheet."""
+    """Drawn gains of the parts, relative to the object's maximum: the paper's weights, and that of the plate."""
     return {
         "specular": rng.uniform(0.2, 1),
         "edge": rng.uniform(0, 0.6),
-        "plate": amplitude(rng, -28, 8) if rng.random() < 0.85 else 0.0,
-        "sheet": amplitude(rng, -35, 8) if rng.random() < 0.75 else 0.0,
+        "plate": amplitude(rng, -35, 4) if rng.random() < 0.7 else 0.0,
     }
 
 
@@ -34,29 +33,9 @@ def amplitude(rng: np.random.Generator, lowest_db: float, highest_db: float) -> 
     return 10 ** (rng.uniform(lowest_db, highest_db) / 20)
 
 
-def mixed(scene: SceneParts, band: str, gains: Mapping[str, float], rng: np.random.Generator) -> np.ndarray:
-    """(X, Y, Z) magnitude of a scene by one radar."""
-    _, _, plate, sheet = scene.images[band]
-    total = object_image(scene, band, gains) + gains["plate"] * plate
-    if rng.random() < 0.5:  # multipath between the object and its surroundings
-        total = total + echo(total, rng, highest_db=-12, sideways=3)
-    hidden = gains["sheet"] * sheet
-    if gains["sheet"] and rng.random() < 0.7:  # and within the layers of what hides it, or between lid and floor
-        hidden = hidden + echo(hidden, rng, highest_db=0, sideways=0)
-        total = total + echo(total, rng, highest_db=-6, sideways=0)
-    total = total + hidden
-    if rng.random() < 0.5:
-        total = total + clutter(total.shape, rng) * (abs(total).max() * amplitude(rng, -35, -6))
-    noise = rng.standard_normal((2, *total.shape), dtype=np.float32)
-    noisy = with_noise(total, noise, amplitude(rng, -60, -24))
-    if rng.random() < 0.3:  # speckle
-        noisy = noisy * (1 + rng.uniform(0, 0.5) * noise[0])
-    return abs(noisy).astype(np.float32)
-
-
 def object_image(scene: SceneParts, band: str, gains: Mapping[str, float]) -> np.ndarray:
     """(X, Y, Z) complex image of the object alone, its parts by the gains "specular" and "edge"; 1 at its maximum."""
-    specular, edge, _, _ = scene.images[band]
+    specular, edge, _ = scene.images[band]
     strength = scene.scales[band][:2] / max(scene.scales[band][:2].max(), 1e-30)
     target = gains["specular"] * strength[0] * specular + gains["edge"] * strength[1] * edge
     peak = abs(target).max()
@@ -93,6 +72,19 @@ def clutter(shape: tuple[int, ...], rng: np.random.Generator) -> np.ndarray:
     depth = np.exp(-(((np.arange(shape[2]) - rng.uniform(-1, shape[2])) / rng.uniform(0.5, 2.5)) ** 2))
     grain = gaussian_filter1d(rng.standard_normal(shape[:2]), rng.uniform(0.5, 3), axis=0)
     return flat[..., None] * np.exp(1j * rng.uniform(0, 3) * grain / grain.std())[..., None] * depth
+
+
+def clouds(shape: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
+    """(A, B) smooth field of mean 0 and variance 1, some pixels from cloud to cloud."""
+    smooth = blurred_once(rng.standard_normal(shape).astype(np.float32), rng.uniform(0.7, 4))
+    return (smooth - smooth.mean()) / max(smooth.std(), 1e-9)
+
+
+def blurred_once(values: np.ndarray, sigma: float) -> np.ndarray:
+    """(A, B) blurred by `sigma` pixels."""
+    from scipy.ndimage import gaussian_filter
+
+    return np.asarray(gaussian_filter(values, sigma))
 
 
 def turned(values: np.ndarray, way: int) -> np.ndarray:

@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from millisight.core import check_known, checked_integer, checked_number, checked_numbers, checked_record, put, record
+from millisight.core import check_known, checked_integer, checked_number, checked_record, put, record
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.meshes import CATALOGUE, RANDOM_SHAPES
-from millisight.perception import canvas_axis, resampled_power, resampling_weights
 from millisight.perception.classification import (
     CLASSIFIER_CHANNELS,
     CLASSIFIER_SIDE,
@@ -18,28 +17,24 @@ from millisight.perception.classification import (
     square_symmetries,
 )
 from millisight.perception.training import _augmentation as augmentation
+from millisight.perception.training._bands import DEPTH
 from millisight.perception.training._loop import Schedule, run
 from millisight.perception.training._scenes import (
     RANDOM_OBJECTS,
-    SCENE_PARTS,
-    SceneParts,
     SceneSettings,
     meshes_in,
 )
 from millisight.perception.training._training import RECIPES, SceneRequest, TrainingScene, TrainingScenes, held_back
+from millisight.perception.training._whole import ECHOES, WholeScene, WholeSettings
 
 if TYPE_CHECKING:
     from torch import Tensor, nn
 
-MODELS_TAUGHT = ("both", "edge", "specular")
-"""Which of the simulator's images a network is taught with; `both` is the paper's way."""
 PHYSICS = "paper's simulator: specular and edge reflections of vertices"
 
 _BANDS = {"small": ("77_ghz", "24_ghz"), "paper": ("77_ghz",)}  # by network
 _RANDOM = {shape: name for name, shape in RANDOM_OBJECTS.items()}  # names of scenes of a class's random shapes
 _STRETCH = 0.25
-_IN_A_BOX = 0.6  # of the scenes with a sheet have it as bright as a carton's lid
-_LID_DB = (-18.0, 0.0)  # that is, relative to the object's maximum
 _ONE_BAND = 0.3  # of the examples have no 24 GHz image
 _HELD_EVERY = 6  # scene of each object is for validation
 _HELD_VIEWS = 3  # examples of each scene of validation
@@ -62,13 +57,14 @@ class ClassifierRecipe:
         the description of the weights then holds the class of an object of your own
     scenes : of each class; its objects share them evenly. Every sixth of an object's is for validation
     drawn : of each class besides, scenes of shapes drawn at random (`meshes.random_shape`), every sixth for validation
-    vertices, spacing, widest, meshes : of the scenes, see SceneSettings; `classes` may name meshes of the folder
+    vertices, widest, meshes : of the scenes, see SceneSettings; `classes` may name meshes of the folder
     stretch : of the scenes of each class, see SceneSettings; 0.25 of those that are not named
     parts : "both", "edge" or "specular"
     network : "small", or the "paper"'s
     batch : examples in a batch
     examples : of each class as many and of each of its scenes; an epoch has them all, each turned or mirrored
     schedule : its seed is that of everything
+    views : whole scenes of each simulated object
     """
 
     stem = "classifier"
@@ -81,7 +77,6 @@ class ClassifierRecipe:
     scenes: int = 96
     drawn: int = 0
     vertices: int = 3000
-    spacing: tuple[float, float, float] = (0.003, 0.003, 0.015)
     widest: float = 0.32
     meshes: str = ""
     stretch: Mapping[str, float] = field(default_factory=dict)
@@ -90,6 +85,7 @@ class ClassifierRecipe:
     batch: int = 32
     examples: int = 6000
     schedule: Schedule = field(default_factory=Schedule)
+    views: int = 3
 
     def __post_init__(self) -> None:
         checked_record(self.name, str, name="name")
@@ -97,7 +93,7 @@ class ClassifierRecipe:
             if isinstance(objects, str) or not isinstance(objects, Sequence):
                 raise InputError(f"classes: {shape} is {objects!r}; expected a list of names of the catalogue")
         own = {str(shape): tuple(str(name) for name in objects) for shape, objects in self.classes.items()}
-        for kind, value, known in (("parts", self.parts, MODELS_TAUGHT), ("network", self.network, _BANDS)):
+        for kind, value, known in (("parts", self.parts, ECHOES), ("network", self.network, _BANDS)):
             check_known(kind, value, known)
         named = [name for objects in own.values() for name in objects]
         for name in (*self.without, *self.tests, *named):
@@ -109,7 +105,6 @@ class ClassifierRecipe:
             classes=own,
             scenes=checked_integer(self.scenes, name="scenes"),
             drawn=checked_integer(self.drawn, name="drawn", minimum=0),
-            spacing=checked_numbers(self.spacing, name="spacing", count=3, unit="m", above=0),
             stretch={
                 str(shape): checked_number(value, name=f"stretch of {shape}", minimum=0)
                 for shape, value in self.stretch.items()
@@ -126,6 +121,11 @@ class ClassifierRecipe:
                 )
         for shape in self.stretch:
             check_known("class", shape, self.objects)
+
+    @property
+    def whole(self) -> WholeSettings:
+        """Scenes of one object."""
+        return WholeSettings(views=self.views, empty=0.0, several=0.0, parts=self.parts)
 
     @property
     def every_object(self) -> Mapping[str, tuple[str, ...]]:
@@ -147,7 +147,7 @@ class ClassifierRecipe:
         """How the scenes of a class are made, by the name of what they show: its objects, and random shapes."""
         objects = self.objects[shape]
         every = SceneSettings(
-            poses=max(-(-self.scenes // len(objects)), 2), vertices=self.vertices, spacing=self.spacing,
+            poses=max(-(-self.scenes // len(objects)), 2), vertices=self.vertices,
             widest=self.widest, stretch=self.stretch.get(shape, _STRETCH), meshes=self.meshes,
         )  # fmt: skip
         made = dict.fromkeys(objects, every)
@@ -206,12 +206,12 @@ class ClassifierLesson:
     def __init__(self, recipe: ClassifierRecipe, scenes: TrainingScenes):
         self.recipe, self.scenes, self.seed = recipe, scenes, recipe.schedule.seed
         held = held_back(
-            scenes, lambda one, rng: (example_of(one.parts, recipe, rng), one.label), views=_HELD_VIEWS, seed=self.seed
+            scenes, lambda one, rng: (example_of(one.whole, rng), one.label), views=_HELD_VIEWS, seed=self.seed
         )
         self.held, self.labels = [channels for channels, _ in held], np.array([label for _, label in held])
         rng, some = np.random.default_rng([self.seed, _POOL_SEED]), scenes["training"]
         self.pool = [
-            ClassifierExample(example_of(some[i].parts, recipe, rng).astype(np.float16), some[i].label)
+            ClassifierExample(example_of(some[i].whole, rng).astype(np.float16), some[i].label)
             for i in balanced(some, recipe.examples, rng)
         ]
 
@@ -293,33 +293,19 @@ def _poses(scenes: TrainingScenes) -> dict[str, list[list[float]]]:
     poses: dict[str, list[list[float]]] = {}
     for some in scenes.values():
         for scene in (one for one in some if one.name not in RANDOM_OBJECTS):
-            poses.setdefault(scene.name, []).append([round(float(angle), 2) for angle in scene.parts.angles_deg])
+            poses.setdefault(scene.name, []).append([round(float(angle), 2) for angle in scene.angles_deg])
     return poses
 
 
-def example_of(scene: SceneParts, recipe: ClassifierRecipe, rng: np.random.Generator) -> np.ndarray:
-    """(C, S, S) a classifier's input from a scene, mixed, masked and disturbed as drawn from `rng`."""
-    gains = augmentation.drawn_gains(rng)
-    if recipe.parts != "both":
-        gains["specular" if recipe.parts == "edge" else "edge"] = 0.0
-    hidden = bool(scene.scales["77_ghz"][SCENE_PARTS.index("sheet")] > 0)
-    if hidden and rng.random() < _IN_A_BOX:
-        gains["sheet"] = augmentation.amplitude(rng, *_LID_DB)
-    x, y = canvas_axis(scene.x), canvas_axis(scene.y)
-    along_x, along_y = resampling_weights(scene.x, x), resampling_weights(scene.y, y)
-    images = {"77_ghz": augmentation.mixed(scene, "77_ghz", gains, rng)}
-    if rng.random() >= _ONE_BAND:
-        images["24_ghz"] = augmentation.mixed(scene, "24_ghz", augmentation.other_gains(gains, rng), rng)
-    power = {band: resampled_power(image, along_x, along_y) for band, image in images.items()}
-    inside = along_x @ scene.inside.astype(np.float32) @ along_y.T
+def example_of(scene: WholeScene, rng: np.random.Generator) -> np.ndarray:
+    """(C, S, S) a classifier's input from a scene, masked and disturbed as drawn from `rng`."""
+    power = scene.power("77_ghz")
+    other = scene.power("24_ghz") if rng.random() >= _ONE_BAND else None
+    inside = scene.objects > 0
     if rng.random() < 0.9:
-        mask = augmentation.erring_mask(
-            inside > min(0.5, inside.max() / 2), power["77_ghz"].max(axis=2), rng, hidden=hidden
-        )
-        inside = mask.astype(np.float32)
-    depths = recipe.spacing[2] * np.arange(power["77_ghz"].shape[2])
-    channels = masked_channels(power["77_ghz"], depths, inside, power.get("24_ghz"))
-    return augmentation.seen_otherwise(channels, rng)
+        inside = augmentation.erring_mask(inside, power.max(axis=2), rng, hidden=scene.covered)
+    depths = DEPTH * np.arange(power.shape[2])
+    return augmentation.seen_otherwise(masked_channels(power, depths, inside.astype(np.float32), other), rng)
 
 
 _SURE = 0.95  # of the answers that are given should be right: on validation

@@ -1,9 +1,9 @@
-"""Simulated scenes to train on, each stored in parts that training mixes anew.
+"""Simulated objects to train on, each stored in parts that whole scenes mix anew (`_whole`).
 
-A scene is an object of the catalogue, or a shape drawn at random, turned and placed at random; a plate that it lies on,
-as large as a tripod's or a table's; and a sheet above it, as a carton's lid. Each answers alone (the plate in the
-object's shadow), and since imaging is linear, a weighted sum of their images is the image of a scene with such weights
-(primer 14). The physics is `capture.simulate`'s point reflectors and nothing else.
+An object of the catalogue, or a shape drawn at random, is turned and placed at random; a plate that it lies on is as
+large as a tripod's or a table's. Each answers alone (the plate in the object's shadow), and since imaging is linear, a
+weighted sum of their images is the image of a scene with such weights (primer 14). The physics is `simulate`'s point
+reflectors and nothing else.
 """
 
 import dataclasses
@@ -20,27 +20,24 @@ import numpy as np
 
 from millisight.core import (
     SPEED_OF_LIGHT,
-    atomic_path,
     check_known,
     checked_integer,
     checked_number,
-    checked_numbers,
     printable,
     put,
     record,
 )
 from millisight.core.errors import DamagedFileError
-from millisight.data import Capture, Material, Radar, Scene, Trajectory, TriangleMesh, VoxelGrid
+from millisight.data import Capture, Material, Scene, Trajectory, TriangleMesh, VoxelGrid
 from millisight.imaging import combine, form_image
 from millisight.meshes import CATALOGUE, RANDOM_SHAPES, build_object, find_meshes, load_mesh, random_shape
+from millisight.perception import SPACING
+from millisight.perception.training._bands import BANDS, DEPTH, read_parts, simulated_radar, strayed, write_parts
 from millisight.simulation import simulate
 
-BANDS = ("77_ghz", "24_ghz")
-SCENE_PARTS = ("specular", "edge", "plate", "sheet")
-"""Of a scene's image: the object's two answers, what it lies on, what hides it."""
+SCENE_PARTS = ("specular", "edge", "plate")
+"""Of a scene's image: the object's two answers, and what it lies on."""
 
-_PRESETS = {"77_ghz": "mito-sim-77ghz", "24_ghz": "mito-sim-24ghz"}
-_SAMPLES = {"77_ghz": 64, "24_ghz": 16}  # a chirp: the object is near, and fewer make no ambiguity
 _STEPS = {"77_ghz": (0.55, 0.85), "24_ghz": (0.4, 0.7)}  # wavelengths between positions
 _MOST_POSITIONS = 6_000  # over a large object they are further apart
 _TALLEST = 0.13  # object that is stood on another side [m]
@@ -60,7 +57,6 @@ class SceneSettings:
     validation : objects whose scenes judge the training, and are not trained on
     poses : scenes of each object
     vertices : of an object
-    spacing : of the images along x, y and z [m]
     widest : of an image, which shows a part of a larger object [m]
     stretch : objects are made longer or shorter along each of their axes, by a factor of exp(stretch) at most
     meshes : folder of mesh files, see `find_meshes`; objects of these names are taken from it, and it adds to the
@@ -71,7 +67,6 @@ class SceneSettings:
     validation: tuple[str, ...] = ()
     poses: int = 6
     vertices: int = 3000
-    spacing: tuple[float, float, float] = (0.003, 0.003, 0.015)
     widest: float = 0.22
     stretch: float = 0.0
     meshes: str = ""
@@ -83,7 +78,6 @@ class SceneSettings:
             self,
             poses=checked_integer(self.poses, name="poses"),
             vertices=checked_integer(self.vertices, name="vertices", minimum=100),
-            spacing=checked_numbers(self.spacing, name="spacing", count=3, unit="m", above=0),
             widest=checked_number(self.widest, name="widest", unit="m", above=0.05),
             stretch=checked_number(self.stretch, name="stretch", minimum=0),
         )
@@ -119,8 +113,10 @@ class SceneParts(NamedTuple):
     x, y : pixel centres [m]
     inside : (X, Y) bool, where the object lies, seen along z
     angles_deg : (3,) how it lies: turned about the fixed x, then y, then z axis [degrees]
-    images : by band the complex64 images (4, X, Y, Z) of `SCENE_PARTS`, each relative to its own maximum; with it
-    scales : by band these maxima (4,)
+    images : by band the complex64 images (3, X, Y, Z) of `SCENE_PARTS`, each relative to its own maximum, voxels
+        `SPACING` apart along x and y and `DEPTH` along z
+    scales : by band these maxima (3,)
+    level : index along z of the voxels next to the object's top
     """
 
     x: np.ndarray
@@ -129,6 +125,7 @@ class SceneParts(NamedTuple):
     angles_deg: np.ndarray
     images: dict[str, np.ndarray]
     scales: dict[str, np.ndarray]
+    level: int
 
 
 def cached_scene(
@@ -138,7 +135,7 @@ def cached_scene(
 
     It is drawn from the seed, the object's name and the number, and from nothing else.
     """
-    path = Path(folder) / f"{name}-{number}-{_digest(name, settings, seed)}.npz"
+    path = Path(folder) / f"{name}-{number}-{scene_digest(name, settings, seed)}.npz"
     if not path.exists():
         _write(path, make_scene(name, settings, rng=np.random.default_rng([seed, number, *name.encode()])))
     return _read(path)
@@ -155,32 +152,32 @@ def make_scene(name: str, settings: SceneSettings, *, rng: np.random.Generator) 
     target, angles_deg = _object(name, settings, rng)
     bounds = target.mesh.bounds
     plate = _plate(bounds, rng) if rng.random() < 0.65 else None
-    sheet = _sheet(bounds, rng) if rng.random() < 0.55 else None
     lower, upper = _window(bounds, settings.widest, rng)
     middle = (lower + upper)[:2] / 2 + rng.uniform(-0.015, 0.015, 2)
     size = (upper - lower)[:2] + rng.uniform(-0.01, 0.05, 2)
-    grid = VoxelGrid.regular(lower, upper, settings.spacing)
+    grid = VoxelGrid.regular(lower, upper, (SPACING, SPACING, DEPTH))
     stray = rng.uniform(0, 0.00015)  # of a row of the arm's, unknown to the imager [m]
     images, scales = {}, {}
     for band in BANDS:
-        radar = _radar(band)
+        radar = simulated_radar(band)
         step = rng.uniform(*_STEPS[band]) * SPEED_OF_LIGHT / radar.waveform.start_frequency
         step = max(step, float(np.sqrt(size.prod() / _MOST_POSITIONS)))
         trajectory = Trajectory.raster(size=(size[0], size[1]), step=step, center=(middle[0], middle[1], 0.0))
-        believed = _strayed(trajectory, stray, rng)
+        believed = strayed(trajectory, stray, rng)
         captures: list[Capture | None] = [
             simulate(target, radar, trajectory, model=model) for model in ("specular", "edge")
         ]
-        for scene in (plate and _answering(target, _UNSEEN) + plate, sheet):
-            if scene is None:
-                captures.append(None)
-                continue
-            specular, edge = (simulate(scene, radar, trajectory, model=model) for model in ("specular", "edge"))
+        if plate is None:
+            captures.append(None)
+        else:
+            seen = _answering(target, _UNSEEN) + plate
+            specular, edge = (simulate(seen, radar, trajectory, model=model) for model in ("specular", "edge"))
             captures.append(combine(specular, edge, (1.0, rng.uniform(0.1, 0.5))))
         values = np.stack([_image(capture, believed, grid) for capture in captures])
         peaks = abs(values).max(axis=(1, 2, 3))
         images[band], scales[band] = values / np.where(peaks > 0, peaks, 1)[:, None, None, None], peaks
-    return SceneParts(grid.x, grid.y, footprint(target.mesh, grid.x, grid.y), np.array(angles_deg), images, scales)
+    inside, level = footprint(target.mesh, grid.x, grid.y), int(abs(grid.z - bounds[1, 2]).argmin())
+    return SceneParts(grid.x, grid.y, inside, np.array(angles_deg), images, scales, level)
 
 
 def footprint(mesh: TriangleMesh, x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -218,7 +215,7 @@ def _object(name: str, settings: SceneSettings, rng: np.random.Generator) -> tup
 
 def _window(bounds: np.ndarray, widest: float, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """Corners (3,) of the image of an object with these bounds (2, 3)."""
-    reach = rng.uniform((0.025, 0.025, 0.015), (0.07, 0.07, 0.05))
+    reach = rng.uniform((0.03, 0.03, 0.03), (0.07, 0.07, 0.06))
     lower, upper = bounds[0] - reach, bounds[1] + reach
     beyond = np.maximum(upper - lower - (widest, widest, 1.0), 0)
     cut = rng.random(3) * beyond
@@ -236,15 +233,6 @@ def _plate(bounds: np.ndarray, rng: np.random.Generator) -> Scene:
     return _slab((*sides, thick), place, (0.0, 0.0, rng.choice([0.0, rng.uniform(0, 90)])))
 
 
-def _sheet(bounds: np.ndarray, rng: np.random.Generator) -> Scene:
-    """The sheet above an object with these bounds (2, 3)."""
-    lower, upper = bounds
-    sides = (upper - lower)[:2] * rng.uniform(1.0, 1.5, 2) + rng.uniform(0.03, 0.25, 2)
-    height = min(upper[2] + rng.uniform(0.02, 0.09), -0.04)
-    place = (*(lower + upper)[:2] / 2 + rng.normal(0, 0.02, 2), height)
-    return _slab((*sides, 0.004), place, (*rng.normal(0, 0.7, 2), rng.choice([0.0, rng.uniform(0, 90)])))
-
-
 def _slab(extents: Sequence[float], place: Sequence[float], turned_deg: Sequence[float]) -> Scene:
     """A slab, its vertices close enough that only its specular answer, within 5 degrees, is smooth."""
     from trimesh.creation import box
@@ -260,29 +248,15 @@ def _answering(scene: Scene, material: Material) -> Scene:
     return Scene(objects=tuple(dataclasses.replace(target, material=material) for target in scene.objects))
 
 
-def _radar(band: str) -> Radar:
-    radar = Radar.preset(_PRESETS[band])
-    whole, few = radar.waveform, _SAMPLES[band]
-    rate = whole.sample_rate * few / whole.samples_per_chirp
-    return dataclasses.replace(radar, waveform=dataclasses.replace(whole, samples_per_chirp=few, sample_rate=rate))
-
-
-def _strayed(trajectory: Trajectory, stray: float, rng: np.random.Generator) -> Trajectory:
-    """Where the imager believes the positions to be: each row a little off."""
-    _, row = np.unique(trajectory.positions[:, 0], return_inverse=True)
-    return dataclasses.replace(
-        trajectory, positions=trajectory.positions + rng.normal(0, stray, (row.max() + 1, 3))[row]
-    )
-
-
 def _image(capture: Capture | None, believed: Trajectory, grid: VoxelGrid) -> np.ndarray:
     if capture is None:
         return np.zeros(grid.shape, np.complex64)
     return form_image(dataclasses.replace(capture, trajectory=believed), grid, method="backprojection").values
 
 
-def _digest(name: str, settings: SceneSettings, seed: int) -> str:
-    made_by = {"seed": seed} | {name: getattr(settings, name) for name in ("vertices", "spacing", "widest", "stretch")}
+def scene_digest(name: str, settings: SceneSettings, seed: int) -> str:
+    """What a simulated object is made of, as 12 hexadecimal digits."""
+    made_by = {"seed": seed} | {name: getattr(settings, name) for name in ("vertices", "widest", "stretch")}
     mesh = meshes_in(settings.meshes).get(name)
     if mesh is not None:
         made_by["mesh"] = hashlib.sha256(mesh.read_bytes()).hexdigest()
@@ -290,24 +264,18 @@ def _digest(name: str, settings: SceneSettings, seed: int) -> str:
 
 
 def _write(path: Path, scene: SceneParts) -> None:
-    arrays: dict[str, Any] = {"x": scene.x, "y": scene.y, "inside": scene.inside, "angles_deg": scene.angles_deg}
-    for band in BANDS:
-        parts = scene.images[band].astype(np.complex64)
-        arrays[band] = parts.view(np.float32).astype(np.float16)
-        arrays[f"{band}_scales"] = scene.scales[band]
-    with atomic_path(path) as temporary, open(temporary, "wb") as file:
-        np.savez(file, **arrays)
+    scales = {f"{band}_scales": scene.scales[band] for band in BANDS}
+    write_parts(
+        path, scene.images, x=scene.x, y=scene.y, inside=scene.inside, angles_deg=scene.angles_deg,
+        level=np.array(scene.level), **scales,
+    )  # fmt: skip
 
 
 def _read(path: Path) -> SceneParts:
-    try:
-        with np.load(path, allow_pickle=False) as held:
-            images = {band: held[band].astype(np.float32).view(np.complex64) for band in BANDS}
-            scales = {band: held[f"{band}_scales"] for band in BANDS}
-            scene = SceneParts(held["x"], held["y"], held["inside"], held["angles_deg"], images, scales)
-    except (OSError, ValueError, KeyError, EOFError, ImportError) as error:
-        raise DamagedFileError(f"{printable(path)} is not a scene of this training: {error}; delete it") from error
-    shape = scene.inside.shape
-    if any(values.shape[:3] != (len(SCENE_PARTS), *shape) for values in images.values()):
+    of_bands = [f"{band}_scales" for band in BANDS]
+    images, held = read_parts(path, "x", "y", "inside", "angles_deg", "level", *of_bands)
+    scales = {band: held[f"{band}_scales"] for band in BANDS}
+    inside, level = held["inside"], int(held["level"])
+    if any(values.shape[:3] != (len(SCENE_PARTS), *inside.shape) for values in images.values()):
         raise DamagedFileError(f"{printable(path)}: its images and its mask differ in size; delete it")
-    return scene
+    return SceneParts(held["x"], held["y"], inside, held["angles_deg"], images, scales, level)

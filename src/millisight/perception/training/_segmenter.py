@@ -1,8 +1,9 @@
 """Training of the segmenter "wave": its recipe, and examples from scenes.
 
-An example is mixed and disturbed by `augmentation`, cut somewhere, turned, prompted; some lack a band.
+An example is cut out of a whole scene, turned, disturbed, prompted; some lack a band.
 """
 
+import dataclasses
 from collections.abc import Iterator, Mapping
 from dataclasses import field
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -11,23 +12,25 @@ import numpy as np
 
 from millisight.core import checked_integer, checked_record, put, record
 from millisight.core.errors import InputError
-from millisight.perception import FLOOR_DB, SPACING, canvas_axis, resampled_power, resampling_weights
-from millisight.perception.segmentation import WAVE_CHANNELS, WAVE_SLICES, wave_input
+from millisight.perception import FLOOR_DB, SPACING, power_levels
+from millisight.perception.segmentation import WAVE_CHANNELS, WAVE_SLICES, presence, wave_input
 from millisight.perception.training import _augmentation as augmentation
 from millisight.perception.training._loop import Schedule, run
-from millisight.perception.training._scenes import SceneParts, SceneSettings
+from millisight.perception.training._scenes import RANDOM_OBJECTS, SceneSettings
 from millisight.perception.training._training import RECIPES, SIDES, SceneRequest, TrainingScenes, held_back
+from millisight.perception.training._whole import WholeScene, WholeSettings
 
 if TYPE_CHECKING:
     from torch import Tensor, nn
 
 CUTS = tuple(round(0.2 + 0.05 * i, 2) for i in range(13))
-"""Probabilities at which a mask might begin; the best by mean F2 on the validation scenes is taken."""
-EXAMPLE_SIDE = 64
+"""Probabilities at which a mask might begin; the best by mean F1 on the validation scenes is taken."""
+EXAMPLE_SIDE = 80
 """Pixels of an example along x and y."""
 
-_RECALL = 2  # beta of F2: a part of the object that is missed counts more than a rim that is not the object's
-_VIEWS = 2  # examples of each validation scene
+_VIEWS = 1  # examples of each validation scene
+_REFUSED = 0.95  # share of the empty scenes of validation in which nothing is to be found
+_HELD_EVERY = 6  # random shape of each class is for validation
 _AT_ONCE = 16  # examples that are judged together
 _ONE_BAND, _OTHER_ALONE = 0.35, 0.12  # shares of examples: 77 GHz without 24, 24 without 77
 _PROMPTED = 0.35
@@ -44,10 +47,11 @@ class SegmenterRecipe:
     ----------
     name : of the weights
     about : for the weights' description
-    scenes, schedule : see there; the schedule's seed is that of everything
+    scenes, whole, schedule : see there; the schedule's seed is that of everything
+    drawn : of each class of `RANDOM_SHAPES`, simulated shapes drawn at random, every sixth for validation
     widths : of the network's four sizes, in channels
     batch : examples in a batch
-    views : examples of each scene in an epoch
+    views : examples of each whole scene in an epoch
     """
 
     stem = "wave"
@@ -55,10 +59,12 @@ class SegmenterRecipe:
     name: str = "wave"
     about: str = ""
     scenes: SceneSettings = field(default_factory=SceneSettings)
+    whole: WholeSettings = field(default_factory=WholeSettings)
     schedule: Schedule = field(default_factory=Schedule)
+    drawn: int = 0
     widths: tuple[int, ...] = (16, 32, 64, 96)
     batch: int = 16
-    views: int = 4
+    views: int = 1
 
     def __post_init__(self) -> None:
         checked_record(self.name, str, name="name")
@@ -71,17 +77,23 @@ class SegmenterRecipe:
         put(
             self,
             widths=widths,
+            drawn=checked_integer(self.drawn, name="drawn", minimum=0),
             batch=checked_integer(self.batch, name="batch"),
             views=checked_integer(self.views, name="views"),
         )
 
     def scene_requests(self) -> list[SceneRequest]:
         """All scenes of the objects to train with, then those of the objects to validate with."""
+        drawn = dataclasses.replace(self.scenes, stretch=0.0)
         return [
             SceneRequest(side, name, number, 0, self.scenes)
             for side in SIDES
             for name in self.scenes.objects[side]
             for number in range(self.scenes.poses)
+        ] + [
+            SceneRequest(SIDES[number % _HELD_EVERY == 1], name, number, 0, drawn)
+            for name in RANDOM_OBJECTS
+            for number in range(self.drawn)
         ]
 
     def lesson(self, scenes: TrainingScenes) -> "SegmenterLesson":
@@ -101,7 +113,7 @@ class SegmenterLesson:
 
     def __init__(self, recipe: SegmenterRecipe, scenes: TrainingScenes):
         self.recipe, self.scenes, self.seed = recipe, scenes, recipe.schedule.seed
-        self.held = held_back(scenes, lambda scene, rng: example_of(scene.parts, rng), views=_VIEWS, seed=self.seed)
+        self.held = held_back(scenes, lambda scene, rng: example_of(scene.whole, rng), views=_VIEWS, seed=self.seed)
 
     def network(self) -> "nn.Module":
         """With the recipe's widths."""
@@ -116,7 +128,7 @@ class SegmenterLesson:
         rng, scenes = np.random.default_rng([self.seed, epoch]), self.scenes["training"]
         order = np.concatenate([rng.permutation(len(scenes)) for _ in range(self.recipe.views)])
         for start in range(0, len(order), self.recipe.batch):
-            examples = [example_of(scenes[i].parts, rng) for i in order[start : start + self.recipe.batch]]
+            examples = [example_of(scenes[i].whole, rng) for i in order[start : start + self.recipe.batch]]
             yield tuple(torch.from_numpy(np.stack(values)) for values in zip(*examples, strict=True))
 
     def loss(self, network: "nn.Module", batch: "tuple[Tensor, ...]") -> "Tensor":
@@ -133,37 +145,56 @@ class SegmenterLesson:
 
     def score(self, network: "nn.Module") -> float:
         """Mean F1 at the best cut."""
-        return max(self._f_by_cut(network, 1).values())
+        return max(self._f_by_cut(network).values())
 
     def describe(self, network: "nn.Module") -> dict[str, Any]:
         """The cut, and the scores that chose it."""
-        by_cut = {f"mean F{beta} by cut": self._f_by_cut(network, beta) for beta in (1, _RECALL)}
-        last = by_cut[f"mean F{_RECALL} by cut"]
+        by_cut = self._f_by_cut(network)
+        least, told = self._least(network)
         return {
             "channels": list(WAVE_CHANNELS),
             "spacing": SPACING,
             "floor_db": FLOOR_DB,
-            "cut": max(last, key=lambda cut: (last[cut], -cut)),
-            "validation": {name: {f"{c:g}": round(f, 4) for c, f in values.items()} for name, values in by_cut.items()},
+            "cut": max(by_cut, key=lambda cut: (by_cut[cut], -cut)),
+            "least": least,
+            "validation": {"mean F1 by cut": {f"{c:g}": round(f, 4) for c, f in by_cut.items()}, **told},
             "objects": {side: list(names) for side, names in self.recipe.scenes.objects.items()},
             "scenes": {side: len(some) for side, some in self.scenes.items()},
         }
 
-    def _f_by_cut(self, network: "nn.Module", beta: int) -> dict[float, float]:
-        """Mean F-score of the masks that begin at each of `CUTS`; recall weighs `beta` times as much as precision."""
+    def _f_by_cut(self, network: "nn.Module") -> dict[float, float]:
+        """Mean F1 of the masks that begin at each of `CUTS`, of the scenes that are not empty."""
         scores = []
+        for example, logit in self._judged(network):
+            truth, valid = example.inside > 0.5, example.weight > 0
+            if truth.any():
+                scores.append([_f1((logit > np.log(cut / (1 - cut))) & valid, truth) for cut in CUTS])
+        return dict(zip(CUTS, np.mean(scores, axis=0).tolist(), strict=True))
+
+    def _least(self, network: "nn.Module") -> tuple[float, dict[str, float]]:
+        """The presence below which nothing is found, and how often that is right."""
+        found: dict[bool, list[float]] = {True: [], False: []}
+        for example, logit in self._judged(network):
+            inner = logit[example.weight > 0]
+            found[bool((example.inside > 0.5).any())].append(presence(1 / (1 + np.exp(-inner))))
+        empty, full = np.array(found[False] or [0.0]), np.array(found[True])
+        least = round(float(np.clip(np.quantile(empty, _REFUSED), 0.01, 0.95)), 4)
+        return least, {
+            "empty scenes": len(found[False]),
+            "empty scenes refused": round(float((empty < least).mean()), 4),
+            "other scenes refused": round(float((full < least).mean()), 4),
+        }
+
+    def _judged(self, network: "nn.Module") -> "Iterator[tuple[SegmenterExample, np.ndarray]]":
+        """The examples of validation with their logits."""
         for start in range(0, len(self.held), _AT_ONCE):
             some = self.held[start : start + _AT_ONCE]
             logits = run(network, np.stack([example.channels for example in some])).cpu().numpy()
-            for example, logit in zip(some, logits, strict=True):
-                truth, valid = example.inside > 0.5, example.weight > 0
-                scores.append([_f_score((logit > np.log(cut / (1 - cut))) & valid, truth, beta) for cut in CUTS])
-        return dict(zip(CUTS, np.mean(scores, axis=0).tolist(), strict=True))
+            yield from zip(some, logits, strict=True)
 
 
-def _f_score(mask: np.ndarray, truth: np.ndarray, beta: int) -> float:
-    either = mask.sum() + beta**2 * truth.sum()
-    return float((1 + beta**2) * (mask & truth).sum() / either) if either else 1.0
+def _f1(mask: np.ndarray, truth: np.ndarray) -> float:
+    return float(2 * (mask & truth).sum() / (mask.sum() + truth.sum()))
 
 
 class SegmenterExample(NamedTuple):
@@ -174,35 +205,35 @@ class SegmenterExample(NamedTuple):
     weight: np.ndarray  # (64, 64) float32, 1 where there is an image, else 0
 
 
-def example_of(scene: SceneParts, rng: np.random.Generator) -> SegmenterExample:
+def example_of(scene: WholeScene, rng: np.random.Generator) -> SegmenterExample:
     """An example of a scene, drawn from `rng`."""
     alone = rng.random() < _OTHER_ALONE
-    gains = augmentation.drawn_gains(rng)
-    first = augmentation.mixed(scene, "24_ghz" if alone else "77_ghz", gains, rng)
-    second = None
-    if not alone and rng.random() >= _ONE_BAND:
-        second = augmentation.mixed(scene, "24_ghz", augmentation.other_gains(gains, rng), rng)
-    scale = rng.uniform(0.85, 1.2)
-    along_x, along_y = _window(scene.x, scale, rng), _window(scene.y, scale, rng)
-    first = first[:, :, _depths(first.shape[2], rng)]
-    power = resampled_power(first, along_x, along_y)
-    other = None if second is None else resampled_power(second, along_x, along_y)
-    inside = along_x @ scene.inside.astype(np.float32) @ along_y.T
-    power, inside = augmentation.turned(power, way := int(rng.integers(8))), augmentation.turned(inside, way)
-    other = None if other is None else augmentation.turned(other, way)
-    channels = wave_input(power, other, _prompts(power, inside > 0.5, rng))
+    band = "24_ghz" if alone else "77_ghz"
+    other = None if alone or rng.random() < _ONE_BAND else scene.power("24_ghz")
+    window, way = tuple(_window(size, rng) for size in scene.objects.shape), int(rng.integers(8))
+
+    def seen(values: np.ndarray) -> np.ndarray:
+        return augmentation.turned(values[window], way)
+
+    power, inside = seen(scene.power(band)), seen(scene.objects > 0)
+    power = power[:, :, _depths(power.shape[2], rng)]
+    before = power_levels(seen(scene.raw_power(band)))
+    channels = wave_input(
+        power, None if other is None else seen(other), _prompts(power, inside, rng), before=before,
+        taken_db=scene.taken_db[band],
+    )  # fmt: skip
     channels[: 1 + WAVE_SLICES] = augmentation.distorted(channels[: 1 + WAVE_SLICES], rng)
     if other is not None:
         channels[_OTHER] = augmentation.distorted(channels[_OTHER][None], rng)[0]
-    return _placed(channels, inside, rng)
+    return _placed(channels, inside.astype(np.float32), rng)
 
 
-def _window(known: np.ndarray, scale: float, rng: np.random.Generator) -> np.ndarray:
-    """(w, k) weights onto the network's pixels, of a part of the image, its coordinates scaled."""
-    axis = canvas_axis((known - known[0]) * scale)
+def _window(size: int, rng: np.random.Generator) -> slice:
+    """A part of an axis, at most `EXAMPLE_SIDE` pixels long."""
     low, high = (int(rng.integers(0, 4)) if rng.random() < 0.4 else 0 for _ in range(2))
-    axis = axis[low : len(axis) - high] + rng.uniform(-0.5, 0.5) * SPACING
-    return resampling_weights((known - known[0]) * scale, axis)[:EXAMPLE_SIDE]
+    length = min(size - low - high, EXAMPLE_SIDE)
+    start = low + int(rng.integers(0, size - low - high - length + 1))
+    return slice(start, start + length)
 
 
 def _depths(count: int, rng: np.random.Generator) -> slice:

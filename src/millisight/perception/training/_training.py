@@ -16,7 +16,9 @@ import numpy as np
 from millisight.core import Registry, make_folder
 from millisight.perception import write_network
 from millisight.perception.training._loop import Lesson, Schedule, fit, one_thread
-from millisight.perception.training._scenes import SceneParts, SceneSettings, cached_scene
+from millisight.perception.training._scenes import SceneParts, SceneSettings, cached_scene, scene_digest
+from millisight.perception.training._sheets import SheetParts, cached_sheet
+from millisight.perception.training._whole import WholeScene, WholeSettings, cached_whole_scene
 
 SIDES = ("training", "validation")
 
@@ -26,15 +28,15 @@ T = TypeVar("T")
 
 
 class SceneRequest(NamedTuple):
-    """A scene that a recipe needs.
+    """A simulated object that a recipe needs, of which `WholeSettings.views` whole scenes are made.
 
     Attributes
     ----------
     side : "training" or "validation"
     name : of its object in the catalogue, or of `RANDOM_OBJECTS`
-    number : of the scene among those of its object, from 0 on
+    number : among those of its object, from 0 on
     label : index of its class; 0 where there are no classes
-    settings : how it is made
+    settings : how it is simulated
     """
 
     side: str
@@ -49,14 +51,16 @@ class TrainingScene(NamedTuple):
 
     Attributes
     ----------
-    name : of its object
+    name : of its object; of several, the first
     label : index of its class
-    parts : SceneParts
+    angles_deg : (3,) how that object lies
+    whole : WholeScene
     """
 
     name: str
     label: int
-    parts: SceneParts
+    angles_deg: np.ndarray
+    whole: WholeScene
 
 
 TrainingScenes = Mapping[str, Sequence[TrainingScene]]
@@ -71,6 +75,7 @@ class TrainingRecipe(Protocol):
     stem : of the names of the weights' files
     name, about : for the weights' description
     schedule : its seed is that of everything
+    whole : how whole scenes are made
     """
 
     @property
@@ -81,9 +86,11 @@ class TrainingRecipe(Protocol):
     def about(self) -> str: ...
     @property
     def schedule(self) -> Schedule: ...
+    @property
+    def whole(self) -> WholeSettings: ...
 
     def scene_requests(self) -> list[SceneRequest]:
-        """The scenes that it needs, in their order."""
+        """The simulated objects that it needs, in their order."""
         ...
 
     def lesson(self, scenes: TrainingScenes) -> Lesson:
@@ -127,14 +134,48 @@ def make_scenes(
     ------
     FileError, DamagedFileError
     """
-    folder, requests = make_folder(folder), recipe.scene_requests()
+    folder, requests, whole = make_folder(folder), recipe.scene_requests(), recipe.whole
+    by_side = {side: [one for one in requests if one.side == side] for side in SIDES}
     scenes: dict[str, list[TrainingScene]] = {side: [] for side in SIDES}
-    for done, (side, name, number, label, settings) in enumerate(requests, 1):
-        parts = cached_scene(name, number, settings, seed=recipe.schedule.seed, folder=folder)
-        scenes[side].append(TrainingScene(name, label, parts))
-        if progress is not None:
-            progress(done, len(requests))
+    done, total = 0, whole.views * len(requests)
+    for request in requests:
+        maker = _Maker(recipe, request, by_side[request.side], folder)
+        for view in range(whole.views):
+            scene = maker.scene(view)
+            scenes[request.side].append(TrainingScene(request.name, request.label, maker.angles_deg, scene))
+            done += 1
+            if progress is not None:
+                progress(done, total)
     return scenes
+
+
+class _Maker:
+    """Makes the whole scenes of one request."""
+
+    def __init__(self, recipe: TrainingRecipe, request: SceneRequest, others: Sequence[SceneRequest], folder: Path):
+        self._whole, self._seed, self._folder = recipe.whole, recipe.schedule.seed, folder
+        self._request, self._others = request, others
+        self._own = self._simulated(request)
+        self.angles_deg: np.ndarray = self._own.angles_deg
+
+    def scene(self, view: int) -> WholeScene:
+        """The scene of that number among the request's."""
+        name, number = self._request.name, self._request.number
+        key = f"{self._request.side}/{name}/{number}/{view}/{scene_digest(name, self._request.settings, self._seed)}"
+        return cached_whole_scene(key, self._whole, self._parts, seed=[self._seed], folder=self._folder)
+
+    def _parts(self, rng: np.random.Generator) -> tuple[list[SceneParts], list[SheetParts]]:
+        """The request's object, perhaps one or two others of its side, and two sheets of its side."""
+        more = int(rng.integers(1, 3)) if rng.random() < self._whole.several else 0
+        drawn = [self._others[int(i)] for i in rng.integers(0, len(self._others), more)]
+        # Every fourth sheet is for validation.
+        wanted = self._request.side == "validation"
+        numbers = [i for i in range(self._whole.sheets) if (i % 4 == 3) == wanted] or list(range(self._whole.sheets))
+        sheets = [cached_sheet(int(i), seed=self._seed, folder=self._folder) for i in rng.choice(numbers, 2)]
+        return [self._own, *map(self._simulated, drawn)], sheets
+
+    def _simulated(self, one: SceneRequest) -> SceneParts:
+        return cached_scene(one.name, one.number, one.settings, seed=self._seed, folder=self._folder)
 
 
 @one_thread()
