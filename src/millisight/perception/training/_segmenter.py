@@ -16,6 +16,7 @@ from millisight.perception.segmentation import WAVE_CHANNELS, WAVE_SLICES, wave_
 from millisight.perception.training import _augmentation as augmentation
 from millisight.perception.training._loop import Schedule, run
 from millisight.perception.training._scenes import SceneParts, SceneSettings
+from millisight.perception.training._sources import simulations_in
 from millisight.perception.training._training import RECIPES, SIDES, SceneRequest, TrainingScenes, held_back
 
 if TYPE_CHECKING:
@@ -77,11 +78,14 @@ class SegmenterRecipe:
 
     def scene_requests(self) -> list[SceneRequest]:
         """All scenes of the objects to train with, then those of the objects to validate with."""
+        made, read = self.scenes.made, simulations_in(self.scenes.published)
         return [
-            SceneRequest(side, name, number, 0, self.scenes)
+            SceneRequest(side, name, number, 0, self.scenes, source)
             for side in SIDES
             for name in self.scenes.objects[side]
-            for number in range(self.scenes.poses)
+            for number, source in enumerate(
+                (*((None,) * self.scenes.poses if name in made else ()), *read.get(name, ()))
+            )
         ]
 
     def lesson(self, scenes: TrainingScenes) -> "SegmenterLesson":
@@ -176,11 +180,11 @@ class SegmenterExample(NamedTuple):
 
 def example_of(scene: SceneParts, rng: np.random.Generator) -> SegmenterExample:
     """An example of a scene, drawn from `rng`."""
-    alone = rng.random() < _OTHER_ALONE
+    alone = rng.random() < _OTHER_ALONE and "24_ghz" in scene.images
     gains = augmentation.drawn_gains(rng)
     first = augmentation.mixed(scene, "24_ghz" if alone else "77_ghz", gains, rng)
     second = None
-    if not alone and rng.random() >= _ONE_BAND:
+    if not alone and rng.random() >= _ONE_BAND and "24_ghz" in scene.images:
         second = augmentation.mixed(scene, "24_ghz", augmentation.other_gains(gains, rng), rng)
     scale = rng.uniform(0.85, 1.2)
     along_x, along_y = _window(scene.x, scale, rng), _window(scene.y, scale, rng)

@@ -16,6 +16,7 @@ import numpy as np
 from millisight.core import Registry, make_folder
 from millisight.perception import write_network
 from millisight.perception.training._loop import Lesson, Schedule, fit, one_thread
+from millisight.perception.training._published import read_simulation
 from millisight.perception.training._scenes import SceneParts, SceneSettings, cached_scene
 
 SIDES = ("training", "validation")
@@ -35,6 +36,7 @@ class SceneRequest(NamedTuple):
     number : of the scene among those of its object, from 0 on
     label : index of its class; 0 where there are no classes
     settings : how it is made
+    source : folder of simulated images that it is read from, see `read_simulation`; None: it is made
     """
 
     side: str
@@ -42,6 +44,7 @@ class SceneRequest(NamedTuple):
     number: int
     label: int
     settings: SceneSettings
+    source: Path | None = None
 
 
 class TrainingScene(NamedTuple):
@@ -117,6 +120,8 @@ def make_scenes(
 ) -> dict[str, list[TrainingScene]]:
     """The recipe's scenes, by "training" and "validation"; those that the folder holds already are read.
 
+    Simulated images of a dataset that the recipe names are read from there each time.
+
     Parameters
     ----------
     recipe : SegmenterRecipe, ClassifierRecipe, or another TrainingRecipe
@@ -125,12 +130,17 @@ def make_scenes(
 
     Raises
     ------
-    FileError, DamagedFileError
+    InputError
+        Images and masks of a dataset do not fit each other.
+    FileError, FormatError, DamagedFileError
     """
     folder, requests = make_folder(folder), recipe.scene_requests()
     scenes: dict[str, list[TrainingScene]] = {side: [] for side in SIDES}
-    for done, (side, name, number, label, settings) in enumerate(requests, 1):
-        parts = cached_scene(name, number, settings, seed=recipe.schedule.seed, folder=folder)
+    for done, (side, name, number, label, settings, source) in enumerate(requests, 1):
+        if source is None:
+            parts = cached_scene(name, number, settings, seed=recipe.schedule.seed, folder=folder)
+        else:
+            parts = read_simulation(source, widest=settings.widest)
         scenes[side].append(TrainingScene(name, label, parts))
         if progress is not None:
             progress(done, len(requests))
