@@ -254,6 +254,49 @@ def test_the_released_network_is_trained_on_the_simulated_images_of_the_split(ro
         "--weights", tmp_path / "final_weights.h5")  # fmt: skip
 
 
+RECIPE = """
+published = "{root}"
+meshes = "{root}"
+scenes = {scenes}
+vertices = 100
+spacing = [0.01, 0.01, 0.03]
+examples = 4
+batch = 2
+schedule = {{ epochs = 1 }}
+[classes]
+box = ["003_cracker_box", "sugar_box"]
+other = ["025_mug", "042_wrench"]
+"""
+
+
+def test_recipes_take_the_datasets_simulated_images_and_meshes(roots, tmp_path):
+    """Beside scenes made of the meshes from the command line; alone, the same before and after conversion."""
+    pytest.importorskip("torch", reason="torch is not installed: make setup-train")
+    from millisight.perception.training import ClassifierRecipe, SceneSettings, SegmenterRecipe, make_scenes
+
+    names = ("003_cracker_box", "sugar_box", "025_mug", "042_wrench")
+    (tmp_path / "recipe.toml").write_text(RECIPE.format(root=roots["published"].as_posix(), scenes=2))
+    run("train", "classifier", tmp_path / "recipe.toml", "-o", tmp_path / "out")
+    told = json.loads((tmp_path / "out" / "classifier.json").read_text())
+    assert told["classes"] == {"box": list(names[:2]), "other": list(names[2:])}
+    made = {"003_cracker_box", "025_mug", "042_wrench"}  # of meshes; sugar_box is of no mesh's name but the catalogue's
+    assert {path.name.split("-")[0] for path in (tmp_path / "out" / "scenes").iterdir()} == made | {"sugar_box"}
+    assert told["scenes"] == {"training": 4 + 2, "validation": 4 + 2}
+    seen = {}
+    for form, root in roots.items():
+        classifier = ClassifierRecipe(
+            classes={"box": names[:2], "other": names[2:]}, published=str(root), scenes=0, batch=2, examples=4
+        )
+        segmenter = SegmenterRecipe(scenes=SceneSettings(published=str(root), poses=0, validation=("mug",)))
+        seen[form] = [make_scenes(recipe, tmp_path) for recipe in (classifier, segmenter)]
+    for ours, theirs in zip(seen["published"], seen["converted"], strict=True):
+        for side in ("training", "validation"):
+            assert [one.name for one in ours[side]] == [one.name for one in theirs[side]] != []
+            for one, other in zip(ours[side], theirs[side], strict=True):
+                assert np.array_equal(one.parts.inside, other.parts.inside)
+                assert np.array_equal(one.parts.images["77_ghz"], other.parts.images["77_ghz"])
+
+
 @pytest.mark.parametrize("radar", ["77_ghz", "24_ghz"])
 def test_raw_files_are_imaged_as_published_on_the_published_grid(radar, roots, tmp_path):
     """Linear poses, both receivers at 24 GHz, the nearest bin below; the published masks' pixels."""

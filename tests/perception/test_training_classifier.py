@@ -14,13 +14,8 @@ from millisight.core.errors import DamagedFileError, FormatError, InputError, Un
 from millisight.meshes import CATALOGUE
 from millisight.perception.classification import CLASSIFIER_CHANNELS, CLASSIFIER_WEIGHTS, NetworkClassifier
 from millisight.perception.training import ClassifierRecipe, Schedule, TrainingScene, make_scenes, train
-from millisight.perception.training._classifier import (
-    balanced,
-    best_temperature,
-    best_threshold,
-    cross_entropy,
-    example_of,
-)
+from millisight.perception.training._calibration import best_temperature, best_threshold, cross_entropy
+from millisight.perception.training._classifier import balanced, example_of
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

@@ -7,10 +7,11 @@ from pathlib import Path
 from millisight.core import check_known, record
 from millisight.datasets._dataset import Dataset, Experiment, Item
 from millisight.datasets._origins import origins
-from millisight.datasets._published import SplitImage, object_name, published_experiment, published_split
+from millisight.datasets._published import SplitImage, published_experiment, published_split
 from millisight.datasets._scenes import BANDS, SceneFiles, SimulationFiles
 from millisight.evaluation import HIGH, PUBLISHED, Origin, TestSplit
 from millisight.io import mito
+from millisight.meshes import object_name
 
 
 @record

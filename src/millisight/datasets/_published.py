@@ -15,7 +15,7 @@ from millisight.core import check_known, put, read_toml, record, record_from_tab
 from millisight.core.errors import DamagedFileError
 from millisight.io import mito
 from millisight.io.arrays import read_pickle
-from millisight.meshes import CATALOGUE
+from millisight.meshes import CATALOGUE, object_name
 
 SIMULATED = "simulated"
 _TABLE = Path(__file__).with_name("published.toml")
@@ -139,13 +139,14 @@ def _split_image(number: Any, name: Any, simulated: Any, los: Any, experiment: A
 
 
 def _objects(table: Mapping[str, Any]) -> dict[str, PublishedObject]:
-    names = {entry.ycb_id: name for name, entry in CATALOGUE.items()}
-    return {
-        folder: record_from_table(
-            PublishedObject, {"catalogue": names.get(folder, ""), **row}, _TABLE.name, folder, folder=folder
+    made = {}
+    for folder, row in table.items():
+        name = object_name(folder)
+        catalogue = name if name in CATALOGUE else ""
+        made[folder] = record_from_table(
+            PublishedObject, {"catalogue": catalogue, **row}, _TABLE.name, folder, folder=folder
         )
-        for folder, row in table.items()
-    }
+    return made
 
 
 def _splits(table: Mapping[str, Any], objects: Iterable[PublishedObject]) -> dict[str, PublishedSplit]:
@@ -172,13 +173,6 @@ PUBLISHED_OBJECTS: Mapping[str, PublishedObject] = MappingProxyType(_objects(_HE
 """Objects of the published dataset, by name of folder."""
 PUBLISHED_SPLITS: Mapping[str, PublishedSplit] = MappingProxyType(_splits(_HELD["splits"], PUBLISHED_OBJECTS.values()))
 """Both published splits, by name, the newest last."""
-
-
-def object_name(folder: str) -> str:
-    """The name by which networks know the object of a folder `<id>_<name>`: the catalogue's, where it is in it."""
-    if folder in PUBLISHED_OBJECTS and PUBLISHED_OBJECTS[folder].catalogue:
-        return PUBLISHED_OBJECTS[folder].catalogue
-    return next((name for name, entry in CATALOGUE.items() if entry.ycb_id == folder), folder.partition("_")[2])
 
 
 def published_experiment(folder: str, number: int) -> PublishedExperiment | None:

@@ -5,7 +5,6 @@ training nor in validation, object-disjoint. Objects are the same by name: a rea
 shape is no new object.
 """
 
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -16,7 +15,7 @@ from millisight.core import checked_array, rotation_from_euler_deg
 from millisight.core.errors import InputError
 from millisight.evaluation._answers import CLOSED, DISJOINT, PUBLISHED, SPLITS
 from millisight.evaluation._sources import SceneSource, TestSplit
-from millisight.meshes import CATALOGUE
+from millisight.meshes import CATALOGUE, object_name
 
 WITHIN_DEG = 1.0
 """Poses nearer than this are the same pose."""
@@ -24,14 +23,6 @@ VALIDATION, SAME_POSE, NO_CLASS = "seen in validation only", "in a pose of train
 NO_TEST = "not tested by the split"
 LEFT_OUT = (VALIDATION, SAME_POSE, NO_CLASS)
 """Why an image stands in no table."""
-
-
-def _plain(name: str) -> str:
-    """Without case, and with one mark between words: folders spell one object 057_racquetball and 057-racquetball."""
-    return re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
-
-
-_NAMES = {_plain(spelled): name for name, entry in CATALOGUE.items() for spelled in (name, entry.ycb_id)}
 
 
 class Training(NamedTuple):
@@ -76,17 +67,12 @@ def training_of(name: str, description: Mapping[str, Any]) -> Training:
         raise InputError(f"the description of {name} states no poses of {', '.join(unknown)}; train it again")
     return Training(
         name=name,
-        training=frozenset(map(_known_as, sides["training"])),
-        validation=frozenset(map(_known_as, sides["validation"])),
-        rotations={_known_as(one): _rotations(f"poses of {one} of {name}", turned) for one, turned in poses.items()},
+        training=frozenset(map(object_name, sides["training"])),
+        validation=frozenset(map(object_name, sides["validation"])),
+        rotations={object_name(one): _rotations(f"poses of {one} of {name}", turned) for one, turned in poses.items()},
         seed=seed,
         physics=physics,
     )
-
-
-def _known_as(name: str) -> str:
-    """The name in the catalogue, also of a folder of the YCB set, however it is spelled."""
-    return _NAMES.get(_plain(name), name)
 
 
 def _rotations(name: str, angles_deg: list) -> np.ndarray:
@@ -101,7 +87,7 @@ def nearest_pose_deg(training: Training, name: str, angles_deg: ArrayLike) -> fl
 
     Of the rotation Aᵀ B the angle is arccos((trace - 1) / 2), whatever the axis.
     """
-    turned = training.rotations.get(_known_as(name), np.zeros((0, 3, 3)))
+    turned = training.rotations.get(object_name(name), np.zeros((0, 3, 3)))
     if not len(turned):
         return np.inf
     traces = np.einsum("nij,ij->n", turned, rotation_from_euler_deg(angles_deg))
@@ -210,13 +196,13 @@ def classes_of(description: Mapping[str, Any], class_names: Sequence[str]) -> di
     if not isinstance(own, Mapping) or not all(isinstance(names, list | tuple) for names in own.values()):
         raise InputError(f"the description's classes are {own!r}; expected lists of objects' names by class")
     told = {name: entry.shape_class for name, entry in CATALOGUE.items()}
-    told |= {_known_as(str(name)): str(one) for one, names in own.items() for name in names}
+    told |= {object_name(str(name)): str(one) for one, names in own.items() for name in names}
     return {name: one for name, one in told.items() if one in class_names}
 
 
 def side_of(training: Training, name: str, angles_deg: ArrayLike) -> str:
     """CLOSED, DISJOINT, or why an image of that object in that pose [degrees] stands in neither table."""
-    known = _known_as(name)
+    known = object_name(name)
     if known in training.training:
         return SAME_POSE if nearest_pose_deg(training, known, angles_deg) <= WITHIN_DEG else CLOSED
     return VALIDATION if known in training.validation else DISJOINT
@@ -259,5 +245,5 @@ def siblings(training: Training, names: Iterable[str]) -> dict[str, list[str]]:
 
 def _family(name: str) -> str:
     """The number in the YCB set without its letter; of an object that is not in the catalogue its name."""
-    known = _known_as(name)
+    known = object_name(name)
     return CATALOGUE[known].number.partition("-")[0] if known in CATALOGUE else known

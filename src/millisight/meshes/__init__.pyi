@@ -5,6 +5,7 @@ from ._catalogue import build_object as build_object
 from ._catalogue import build_parts as build_parts
 from ._catalogue import find_meshes as find_meshes
 from ._catalogue import find_scans as find_scans
+from ._catalogue import object_name as object_name
 from ._load import FORMATS as FORMATS
 from ._load import load_mesh as load_mesh
 from ._rays import LIFT as LIFT

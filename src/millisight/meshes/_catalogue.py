@@ -21,6 +21,7 @@ To add an object: measure it, write its entry in `catalogue.toml`, and give it a
 import dataclasses
 import importlib
 import os
+import re
 import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -70,6 +71,7 @@ class CatalogueObject:
     source : of the dimensions: "scan", "reported", "table" or "nominal", see `catalogue.toml`
     sketch : module and function in `millisight.meshes._sketches` that draw it
     alpha : weights (a1, a2) of the specular and the edge image that were fitted to it; None: those of its material
+    published : name of its folder in the published dataset; "": `ycb_id`, if it is there
     """
 
     name: str
@@ -81,6 +83,7 @@ class CatalogueObject:
     source: str
     sketch: str
     alpha: tuple[float, float] | None = None
+    published: str = ""
 
     def __post_init__(self) -> None:
         parts = tuple((str(part), str(material)) for part, material in self.parts)
@@ -156,11 +159,37 @@ def _entries() -> Iterator[CatalogueObject]:
             source=row["source"],
             sketch=row["sketch"],
             alpha=row.get("alpha"),
+            published=row.get("published", ""),
         )
 
 
 CATALOGUE: Mapping[str, CatalogueObject] = MappingProxyType({entry.name: entry for entry in _entries()})
 """Every object by its name, in the order of the YCB numbers."""
+
+
+def _spelled(name: str) -> str:
+    """Without case, and with one mark between words: folders spell one object 057_racquetball and 057-racquetball."""
+    return re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
+
+
+_NAMES = {
+    _spelled(known): name
+    for name, entry in CATALOGUE.items()
+    for known in (name, entry.ycb_id, entry.published)
+    if known
+}
+_NUMBER = re.compile(r"\d+[a-z]?[-_]")
+
+
+def object_name(spelled: str) -> str:
+    """One name for one object, however a folder or a file spells it: the catalogue's, else that without its number.
+
+    Examples
+    --------
+    >>> [object_name(folder) for folder in ("025_mug", "057-racquetball", "042_wrench", "023_wine_glass", "thing")]
+    ['mug', 'racquetball', 'adjustable_wrench', 'wine_glass', 'thing']
+    """
+    return _NAMES.get(_spelled(spelled)) or _NUMBER.sub("", spelled, count=1) or spelled
 
 
 def build_object(name: str) -> TriangleMesh:

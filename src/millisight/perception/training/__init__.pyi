@@ -14,6 +14,7 @@ from ._classifier import ClassifierRecipe as ClassifierRecipe
 from ._loop import Lesson as Lesson
 from ._loop import Schedule as Schedule
 from ._loop import check_installed as check_installed
+from ._published import read_simulation as read_simulation
 from ._released import RELEASED_WEIGHTS as RELEASED_WEIGHTS
 from ._released import ReleasedExample as ReleasedExample
 from ._released import ReleasedRecipe as ReleasedRecipe
@@ -24,6 +25,7 @@ from ._scenes import SceneParts as SceneParts
 from ._scenes import SceneSettings as SceneSettings
 from ._scenes import make_scene as make_scene
 from ._segmenter import SegmenterRecipe as SegmenterRecipe
+from ._sources import simulations_in as simulations_in
 from ._training import RECIPES as RECIPES
 from ._training import SceneRequest as SceneRequest
 from ._training import Trained as Trained

@@ -3,13 +3,14 @@
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from millisight.core import check_known, checked_integer, checked_number, checked_record, put, record
+from millisight.core import check_known, checked_integer, checked_number, checked_record, printable, put, record
 from millisight.core.errors import InputError, UnknownNameError
-from millisight.meshes import CATALOGUE, RANDOM_SHAPES
+from millisight.meshes import CATALOGUE, RANDOM_SHAPES, object_name
 from millisight.perception.classification import (
     CLASSIFIER_CHANNELS,
     CLASSIFIER_SIDE,
@@ -18,12 +19,13 @@ from millisight.perception.classification import (
 )
 from millisight.perception.training import _augmentation as augmentation
 from millisight.perception.training._bands import DEPTH
+from millisight.perception.training._calibration import answer_scores, best_temperature, best_threshold, cross_entropy
 from millisight.perception.training._loop import Schedule, run
 from millisight.perception.training._scenes import (
     RANDOM_OBJECTS,
     SceneSettings,
-    meshes_in,
 )
+from millisight.perception.training._sources import meshes_in, simulations_in
 from millisight.perception.training._training import RECIPES, SceneRequest, TrainingScene, TrainingScenes, held_back
 from millisight.perception.training._whole import ECHOES, WholeScene, WholeSettings
 
@@ -55,9 +57,11 @@ class ClassifierRecipe:
     without : objects that no scene shows
     tests : objects that no scene shows because they will test; one that `classes` names need not be in the catalogue:
         the description of the weights then holds the class of an object of your own
-    scenes : of each class; its objects share them evenly. Every sixth of an object's is for validation
+    scenes : of each class; its objects share them evenly. Every sixth of an object's is for validation. 0: none, only
+        those of a dataset
     drawn : of each class besides, scenes of shapes drawn at random (`meshes.random_shape`), every sixth for validation
-    vertices, widest, meshes : of the scenes, see SceneSettings; `classes` may name meshes of the folder
+    vertices, widest, meshes, published : of the scenes, see SceneSettings; `classes` may name meshes of the folder, and
+        objects of the dataset, of whose simulated images every sixth of a class is for validation
     stretch : of the scenes of each class, see SceneSettings; 0.25 of those that are not named
     parts : "both", "edge" or "specular"
     network : "small", or the "paper"'s
@@ -79,6 +83,7 @@ class ClassifierRecipe:
     vertices: int = 3000
     widest: float = 0.32
     meshes: str = ""
+    published: str = ""
     stretch: Mapping[str, float] = field(default_factory=dict)
     parts: str = "both"
     network: str = "small"
@@ -96,14 +101,14 @@ class ClassifierRecipe:
         for kind, value, known in (("parts", self.parts, ECHOES), ("network", self.network, _BANDS)):
             check_known(kind, value, known)
         named = [name for objects in own.values() for name in objects]
+        known = (*CATALOGUE, *meshes_in(self.meshes), *simulations_in(self.published))
         for name in (*self.without, *self.tests, *named):
-            known = name in CATALOGUE or name in meshes_in(self.meshes)
-            if not known and not (name in named and name in self.tests):
-                raise UnknownNameError("catalogue object", name, (*CATALOGUE, *meshes_in(self.meshes)))
+            if name not in known and object_name(name) not in known and not (name in named and name in self.tests):
+                raise UnknownNameError("catalogue object", name, known)
         put(
             self,
             classes=own,
-            scenes=checked_integer(self.scenes, name="scenes"),
+            scenes=checked_integer(self.scenes, name="scenes", minimum=0 if self.published else 1),
             drawn=checked_integer(self.drawn, name="drawn", minimum=0),
             stretch={
                 str(shape): checked_number(value, name=f"stretch of {shape}", minimum=0)
@@ -121,6 +126,12 @@ class ClassifierRecipe:
                 )
         for shape in self.stretch:
             check_known("class", shape, self.objects)
+        for shape in self.objects:
+            if not self.scene_settings(shape) and len(self.simulated(shape)) < 2:
+                raise InputError(
+                    f"{printable(self.published)} has {len(self.simulated(shape))} simulations of the class {shape!r}; "
+                    "expected two at least, one to validate with: name more objects in classes, or set scenes above 0"
+                )
 
     @property
     def whole(self) -> WholeSettings:
@@ -138,16 +149,18 @@ class ClassifierRecipe:
     @property
     def objects(self) -> dict[str, tuple[str, ...]]:
         """Names of the objects to train with, by class."""
-        left_out = {*self.without, *self.tests}
+        left_out = {object_name(name) for name in (*self.without, *self.tests)}
         return {
-            shape: tuple(name for name in names if name not in left_out) for shape, names in self.every_object.items()
+            shape: tuple(name for name in names if object_name(name) not in left_out)
+            for shape, names in self.every_object.items()
         }
 
     def scene_settings(self, shape: str) -> dict[str, SceneSettings]:
         """How the scenes of a class are made, by the name of what they show: its objects, and random shapes."""
-        objects = self.objects[shape]
+        meshes = {*CATALOGUE, *meshes_in(self.meshes)}
+        objects = [name for name in self.objects[shape] if self.scenes and name in meshes]
         every = SceneSettings(
-            poses=max(-(-self.scenes // len(objects)), 2), vertices=self.vertices,
+            poses=max(-(-self.scenes // max(len(objects), 1)), 2), vertices=self.vertices,
             widest=self.widest, stretch=self.stretch.get(shape, _STRETCH), meshes=self.meshes,
         )  # fmt: skip
         made = dict.fromkeys(objects, every)
@@ -156,13 +169,25 @@ class ClassifierRecipe:
         return made
 
     def scene_requests(self) -> list[SceneRequest]:
-        """Class by class, object by object."""
-        return [
-            SceneRequest("validation" if number % _HELD_EVERY == 1 else "training", name, number, label, settings)
-            for label, shape in enumerate(self.objects)
-            for name, settings in self.scene_settings(shape).items()
-            for number in range(settings.poses)
-        ]
+        """Class by class, object by object; of a class first those that are made, then those of the dataset."""
+        requests = []
+        for label, shape in enumerate(self.objects):
+            requests += [
+                SceneRequest(_side(number), name, number, label, settings)
+                for name, settings in self.scene_settings(shape).items()
+                for number in range(settings.poses)
+            ]
+            settings = SceneSettings(widest=self.widest)
+            requests += [
+                SceneRequest(_side(number), name, number, label, settings, source)
+                for number, (name, source) in enumerate(self.simulated(shape))
+            ]
+        return requests
+
+    def simulated(self, shape: str) -> list[tuple[str, Path]]:
+        """Names of a class's objects, and the folders of their simulated images in the dataset."""
+        found = simulations_in(self.published)
+        return [(name, source) for name in self.objects[shape] for source in found.get(object_name(name), ())]
 
     def lesson(self, scenes: TrainingScenes) -> "ClassifierLesson":
         """The classes of the objects of these scenes."""
@@ -174,6 +199,10 @@ class ClassifierRecipe:
             f"{100 * description['validation']['accuracy']:.1f} % of the validation scenes right, chance is "
             f"{100 / len(description['class_names']):.1f} %"
         )
+
+
+def _side(number: int) -> str:
+    return "validation" if number % _HELD_EVERY == 1 else "training"
 
 
 def _check_classes(objects: Mapping[str, Sequence[str]]) -> None:
@@ -300,58 +329,9 @@ def _poses(scenes: TrainingScenes) -> dict[str, list[list[float]]]:
 def example_of(scene: WholeScene, rng: np.random.Generator) -> np.ndarray:
     """(C, S, S) a classifier's input from a scene, masked and disturbed as drawn from `rng`."""
     power = scene.power("77_ghz")
-    other = scene.power("24_ghz") if rng.random() >= _ONE_BAND else None
+    other = scene.power("24_ghz") if rng.random() >= _ONE_BAND and "24_ghz" in scene.levels else None
     inside = scene.objects > 0
     if rng.random() < 0.9:
         inside = augmentation.erring_mask(inside, power.max(axis=2), rng, hidden=scene.covered)
     depths = DEPTH * np.arange(power.shape[2])
     return augmentation.seen_otherwise(masked_channels(power, depths, inside.astype(np.float32), other), rng)
-
-
-_SURE = 0.95  # of the answers that are given should be right: on validation
-
-
-def cross_entropy(logits: np.ndarray, labels: np.ndarray) -> np.ndarray:
-    """(N,) -log of the probability of the right class, of logits (N, C) and labels (N,)."""
-    shifted = logits - logits.max(axis=1, keepdims=True)
-    return np.log(np.exp(shifted).sum(axis=1)) - shifted[np.arange(len(labels)), labels]
-
-
-def best_temperature(logits: np.ndarray, labels: np.ndarray) -> float:
-    """The number by which logits (N, C) are divided so that the mean cross-entropy is least.
-
-    Guo et al. 2017, "On Calibration of Modern Neural Networks".
-    """
-    from scipy.optimize import minimize_scalar
-
-    found: Any = minimize_scalar(
-        lambda power: cross_entropy(logits / 2**power, labels).mean(), bounds=(-3, 5), method="bounded"
-    )
-    return round(float(2**found.x), 4)
-
-
-def best_threshold(logits: np.ndarray, labels: np.ndarray) -> float:
-    """The lowest confidence from which on 95 % of the answers are right."""
-    right, confidence = _answers(logits, labels)
-    order = np.argsort(-confidence, kind="stable")
-    share = np.cumsum(right[order]) / np.arange(1, len(order) + 1)
-    enough = np.flatnonzero(share >= _SURE)
-    return round(float(confidence[order[enough[-1]]] if len(enough) else confidence.max()), 4)
-
-
-def answer_scores(logits: np.ndarray, labels: np.ndarray) -> dict[str, float]:
-    """Accuracy, mean confidence and mean cross-entropy ("surprise", as descriptions of weights call it)."""
-    right, confidence = _answers(logits, labels)
-    scores = {
-        "accuracy": right.mean(),
-        "mean confidence": confidence.mean(),
-        "surprise": cross_entropy(logits, labels).mean(),
-    }
-    return {"examples": len(labels)} | {name: round(float(value), 4) for name, value in scores.items()}
-
-
-def _answers(logits: np.ndarray, labels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(N,) whether the most probable class is the right one, and its probability."""
-    probabilities = np.exp(logits - logits.max(axis=1, keepdims=True))
-    probabilities /= probabilities.sum(axis=1, keepdims=True)
-    return logits.argmax(axis=1) == labels, probabilities.max(axis=1)

@@ -10,10 +10,8 @@ import dataclasses
 import hashlib
 import json
 import os
-from collections.abc import Mapping, Sequence
-from functools import lru_cache
+from collections.abc import Sequence
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,9 +28,10 @@ from millisight.core import (
 from millisight.core.errors import DamagedFileError
 from millisight.data import Capture, Material, Scene, Trajectory, TriangleMesh, VoxelGrid
 from millisight.imaging import combine, form_image
-from millisight.meshes import CATALOGUE, RANDOM_SHAPES, build_object, find_meshes, load_mesh, random_shape
+from millisight.meshes import CATALOGUE, RANDOM_SHAPES, build_object, load_mesh, object_name, random_shape
 from millisight.perception import SPACING
 from millisight.perception.training._bands import BANDS, DEPTH, read_parts, simulated_radar, strayed, write_parts
+from millisight.perception.training._sources import meshes_in, simulations_in
 from millisight.simulation import simulate
 
 SCENE_PARTS = ("specular", "edge", "plate")
@@ -61,6 +60,8 @@ class SceneSettings:
     stretch : objects are made longer or shorter along each of their axes, by a factor of exp(stretch) at most
     meshes : folder of mesh files, see `find_meshes`; objects of these names are taken from it, and it adds to the
         catalogue's; "": none
+    published : dataset in the published layout whose simulated images are scenes as well, see `simulations_in`; "":
+        none
     """
 
     without: tuple[str, ...] = ()
@@ -70,13 +71,15 @@ class SceneSettings:
     widest: float = 0.22
     stretch: float = 0.0
     meshes: str = ""
+    published: str = ""
 
     def __post_init__(self) -> None:
+        known = (*CATALOGUE, *meshes_in(self.meshes), *simulations_in(self.published))
         for name in (*self.without, *self.validation):
-            check_known("catalogue object", name, (*CATALOGUE, *meshes_in(self.meshes)))
+            check_known("catalogue object", name if name in known else object_name(name), known)
         put(
             self,
-            poses=checked_integer(self.poses, name="poses"),
+            poses=checked_integer(self.poses, name="poses", minimum=0 if self.published else 1),
             vertices=checked_integer(self.vertices, name="vertices", minimum=100),
             widest=checked_number(self.widest, name="widest", unit="m", above=0.05),
             stretch=checked_number(self.stretch, name="stretch", minimum=0),
@@ -84,25 +87,19 @@ class SceneSettings:
 
     @property
     def objects(self) -> dict[str, tuple[str, ...]]:
-        """Names by "training" and "validation"."""
-        every = dict.fromkeys((*CATALOGUE, *meshes_in(self.meshes)))
-        seen = [name for name in every if name not in self.without]
+        """Names by "training" and "validation", of the mesh files' and the dataset's too, however they spell them."""
+        every = dict.fromkeys((*(self.made if self.poses else ()), *simulations_in(self.published)))
+        without, held = ({object_name(name) for name in names} for names in (self.without, self.validation))
+        seen = [name for name in every if object_name(name) not in without]
         return {
-            "training": tuple(name for name in seen if name not in self.validation),
-            "validation": tuple(name for name in seen if name in self.validation),
+            "training": tuple(name for name in seen if object_name(name) not in held),
+            "validation": tuple(name for name in seen if object_name(name) in held),
         }
 
-
-@lru_cache(maxsize=4)
-def meshes_in(folder: str) -> Mapping[str, Path]:
-    """The meshes of a folder by name; none of "".
-
-    Raises
-    ------
-    FileError
-        The folder cannot be read, or holds none.
-    """
-    return MappingProxyType(find_meshes(folder) if folder else {})
+    @property
+    def made(self) -> tuple[str, ...]:
+        """Names of objects that there are meshes of, of which scenes are made."""
+        return tuple(dict.fromkeys((*CATALOGUE, *meshes_in(self.meshes))))
 
 
 class SceneParts(NamedTuple):

@@ -17,6 +17,7 @@ from millisight.perception.segmentation import WAVE_CHANNELS, WAVE_SLICES, prese
 from millisight.perception.training import _augmentation as augmentation
 from millisight.perception.training._loop import Schedule, run
 from millisight.perception.training._scenes import RANDOM_OBJECTS, SceneSettings
+from millisight.perception.training._sources import simulations_in
 from millisight.perception.training._training import RECIPES, SIDES, SceneRequest, TrainingScenes, held_back
 from millisight.perception.training._whole import WholeScene, WholeSettings
 
@@ -84,12 +85,15 @@ class SegmenterRecipe:
 
     def scene_requests(self) -> list[SceneRequest]:
         """All scenes of the objects to train with, then those of the objects to validate with."""
-        drawn = dataclasses.replace(self.scenes, stretch=0.0)
+        drawn, made = dataclasses.replace(self.scenes, stretch=0.0), self.scenes.made
+        read = simulations_in(self.scenes.published)
         return [
-            SceneRequest(side, name, number, 0, self.scenes)
+            SceneRequest(side, name, number, 0, self.scenes, source)
             for side in SIDES
             for name in self.scenes.objects[side]
-            for number in range(self.scenes.poses)
+            for number, source in enumerate(
+                (*((None,) * self.scenes.poses if name in made else ()), *read.get(name, ()))
+            )
         ] + [
             SceneRequest(SIDES[number % _HELD_EVERY == 1], name, number, 0, drawn)
             for name in RANDOM_OBJECTS
@@ -207,9 +211,10 @@ class SegmenterExample(NamedTuple):
 
 def example_of(scene: WholeScene, rng: np.random.Generator) -> SegmenterExample:
     """An example of a scene, drawn from `rng`."""
-    alone = rng.random() < _OTHER_ALONE
+    alone, single = rng.random() < _OTHER_ALONE, "24_ghz" not in scene.levels
+    alone = alone and not single
     band = "24_ghz" if alone else "77_ghz"
-    other = None if alone or rng.random() < _ONE_BAND else scene.power("24_ghz")
+    other = None if alone or rng.random() < _ONE_BAND or single else scene.power("24_ghz")
     window, way = tuple(_window(size, rng) for size in scene.objects.shape), int(rng.integers(8))
 
     def seen(values: np.ndarray) -> np.ndarray:

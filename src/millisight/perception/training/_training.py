@@ -16,6 +16,7 @@ import numpy as np
 from millisight.core import Registry, make_folder
 from millisight.perception import write_network
 from millisight.perception.training._loop import Lesson, Schedule, fit, one_thread
+from millisight.perception.training._published import read_simulation, simulation_digest
 from millisight.perception.training._scenes import SceneParts, SceneSettings, cached_scene, scene_digest
 from millisight.perception.training._sheets import SheetParts, cached_sheet
 from millisight.perception.training._whole import WholeScene, WholeSettings, cached_whole_scene
@@ -37,6 +38,7 @@ class SceneRequest(NamedTuple):
     number : among those of its object, from 0 on
     label : index of its class; 0 where there are no classes
     settings : how it is simulated
+    source : folder of simulated images that it is read from, see `read_simulation`; None: it is made
     """
 
     side: str
@@ -44,6 +46,7 @@ class SceneRequest(NamedTuple):
     number: int
     label: int
     settings: SceneSettings
+    source: Path | None = None
 
 
 class TrainingScene(NamedTuple):
@@ -124,6 +127,8 @@ def make_scenes(
 ) -> dict[str, list[TrainingScene]]:
     """The recipe's scenes, by "training" and "validation"; those that the folder holds already are read.
 
+    Simulated images of a dataset that the recipe names are read from there each time.
+
     Parameters
     ----------
     recipe : SegmenterRecipe, ClassifierRecipe, or another TrainingRecipe
@@ -132,7 +137,9 @@ def make_scenes(
 
     Raises
     ------
-    FileError, DamagedFileError
+    InputError
+        Images and masks of a dataset do not fit each other.
+    FileError, FormatError, DamagedFileError
     """
     folder, requests, whole = make_folder(folder), recipe.scene_requests(), recipe.whole
     by_side = {side: [one for one in requests if one.side == side] for side in SIDES}
@@ -161,7 +168,7 @@ class _Maker:
     def scene(self, view: int) -> WholeScene:
         """The scene of that number among the request's."""
         name, number = self._request.name, self._request.number
-        key = f"{self._request.side}/{name}/{number}/{view}/{scene_digest(name, self._request.settings, self._seed)}"
+        key = f"{self._request.side}/{name}/{number}/{view}/{self._digest()}"
         return cached_whole_scene(key, self._whole, self._parts, seed=[self._seed], folder=self._folder)
 
     def _parts(self, rng: np.random.Generator) -> tuple[list[SceneParts], list[SheetParts]]:
@@ -174,7 +181,14 @@ class _Maker:
         sheets = [cached_sheet(int(i), seed=self._seed, folder=self._folder) for i in rng.choice(numbers, 2)]
         return [self._own, *map(self._simulated, drawn)], sheets
 
+    def _digest(self) -> str:
+        if self._request.source is None:
+            return scene_digest(self._request.name, self._request.settings, self._seed)
+        return simulation_digest(self._request.source)
+
     def _simulated(self, one: SceneRequest) -> SceneParts:
+        if one.source is not None:
+            return read_simulation(one.source, widest=one.settings.widest)
         return cached_scene(one.name, one.number, one.settings, seed=self._seed, folder=self._folder)
 
 

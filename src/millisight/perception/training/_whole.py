@@ -71,7 +71,7 @@ class WholeScene(NamedTuple):
     ----------
     objects : (A, B) uint8, the number of the object over each pixel, from 1 on; 0: none
     covered : whether a sheet lies over the objects
-    levels : by band (A, B, Z) uint8, power of the cleaned image in steps below its maximum
+    levels : by band, 77 GHz at least, (A, B, Z) uint8, power of the cleaned image in steps below its maximum
     raw : by band (A, B) uint8, the same of the mean magnitude along z before anything was taken
     taken_db : by band, the maximum of the cleaned image over that before [dB]
     """
@@ -137,7 +137,7 @@ def compose(
     if empty:
         weaker, gains = [0.0], [{**gains[0], "plate": 0.0}]
     images = {}
-    for band in BANDS:
+    for band in (band for band in BANDS if all(band in one.images for one in objects)):
         mine = gains if band == BANDS[0] else [augmentation.other_gains(one, rng) for one in gains]
         images[band] = plan.image(band, mine, weaker, rng)
     levels, raw, taken = {}, {}, {}
@@ -281,16 +281,17 @@ def _power_of(levels: np.ndarray) -> np.ndarray:
 
 
 def _write(path: Path, scene: WholeScene) -> None:
-    of_bands = {f"{band}_levels": scene.levels[band] for band in BANDS} | {f"{b}_raw": scene.raw[b] for b in BANDS}
-    taken = np.array([scene.taken_db[band] for band in BANDS])
+    nothing = np.zeros((0, 0), np.uint8)
+    of_bands = {f"{band}_levels": scene.levels.get(band, nothing) for band in BANDS}
+    of_bands |= {f"{band}_raw": scene.raw.get(band, nothing) for band in BANDS}
+    taken = np.array([scene.taken_db.get(band, 0.0) for band in BANDS])
     write_arrays(path, {"objects": scene.objects, "covered": np.array(scene.covered), "taken": taken, **of_bands})
 
 
 def _read(path: Path) -> WholeScene:
     names = [f"{band}_{what}" for band in BANDS for what in ("levels", "raw")]
     held = read_arrays(path, "objects", "covered", "taken", *names)
-    levels = {band: held[f"{band}_levels"] for band in BANDS}
-    raw = {band: held[f"{band}_raw"] for band in BANDS}
-    return WholeScene(
-        held["objects"], bool(held["covered"]), levels, raw, dict(zip(BANDS, held["taken"].tolist(), strict=True))
-    )
+    bands = [band for band in BANDS if held[f"{band}_raw"].size]
+    levels, raw = ({band: held[f"{band}_{what}"] for band in bands} for what in ("levels", "raw"))
+    taken = dict(zip(BANDS, held["taken"].tolist(), strict=True))
+    return WholeScene(held["objects"], bool(held["covered"]), levels, raw, {band: taken[band] for band in bands})
