@@ -26,11 +26,15 @@ batch = 2
 examples = 4
 scenes = 2
 vertices = 200
-spacing = [0.008, 0.008, 0.02]
+positions = 400
 tests = ["{tests}"]
 {extra}
 [classes]
 {classes}
+
+[whole]
+views = 1
+sheets = 0
 
 [schedule]
 epochs = 1

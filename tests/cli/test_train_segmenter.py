@@ -21,9 +21,13 @@ views = 2
 [scenes]
 poses = 1
 vertices = 200
-spacing = [0.008, 0.008, 0.02]
+positions = 400
 without = {without}
 validation = ["golf_ball"]
+
+[whole]
+views = 2
+sheets = 0
 
 [schedule]
 epochs = 2
@@ -50,7 +54,7 @@ def test_one_command_makes_the_weights_and_again_the_same_ones_even_when_resumed
     assert out.splitlines()[-1] == f"weights: {tmp_path / 'a' / 'wave.onnx'}"
     told = WaveSegmenter(tmp_path / "a" / "wave.onnx").description
     assert told["objects"] == {"training": ["dice"], "validation": ["golf_ball"]}
-    assert told["scenes"] == {"training": 1, "validation": 1}
+    assert told["scenes"] == {"training": 2, "validation": 2}
     assert len(told["history"]) == 2
 
     def cut_off(done, total):

@@ -3,6 +3,7 @@
 import dataclasses
 import json
 from collections import Counter
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -57,6 +58,8 @@ def test_objects_are_chosen_by_name_category_and_class():
         ({"objects": {"names": "mug"}}, "recipe: objects.names", "expected a list"),
         ({"objects": {"name": ["mug"]}}, "recipe: objects.name", "unknown key 'name'. Did you mean 'names'"),
         ({"colour": 1}, "recipe: colour", "unknown key"),
+        ({"rig": RIG | {"covers": {"clearance": [0.04, 0.01]}}}, "recipe: rig.covers", "the smaller first"),
+        ({"rig": RIG | {"image": {"beyond": 0.05}}}, "recipe: rig.image", "state a margin, too"),
         ({"folder": "."}, "recipe: folder", "unknown key"),
         ({"seed": 1.5}, "recipe: ", "seed is 1.5; expected a whole number"),
         ({"name": " "}, "recipe: ", "expected a name"),
@@ -255,6 +258,36 @@ def test_apertures_and_images_are_cut_around_the_object_on_one_lattice():
         assert job.world.scan.size == pytest.approx((size, size))
         assert job.world.scan.middle == pytest.approx([0.17, 0.28])
         assert job.world.objects[0].at == pytest.approx((0.17, 0.28))
+
+
+def test_covers_are_drawn_for_each_experiment_and_the_same_for_its_radars():
+    covers = {"cartons": 3, "clearance": [0.01, 0.04], "thickness": [0.0025, 0.004], "tilt_deg": 2.0, "empty": 2}
+    rig = RIG | {"conditions": ["los", "carton"], "covers": covers}
+    made = [job for job in jobs(rig=rig) if isinstance(job, RigJob)]
+    hidden = [job for job in made if job.world.carton and job.world.objects]
+    by_folder = {job.folder: job.world.carton for job in hidden}
+    for job in hidden:
+        assert asdict(job.world.carton) == asdict(by_folder[job.folder])
+    subjects = {Path(folder).parents[1] for folder in by_folder}
+    assert len(by_folder) == 3 * len(subjects)
+    for name, (low, high) in {"clearance": (0.01, 0.04), "thickness": (0.0025, 0.004)}.items():
+        values = [getattr(carton, name) for carton in by_folder.values()]
+        assert low <= min(values) < max(values) <= high
+    assert max(abs(angle) for carton in by_folder.values() for angle in carton.tilt_deg) <= 2
+    empty = {job.folder for job in made if job.world.carton and not job.world.objects}
+    assert len(empty) == 2
+    assert all("EMPTY" in folder for folder in empty)
+    again = {job.folder: job.world.carton for job in jobs(rig=rig) if isinstance(job, RigJob) and job.world.carton}
+    assert all(asdict(again[folder]) == asdict(carton) for folder, carton in by_folder.items())
+
+
+def test_images_reach_further_on_sides_that_are_drawn():
+    near = RIG | {"image": RIG["image"] | {"margin": 0.01}}
+    far = RIG | {"image": RIG["image"] | {"margin": 0.01, "beyond": 0.05}}
+    reach = {job.key: job.beyond for job in jobs(rig=far) if isinstance(job, RigJob)}
+    assert all(0 <= side <= 0.05 for sides in reach.values() for side in sides)
+    assert len(set(reach.values())) > 1
+    assert {job.beyond for job in jobs(rig=near) if isinstance(job, RigJob)} == {(0.0, 0.0, 0.0, 0.0)}
 
 
 def test_files_are_taken_from_beside_the_recipe(tmp_path):

@@ -54,6 +54,7 @@ def bright(monkeypatch):
 
 
 def run(root, tmp_path, **options):
+    options = {"blind": ()} | options
     given = {"output": tmp_path / "out", "workers": 1, "methods": ["bright"], "failures": 0, **options}
     return ms.evaluate("segmentation", root, **given)
 

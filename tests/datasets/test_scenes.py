@@ -6,11 +6,12 @@ import shutil
 import numpy as np
 import pytest
 
-from helpers.small_scenes import BLOCKS, INFO, LID, POSE, TOP, inside, make
+from helpers.small_scenes import BLOCKS, INFO, LID, POSE, TOP, add, inside, make
 from millisight import datasets
 from millisight.core.errors import FileError, InputError, UnknownNameError
-from millisight.datasets import find_scenes
+from millisight.datasets import evaluate, find_empties, find_scenes
 from millisight.evaluation import INPUTS, score_mask
+from millisight.io.mito import experiment_folder
 
 
 @pytest.fixture(scope="module")
@@ -104,3 +105,24 @@ def test_crops_and_names_are_checked(dataset):
         files.read(truth="guess")
     with pytest.raises(UnknownNameError, match="transform"):
         files.read(transform="guess")
+
+
+def test_an_empty_carton_is_a_scene_where_nothing_is_to_be_found(own):
+    add(
+        experiment_folder(own, "tripod-carton_EMPTY", (0, 0, 0), 1, "nlos"),
+        next(iter(BLOCKS.values())),
+        INFO,
+        hidden=True,
+    )
+    assert len(scenes(own)) == 4
+    (empty,) = find_empties(datasets.open(own))
+    assert (empty.sight, empty.number) == ("nlos", 1)
+    scene = empty.read(truth="exact", view=False)
+    assert not any(mask.inside.any() for mask in scene.truth.values())
+    result = evaluate("segmentation", own, methods=["threshold"], blind=(), seeds=1, truth="exact", workers=1)
+    (table,) = (table for name, table in result.tables.items() if name == "empty")
+    assert [row[:4] for row in table.rows] == [
+        ("threshold", given, 0, 1) for given in ("24 GHz", "77 GHz", "multi-spectral")
+    ]
+    seen = evaluate("segmentation", own, methods=["threshold"], blind=(), sight="los", seeds=1, workers=1)
+    assert {one.sight for one in seen.rows} == {"los"}

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 import trimesh
 
+from helpers.whole_scenes import PLAIN
 from millisight.core.errors import FileError, UnknownNameError
 from millisight.meshes import find_meshes
+from millisight.perception import SPACING
 from millisight.perception.training import (
     ClassifierRecipe,
     SceneSettings,
@@ -14,7 +16,8 @@ from millisight.perception.training import (
     make_scenes,
 )
 
-COARSE = {"vertices": 300, "spacing": (0.008, 0.008, 0.03)}
+COARSE = {"vertices": 300, "positions": 400}
+PLAINLY = {**COARSE, "whole": PLAIN}
 
 
 @pytest.fixture
@@ -42,7 +45,7 @@ def test_a_scene_shows_the_mesh_of_the_file(folder):
     settings = SceneSettings(**COARSE, meshes=str(folder), widest=0.4)
     for name, longest in (("bar", 0.16), ("900_globe", 0.08)):
         scene = make_scene(name, settings, rng=np.random.default_rng(3))
-        places = np.argwhere(scene.inside) * 0.008
+        places = np.argwhere(scene.inside) * SPACING
         assert len(places) > 10
         seen = np.linalg.svd(places - places.mean(axis=0), compute_uv=False) / len(places) ** 0.5
         # Of a bar the spread along it is its length over the root of 12; of a disc half its radius.
@@ -52,20 +55,22 @@ def test_a_scene_shows_the_mesh_of_the_file(folder):
 
 def test_a_classifier_learns_classes_of_own_meshes_beside_the_catalogues(folder, tmp_path):
     classes = {"long": ("bar", "fork"), "round": ("900_globe", "golf_ball")}
-    recipe = ClassifierRecipe(classes=classes, meshes=str(folder), scenes=4, stretch={"long": 0.0}, **COARSE)
+    recipe = ClassifierRecipe(classes=classes, meshes=str(folder), scenes=4, stretch={"long": 0.0}, **PLAINLY)
     requests = recipe.scene_requests()
     assert {(one.name, one.label) for one in requests} == {
         ("bar", 0), ("fork", 0), ("900_globe", 1), ("golf_ball", 1),
     }  # fmt: skip
-    some = ClassifierRecipe(classes={"long": ("bar",), "round": ("900_globe",)}, meshes=str(folder), scenes=2, **COARSE)
+    some = ClassifierRecipe(
+        classes={"long": ("bar",), "round": ("900_globe",)}, meshes=str(folder), scenes=2, **PLAINLY
+    )
     first = make_scenes(some, tmp_path / "scenes")
     again = make_scenes(some, tmp_path / "scenes")
     assert {one.name for one in first["training"]} == {"bar", "900_globe"}
-    assert len(list((tmp_path / "scenes").iterdir())) == 4
-    assert np.array_equal(first["training"][0].parts.inside, again["training"][0].parts.inside)
+    assert len(list((tmp_path / "scenes").glob("[!sw]*"))) == 4
+    assert np.array_equal(first["training"][0].whole.objects, again["training"][0].whole.objects)
     trimesh.creation.box((0.10, 0.05, 0.02)).subdivide().export(folder / "bar.ply")
     make_scenes(some, tmp_path / "scenes")
-    assert len(list((tmp_path / "scenes").iterdir())) == 6  # another mesh, other scenes
+    assert len(list((tmp_path / "scenes").glob("[!sw]*"))) == 6  # another mesh, other scenes
     with pytest.raises(UnknownNameError, match="unknown catalogue object 'rod'"):
         ClassifierRecipe(classes={"long": ("rod",), "round": ("golf_ball",)}, meshes=str(folder))
 

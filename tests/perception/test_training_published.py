@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from helpers.published_mock import SIMULATED_SCALE, disc, dump, published_image
+from helpers.whole_scenes import PLAIN, whole_scene
 from millisight.core.errors import FileError, InputError, UnknownNameError
+from millisight.perception import SPACING
 from millisight.perception.training import (
     BANDS,
     SCENE_PARTS,
@@ -54,13 +56,12 @@ def test_simulations_go_by_the_catalogues_names(root):
 
 def test_a_scene_shows_the_images_around_either_mask(root):
     scene = read_simulation(root / "004_sugar_box" / "simulation" / "0_0_0", widest=0.4)
-    assert scene.images["77_ghz"].shape == (len(SCENE_PARTS), len(scene.x), len(scene.y), 11)
-    assert scene.step == pytest.approx(0.02)
-    i, j = (np.ptp(np.flatnonzero(scene.inside.any(axis=axis))) * 0.01 for axis in (1, 0))
+    assert scene.images["77_ghz"].shape == (len(SCENE_PARTS), len(scene.x), len(scene.y), 17)
+    i, j = (np.ptp(np.flatnonzero(scene.inside.any(axis=axis))) * SPACING for axis in (1, 0))
     assert (i, j) == pytest.approx((0.1, 0.1), abs=0.021)  # of the edges' mask, the larger one
     assert np.ptp(scene.x) == pytest.approx(0.2, abs=0.021)  # 5 cm around it
     peaks = abs(scene.images["77_ghz"]).max(axis=(1, 2, 3))
-    assert peaks == pytest.approx([1, 1, 0, 0])
+    assert peaks == pytest.approx([1, 1, 0])
     assert scene.scales["77_ghz"][1] / scene.scales["77_ghz"][0] == pytest.approx(0.5)
     cut = read_simulation(root / "004_sugar_box" / "simulation" / "0_0_0", widest=0.12)
     assert np.ptp(cut.x) <= 0.12 + 1e-6
@@ -78,10 +79,10 @@ def test_24_ghz_is_used_where_it_shows_the_object_at_the_same_place(root):
 
 
 def test_examples_of_one_band_and_of_two_are_made(root):
-    recipe = ClassifierRecipe(classes={"a": ("dice",), "b": ("mug",)}, spacing=(0.005, 0.005, 0.02))
     for folder, both in (("003_cracker_box", False), ("004_sugar_box", True)):
         scene = read_simulation(root / folder / "simulation" / "0_0_0", widest=0.3)
-        seen = [classifier_example(scene, recipe, np.random.default_rng(seed)) for seed in range(8)]
+        scene = whole_scene(scene)
+        seen = [classifier_example(scene, np.random.default_rng(seed)) for seed in range(8)]
         assert all(one[0].max() > 0.5 for one in seen)
         examples = [segmenter_example(scene, np.random.default_rng(seed)) for seed in range(8)]
         assert all(one.inside.sum() > 20 for one in examples)
@@ -90,7 +91,7 @@ def test_examples_of_one_band_and_of_two_are_made(root):
 
 def test_a_classifier_recipe_takes_them_beside_made_scenes_or_alone(root, tmp_path):
     classes = {"box": ("003_cracker_box", "sugar_box"), "tool": ("042_wrench", "wine_glass")}
-    recipe = ClassifierRecipe(classes=classes, published=str(root), scenes=0)
+    recipe = ClassifierRecipe(classes=classes, published=str(root), scenes=0, whole=PLAIN)
     requests = recipe.scene_requests()
     assert [(one.name, one.side) for one in requests] == [
         ("003_cracker_box", "training"), ("sugar_box", "validation"), ("sugar_box", "training"),
@@ -98,7 +99,7 @@ def test_a_classifier_recipe_takes_them_beside_made_scenes_or_alone(root, tmp_pa
     ]  # fmt: skip
     scenes = make_scenes(recipe, tmp_path / "scenes")
     assert [one.label for one in scenes["training"]] == [0, 0, 1]
-    assert list((tmp_path / "scenes").iterdir()) == []
+    assert not list((tmp_path / "scenes").glob("[!sw]*"))  # whole scenes alone
     more = ClassifierRecipe(classes=classes, published=str(root), scenes=4, tests=("cracker_box",))
     made = [one.name for one in more.scene_requests() if one.source is None]
     assert set(made) == {"sugar_box"}  # the others' folders are no catalogue names, and there is no mesh
@@ -113,7 +114,7 @@ def test_a_classifier_recipe_takes_them_beside_made_scenes_or_alone(root, tmp_pa
 
 def test_a_segmenter_recipe_takes_them_and_leaves_out_an_object_by_any_spelling(root, tmp_path):
     settings = SceneSettings(published=str(root), poses=0, validation=("sugar_box",), without=("042_wrench",))
-    recipe = SegmenterRecipe(scenes=settings)
+    recipe = SegmenterRecipe(scenes=settings, whole=PLAIN)
     assert settings.objects == {"training": ("cracker_box", "wine_glass"), "validation": ("sugar_box",)}
     scenes = make_scenes(recipe, tmp_path / "scenes")
     assert {side: len(some) for side, some in scenes.items()} == {"training": 2, "validation": 2}

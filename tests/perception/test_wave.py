@@ -10,13 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from helpers.whole_scenes import object_parts, whole_scene
 from millisight.core.errors import DamagedFileError, FileError, FormatError, InputError
 from millisight.data import Picture, Prompts, SarImage, VoxelGrid
-from millisight.datasets.generation import catalogue_name
 from millisight.meshes import CATALOGUE, build_object
 from millisight.perception import FLOOR_DB, power_levels, project, resampling_weights
 from millisight.perception.segmentation import WAVE_CHANNELS, WAVE_SLICES, WAVE_WEIGHTS, WaveSegmenter
-from millisight.perception.training import BANDS, SCENE_PARTS, SceneSettings, make_scene
+from millisight.perception.training import BANDS, SCENE_PARTS
+from millisight.perception.training._bands import DEPTH
 from millisight.perception.training._scenes import footprint
 from millisight.perception.training._segmenter import EXAMPLE_SIDE, example_of
 
@@ -33,8 +34,7 @@ def wave():
 @pytest.fixture(scope="module")
 def scene():
     """A small box by the simulator, both bands: an object that the shipped network was not trained on."""
-    settings = SceneSettings(vertices=800, spacing=(0.004, 0.004, 0.02))
-    return make_scene("rubiks_cube", settings, rng=np.random.default_rng(1))
+    return object_parts("rubiks_cube", seed=1, vertices=800)
 
 
 def images(scene, *, gain=1.0, without=0):
@@ -43,7 +43,7 @@ def images(scene, *, gain=1.0, without=0):
     made = []
     for band in BANDS:
         values = gain * (scene.images[band][0] + 0.3 * scene.images[band][1])[cut]
-        grid = VoxelGrid(x=scene.x[cut], y=scene.y, z=0.02 * np.arange(values.shape[2]))
+        grid = VoxelGrid(x=scene.x[cut], y=scene.y, z=DEPTH * np.arange(values.shape[2]))
         made.append(SarImage(grid=grid, values=values.astype(np.complex64)))
     return made
 
@@ -139,8 +139,9 @@ def test_damaged_weights_are_refused(tmp_path, wave):
     flipped[len(content) // 2] ^= 1
     with pytest.raises(DamagedFileError, match=r"w\.onnx is not the file that w\.json describes"):
         WaveSegmenter(written(bytes(flipped)))
-    with pytest.raises(DamagedFileError, match="cut is 2"):
-        WaveSegmenter(written(cut=2.0))
+    for name in ("cut", "least"):
+        with pytest.raises(DamagedFileError, match=f"{name} is 2"):
+            WaveSegmenter(written(**{name: 2.0}))
     with pytest.raises(FormatError, match="another version"):
         WaveSegmenter(written(channels=["mean"]))
     import hashlib
@@ -158,17 +159,25 @@ def test_without_onnx_runtime_it_says_what_to_install(monkeypatch):
         WaveSegmenter()
 
 
-def test_the_shipped_weights_are_small_and_saw_no_object_of_the_benchmark():
+def test_the_shipped_weights_are_small_and_saw_only_objects_for_training():
     assert WAVE_WEIGHTS.stat().st_size + DESCRIPTION.stat().st_size < 4e6
     told = json.loads(DESCRIPTION.read_text())["objects"]
-    tested = tomllib.loads((EXAMPLES / "recipes/bench24.toml").read_text())["objects"]["names"]
-    seen, judged, tested = set(told["training"]), set(told["validation"]), {catalogue_name(name) for name in tested}
-    assert len(tested) == 24
-    assert len(seen) >= 30
-    assert len(judged) >= 8
-    assert not (seen | judged) & tested
+    split = {side: set(names) for side, names in tomllib.loads((EXAMPLES / "objects.toml").read_text()).items()}
+    seen, judged = set(told["training"]), set(told["validation"])
+    assert len(seen) >= 15
+    assert len(judged) >= 5
     assert not seen & judged
-    assert seen | judged | tested == set(CATALOGUE)
+    assert seen | judged == split["training"]
+    assert sum(map(len, split.values())) == len(CATALOGUE)
+    assert set.union(*split.values()) == set(CATALOGUE)
+
+
+def test_the_unseen_test_is_of_objects_that_are_kept_for_it():
+    split = tomllib.loads((EXAMPLES / "objects.toml").read_text())
+    recipe = tomllib.loads((EXAMPLES / "recipes/unseen.toml").read_text())
+    assert sorted(recipe["objects"]["names"]) == sorted(split["test"])
+    trained = tomllib.loads((EXAMPLES / "training/segmenter.toml").read_text())["scenes"]
+    assert sorted(trained["without"]) == sorted(split["development"] + split["test"])
 
 
 def test_the_shipped_weights_are_those_of_the_recipe():
@@ -207,9 +216,10 @@ def test_neither_the_rig_nor_torch_is_loaded_where_it_is_not_used():
         "import sys, numpy as np\n"
         "from millisight.perception import segmentation, training\n"
         "from millisight.perception.training import _segmenter\n"
-        "settings = training.SceneSettings(vertices=200, spacing=(0.01, 0.01, 0.02))\n"
-        "scene = training.make_scene('dice', settings, rng=np.random.default_rng(0))\n"
-        "_segmenter.example_of(scene, np.random.default_rng(0))\n"
+        "settings = training.SceneSettings(vertices=200, positions=100)\n"
+        "parts = training.make_scene('dice', settings, rng=np.random.default_rng(0))\n"
+        "whole = training.compose([parts], [], training.WholeSettings(covered=0), np.random.default_rng(1))\n"
+        "_segmenter.example_of(whole, np.random.default_rng(0))\n"
         "print(segmentation.SEGMENTERS.names(), training.RECIPES.names())\n"
         "print(sorted(m for m in sys.modules if m.startswith(('millisight.rig', 'millisight.datasets', 'torch'))))\n"
         "print('millisight.simulation._simulate' in sys.modules)"
@@ -219,8 +229,7 @@ def test_neither_the_rig_nor_torch_is_loaded_where_it_is_not_used():
 
 
 def test_a_scene_follows_from_its_seed_and_holds_all_parts(scene):
-    settings = SceneSettings(vertices=300, spacing=(0.006, 0.006, 0.02))
-    first, again, other = (make_scene("dice", settings, rng=np.random.default_rng(seed)) for seed in (3, 3, 4))
+    first, again, other = (object_parts("dice", seed=seed) for seed in (3, 3, 4))
     for band in BANDS:
         assert first.images[band].shape == (len(SCENE_PARTS), *first.inside.shape, first.images[band].shape[3])
         np.testing.assert_array_equal(first.images[band], again.images[band])
@@ -240,6 +249,7 @@ def test_a_footprint_is_the_objects_shadow():
 
 
 def test_examples_follow_from_the_seed_and_keep_the_object_where_it_is(scene):
+    scene = whole_scene(scene)
     examples = [example_of(scene, np.random.default_rng(seed)) for seed in range(30)]
     again = example_of(scene, np.random.default_rng(7))
     for held, made in zip(examples[7], again, strict=True):

@@ -88,6 +88,41 @@ def test_a_carton_goes_around_and_cloth_above():
     assert len(build_layout(world_of(carton=Carton(lid=False))).panels) == 4
 
 
+def test_a_carton_has_a_place_a_thickness_and_a_lid_that_tilts():
+    carton = Carton(clearance=0.03, thickness=0.004, at=(0.13, 0.16), tilt_deg=(2.0, -1.0))
+    layout = build_layout(world_of(carton=carton))
+    ((_, upper),) = boxes(layout)
+    panels = np.array([panel.mesh.bounds for panel in layout.panels])
+    middle = (panels[:4, 0].min(axis=0) + panels[:4, 1].max(axis=0)) / 2
+    assert middle[:2] == pytest.approx([0.13, 0.16])
+    for panel in layout.panels:
+        assert sum(layer.thickness for layer in panel.layers) == pytest.approx(0.004)
+    lid = layout.panels[4]
+    rise = lid.u[2] / np.hypot(*lid.u[:2]), lid.v[2] / np.hypot(*lid.v[:2])
+    assert np.degrees(np.arctan(rise)) == pytest.approx([2.0, -1.0], abs=0.01)
+    assert lid.u @ lid.v == pytest.approx(0, abs=1e-12)
+    assert panels[4, 0, 2] > upper[2] + 0.03 - 1e-4  # its lowest corner
+
+
+def test_a_carton_may_be_empty_where_its_size_is_known():
+    layout = build_layout(World(scan=SCAN, carton=Carton(size=(0.1, 0.12, 0.08), clearance=0.0)))
+    assert len(layout.panels) == 5
+    bounds = np.array([panel.mesh.bounds for panel in layout.panels])
+    assert np.ptp([bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)], axis=0) == pytest.approx([0.1, 0.12, 0.08])
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"thickness": 0.0003}, "thickness is 0.0003 m; expected more than 0.00044 m"),
+        ({"tilt_deg": (0, 30)}, r"tilt_deg is \[0.0, 30.0\]; expected 20 degrees at most"),
+    ],
+)
+def test_cartons_that_cannot_be(wrong, said):
+    with pytest.raises(InputError, match=said):
+        Carton(**wrong)
+
+
 def test_surfaces_face_outward():
     for support in ("tripod", "styrofoam"):
         parts = build_layout(world_of(support=Support(kind=support))).background

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from helpers.whole_scenes import object_parts
 from millisight.core.errors import InputError
 from millisight.perception.classification import CLASSIFIER_CHANNELS as CHANNELS
-from millisight.perception.training import SceneSettings, make_scene
 from millisight.viz import plot_augmentations, plot_examples, plot_random_shapes
 
 
@@ -14,7 +14,7 @@ def pictures(figure):
 
 
 def test_each_augmentation_is_seen():
-    scene = make_scene("dice", SceneSettings(vertices=300, spacing=(0.006, 0.006, 0.02)), rng=np.random.default_rng(2))
+    scene = object_parts("dice")
     figure = plot_augmentations(scene, seed=1)
     found = pictures(figure)
     assert {"specular", "edge", "none", "echo", "clutter", "noise", "speckle", "masked", "moved", "blurred",

@@ -167,6 +167,9 @@ def _write(
     save(to, found.mask, extras={"segmentation": provenance})
     prompted = "" if found.prompts is None else f" from {len(found.prompts.points)} prompts"
     share = f"{int(found.inside.sum())} pixels, {100 * found.inside.mean():.1f} %"
+    if not found.inside.any():
+        say(f"{source.name}: nothing found, by {by.name}{prompted}; wrote an empty mask to {to}")
+        return
     say(f"{source.name}: mask of {share}, by {by.name}{prompted}; wrote {to}")
 
 

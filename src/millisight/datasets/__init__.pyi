@@ -6,6 +6,7 @@ from ._dataset import ObjectFolder as ObjectFolder
 from ._dataset import Simulation as Simulation
 from ._download import download as download
 from ._find_scenes import DatasetFiles as DatasetFiles
+from ._find_scenes import find_empties as find_empties
 from ._find_scenes import find_scenes as find_scenes
 from ._generated_objects import DatasetObject as DatasetObject
 from ._generated_objects import prepare_objects as prepare_objects

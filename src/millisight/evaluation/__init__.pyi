@@ -31,6 +31,7 @@ from ._point_cloud import point_cloud as point_cloud
 from ._point_cloud import write_point_cloud as write_point_cloud
 from ._scenes import BOTH as BOTH
 from ._scenes import CAMERA as CAMERA
+from ._scenes import EMPTY as EMPTY
 from ._scenes import HIGH as HIGH
 from ._scenes import INPUTS as INPUTS
 from ._scenes import LOW as LOW
@@ -72,6 +73,7 @@ from .tasks._classification_tables import variants_of as variants_of
 from .tasks._segmentation_tables import PAPER_MASKS as PAPER_MASKS
 from .tasks._segmentation_tables import by_scene as by_scene
 from .tasks._segmentation_tables import difference_table as difference_table
+from .tasks._segmentation_tables import empty_table as empty_table
 from .tasks._segmentation_tables import interval_of_median as interval_of_median
 from .tasks._segmentation_tables import median_table as median_table
 from .tasks._segmentation_tables import rows_of as rows_of

@@ -9,9 +9,9 @@ from matplotlib.figure import Figure
 from millisight.core import checked_integer
 from millisight.core.errors import InputError
 from millisight.meshes import RANDOM_SHAPES, random_shape
-from millisight.perception import canvas_axis, projected_levels, resampled_power, resampling_weights, training
+from millisight.perception import projected_levels, training
 from millisight.perception.classification import CLASSIFIER_CHANNELS, masked_channels
-from millisight.perception.training import SceneParts
+from millisight.perception.training import DEPTH, SceneParts
 from millisight.viz._figures import draw_mesh
 from millisight.viz._panels import checked_colormap, styled
 
@@ -128,12 +128,11 @@ def _weighted(scene: SceneParts, band: str, rng: np.random.Generator) -> dict[st
 def _added(scene: SceneParts, band: str, rng: np.random.Generator) -> dict[str, np.ndarray]:
     """What is added to the object's image, each at one strength."""
     target, share = training.object_image(scene, band, _WEIGHTS), 10 ** (_SHARE_DB / 20)
-    _, _, plate, sheet = scene.images[band]
+    plate = scene.images[band][2]
     noise = rng.standard_normal((2, *target.shape), dtype=np.float32)
     panels = {
         "none": target,
         "below: plate" if plate.any() else "below: none": target + plate,
-        "above: sheet" if sheet.any() else "above: none": target + sheet,
         "echo": target + training.echo(target, rng, highest_db=-3, sideways=3),
         "clutter": target + share * training.clutter(target.shape, rng),
         "noise": training.with_noise(target, noise, share / 2),
@@ -144,8 +143,8 @@ def _added(scene: SceneParts, band: str, rng: np.random.Generator) -> dict[str, 
 
 def _disturbed(scene: SceneParts, band: str, rng: np.random.Generator) -> dict[str, np.ndarray]:
     """What is done to a classifier's channels."""
-    power, inside = _on_canvas(scene, band)
-    channels = masked_channels(power, np.arange(power.shape[2]) * 0.015, inside)
+    power, inside = _power_of(scene, band), scene.inside.astype(np.float32)
+    channels = masked_channels(power, np.arange(power.shape[2]) * DEPTH, inside)
     steps: dict[str, Callable[[np.ndarray, np.random.Generator], np.ndarray]] = {
         "masked": lambda c, rng: c,
         "moved": training.moved,
@@ -160,8 +159,8 @@ def _disturbed(scene: SceneParts, band: str, rng: np.random.Generator) -> dict[s
 
 
 def _show_masks(places: Sequence[Axes], scene: SceneParts, band: str, rng: np.random.Generator) -> None:
-    power, inside = _on_canvas(scene, band)
-    seen, truth = projected_levels(power), inside > 0.5
+    power, truth = _power_of(scene, band), scene.inside
+    seen = projected_levels(power)
     for index, place in enumerate(places):
         hidden = index > len(places) // 2
         mask = truth if index == 0 else training.erring_mask(truth, power.max(axis=2), rng, hidden=hidden)
@@ -170,14 +169,9 @@ def _show_masks(places: Sequence[Axes], scene: SceneParts, band: str, rng: np.ra
         place.contour(mask.T, levels=[0.5], colors="white", linewidths=1.2)
 
 
-def _on_canvas(scene: SceneParts, band: str) -> tuple[np.ndarray, np.ndarray]:
-    """(A, B, Z) power of the object alone, and (A, B) the share of each pixel that it covers."""
-    along = [resampling_weights(axis, canvas_axis(axis)) for axis in (scene.x, scene.y)]
-    image = abs(training.object_image(scene, band, _WEIGHTS)).astype(np.float32)
-    return (
-        resampled_power(image, along[0], along[1]),
-        along[0] @ scene.inside.astype(np.float32) @ along[1].T,
-    )
+def _power_of(scene: SceneParts, band: str) -> np.ndarray:
+    """(A, B, Z) power of the object alone."""
+    return np.square(abs(training.object_image(scene, band, _WEIGHTS))).astype(np.float32)
 
 
 def _levels(image: np.ndarray) -> np.ndarray:

@@ -7,6 +7,7 @@ from millisight.core.errors import InputError
 from millisight.evaluation import (
     BOTH,
     CAMERA,
+    EMPTY,
     HIGH,
     LOW,
     PAPER_MASKS,
@@ -14,6 +15,7 @@ from millisight.evaluation import (
     MaskTrial,
     by_scene,
     difference_table,
+    empty_table,
     interval_of_median,
     median_table,
     rows_of,
@@ -116,6 +118,18 @@ def test_differences_are_of_bands_and_of_segmenters():
     gains = {row[2:4]: row[4] for row in table.rows if row[0] == "F1"}
     assert gains[f"a, {BOTH}", f"a, {HIGH}"] == "+10.0 (+10.0 to +10.0)"
     assert gains[f"b, {HIGH}", f"a, {HIGH}"] == "+5.0 (+5.0 to +5.0)"
+
+
+def test_empty_scenes_count_where_nothing_is_found():
+    trials = [
+        trial(f"e{number}", method, HIGH, 0, float(number < right), sight=EMPTY)
+        for method, right in (("a", 9), ("b", 2))
+        for number in range(10)
+    ]
+    table = empty_table([*trials, trial("s", "a", HIGH, 0, 0.5)], data="by hand")
+    assert [row[:4] for row in table.rows] == [("a", HIGH, 9, 10), ("b", HIGH, 2, 10)]
+    assert table.rows[0][4] == "90 (60 to 98)"
+    assert worst(trials, 3) == []
 
 
 def test_every_trial_is_a_row_for_other_programs():

@@ -147,7 +147,8 @@ class SegmentationTask(Task):
             arguments={"trials": rows, "data": planned.data},
         )
         sources = {(item.source.method, item.source.scene.name): item.source for item in planned.items}
-        for number, one in enumerate(worst(rows, self.failures), 1):
+        looking = [one for one in rows if one.method not in self.blind]
+        for number, one in enumerate(worst(looking, self.failures), 1):
             evaluator = sources[one.method, one.scene].evaluator()
             attempt = evaluator.attempt(one.input, one.seed)
             score, what = describe_scores(one), f"{one.object}, {SIGHTS[one.sight]}: {one.method} on {one.input}"

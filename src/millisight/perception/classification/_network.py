@@ -14,6 +14,8 @@ from millisight.core import check_readable, checked_record, printable
 from millisight.core.errors import DamagedFileError, FormatError, InputError
 from millisight.data import Mask, Prediction, SarImage, grid_difference
 from millisight.perception import (
+    HIGH_BAND,
+    LOW_BAND,
     canvas_axes,
     canvas_power,
     open_network,
@@ -21,6 +23,7 @@ from millisight.perception import (
     projected_levels,
     read_description,
     resampling_weights,
+    without_sheets,
 )
 from millisight.perception.classification._classification import CLASSIFIERS
 
@@ -188,7 +191,7 @@ class NetworkClassifier:
             )
 
     def classify(self, image: SarImage, mask: Mask, *, other_band: SarImage | None = None) -> Prediction:
-        """The calibrated probability of each class, the mean over the image's eight symmetries.
+        """The calibrated probability of each class, the mean over the image's eight symmetries, sheets taken off.
 
         Parameters
         ----------
@@ -201,7 +204,9 @@ class NetworkClassifier:
         InputError
             The mask is empty or on other pixels than the image, or an image is 0 under the mask.
         """
-        channels = classifier_input(image, mask, other_band=other_band if len(self.bands) > 1 else None)
+        if other_band is not None:
+            other_band = without_sheets(other_band, frequency=LOW_BAND) if len(self.bands) > 1 else None
+        channels = classifier_input(without_sheets(image, frequency=HIGH_BAND), mask, other_band=other_band)
         (logits,) = self._session.run(None, {self._session.get_inputs()[0].name: square_symmetries(channels)})
         scaled = logits.mean(axis=0, dtype=np.float64) / self.description["temperature"]
         probabilities = np.exp(scaled - scaled.max())

@@ -70,7 +70,7 @@ class ThresholdSegmenter:
     name = "threshold"
     needs_prompts = False
 
-    def __init__(self, level: float = 0.35):
+    def __init__(self, level: float = 0.2):
         self._level = checked_number(level, name="level", above=0)
 
     def segment(self, picture: Picture, prompts: Prompts | None = None) -> Candidates:

@@ -10,6 +10,7 @@ from ._augmentation import object_image as object_image
 from ._augmentation import seen_otherwise as seen_otherwise
 from ._augmentation import with_noise as with_noise
 from ._bands import BANDS as BANDS
+from ._bands import DEPTH as DEPTH
 from ._classifier import ClassifierRecipe as ClassifierRecipe
 from ._loop import Lesson as Lesson
 from ._loop import Schedule as Schedule

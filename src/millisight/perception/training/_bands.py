@@ -1,6 +1,7 @@
 """What all scenes to train on have in common: both radars, the lattice of their images, the files of their parts."""
 
 import dataclasses
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -67,7 +68,8 @@ def read_arrays(path: Path, *names: str) -> dict[str, np.ndarray]:
     DamagedFileError
     """
     try:
-        with np.load(path, allow_pickle=False) as held:
+        # Opened here: of a damaged file NumPy would leave it open.
+        with open(path, "rb") as file, np.load(file, allow_pickle=False) as held:
             return {name: held[name] for name in names}
-    except (OSError, ValueError, KeyError, EOFError, ImportError) as error:
+    except (OSError, ValueError, KeyError, EOFError, ImportError, zipfile.BadZipFile) as error:
         raise DamagedFileError(f"{printable(path)} is not a scene of this training: {error}; delete it") from error

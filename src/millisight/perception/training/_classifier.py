@@ -60,15 +60,15 @@ class ClassifierRecipe:
     scenes : of each class; its objects share them evenly. Every sixth of an object's is for validation. 0: none, only
         those of a dataset
     drawn : of each class besides, scenes of shapes drawn at random (`meshes.random_shape`), every sixth for validation
-    vertices, widest, meshes, published : of the scenes, see SceneSettings; `classes` may name meshes of the folder, and
-        objects of the dataset, of whose simulated images every sixth of a class is for validation
+    vertices, positions, widest, meshes, published : of the scenes, see SceneSettings; `classes` may name meshes of the
+        folder, and objects of the dataset, of whose simulated images every sixth of a class is for validation
     stretch : of the scenes of each class, see SceneSettings; 0.25 of those that are not named
     parts : "both", "edge" or "specular"
     network : "small", or the "paper"'s
     batch : examples in a batch
     examples : of each class as many and of each of its scenes; an epoch has them all, each turned or mirrored
     schedule : its seed is that of everything
-    views : whole scenes of each simulated object
+    whole : whole scenes of each simulated object; they show one
     """
 
     stem = "classifier"
@@ -81,6 +81,7 @@ class ClassifierRecipe:
     scenes: int = 96
     drawn: int = 0
     vertices: int = 3000
+    positions: int = 6000
     widest: float = 0.32
     meshes: str = ""
     published: str = ""
@@ -90,7 +91,7 @@ class ClassifierRecipe:
     batch: int = 32
     examples: int = 6000
     schedule: Schedule = field(default_factory=Schedule)
-    views: int = 3
+    whole: WholeSettings = field(default_factory=lambda: WholeSettings(views=3))
 
     def __post_init__(self) -> None:
         checked_record(self.name, str, name="name")
@@ -116,6 +117,7 @@ class ClassifierRecipe:
             },
             batch=checked_integer(self.batch, name="batch"),
             examples=checked_integer(self.examples, name="examples", minimum=self.batch),
+            whole=dataclasses.replace(self.whole, empty=0.0, several=0.0, parts=self.parts),
         )
         _check_classes(self.objects)
         for shape in self.objects if self.drawn else ():
@@ -132,11 +134,6 @@ class ClassifierRecipe:
                     f"{printable(self.published)} has {len(self.simulated(shape))} simulations of the class {shape!r}; "
                     "expected two at least, one to validate with: name more objects in classes, or set scenes above 0"
                 )
-
-    @property
-    def whole(self) -> WholeSettings:
-        """Scenes of one object."""
-        return WholeSettings(views=self.views, empty=0.0, several=0.0, parts=self.parts)
 
     @property
     def every_object(self) -> Mapping[str, tuple[str, ...]]:
@@ -161,7 +158,7 @@ class ClassifierRecipe:
         objects = [name for name in self.objects[shape] if self.scenes and name in meshes]
         every = SceneSettings(
             poses=max(-(-self.scenes // max(len(objects), 1)), 2), vertices=self.vertices,
-            widest=self.widest, stretch=self.stretch.get(shape, _STRETCH), meshes=self.meshes,
+            positions=self.positions, widest=self.widest, stretch=self.stretch.get(shape, _STRETCH), meshes=self.meshes,
         )  # fmt: skip
         made = dict.fromkeys(objects, every)
         if self.drawn:

@@ -38,7 +38,7 @@ SCENE_PARTS = ("specular", "edge", "plate")
 """Of a scene's image: the object's two answers, and what it lies on."""
 
 _STEPS = {"77_ghz": (0.55, 0.85), "24_ghz": (0.4, 0.7)}  # wavelengths between positions
-_MOST_POSITIONS = 6_000  # over a large object they are further apart
+_POSITIONS = 6000
 _TALLEST = 0.13  # object that is stood on another side [m]
 _UNSEEN = Material(name="unseen", reflection=1e-9)  # what shadows and does not answer
 
@@ -56,6 +56,7 @@ class SceneSettings:
     validation : objects whose scenes judge the training, and are not trained on
     poses : scenes of each object
     vertices : of an object
+    positions : of the antennas over an object, at most; over a large one they are further apart
     widest : of an image, which shows a part of a larger object [m]
     stretch : objects are made longer or shorter along each of their axes, by a factor of exp(stretch) at most
     meshes : folder of mesh files, see `find_meshes`; objects of these names are taken from it, and it adds to the
@@ -68,6 +69,7 @@ class SceneSettings:
     validation: tuple[str, ...] = ()
     poses: int = 6
     vertices: int = 3000
+    positions: int = _POSITIONS
     widest: float = 0.22
     stretch: float = 0.0
     meshes: str = ""
@@ -81,6 +83,7 @@ class SceneSettings:
             self,
             poses=checked_integer(self.poses, name="poses", minimum=0 if self.published else 1),
             vertices=checked_integer(self.vertices, name="vertices", minimum=100),
+            positions=checked_integer(self.positions, name="positions", minimum=4),
             widest=checked_number(self.widest, name="widest", unit="m", above=0.05),
             stretch=checked_number(self.stretch, name="stretch", minimum=0),
         )
@@ -158,7 +161,7 @@ def make_scene(name: str, settings: SceneSettings, *, rng: np.random.Generator) 
     for band in BANDS:
         radar = simulated_radar(band)
         step = rng.uniform(*_STEPS[band]) * SPEED_OF_LIGHT / radar.waveform.start_frequency
-        step = max(step, float(np.sqrt(size.prod() / _MOST_POSITIONS)))
+        step = max(step, float(np.sqrt(size.prod() / settings.positions)))
         trajectory = Trajectory.raster(size=(size[0], size[1]), step=step, center=(middle[0], middle[1], 0.0))
         believed = strayed(trajectory, stray, rng)
         captures: list[Capture | None] = [
@@ -254,6 +257,8 @@ def _image(capture: Capture | None, believed: Trajectory, grid: VoxelGrid) -> np
 def scene_digest(name: str, settings: SceneSettings, seed: int) -> str:
     """What a simulated object is made of, as 12 hexadecimal digits."""
     made_by = {"seed": seed} | {name: getattr(settings, name) for name in ("vertices", "widest", "stretch")}
+    if settings.positions != _POSITIONS:
+        made_by["positions"] = settings.positions
     mesh = meshes_in(settings.meshes).get(name)
     if mesh is not None:
         made_by["mesh"] = hashlib.sha256(mesh.read_bytes()).hexdigest()

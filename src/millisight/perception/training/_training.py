@@ -8,6 +8,7 @@ import dataclasses
 import json
 import os
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, TypeVar
 
@@ -171,14 +172,16 @@ class _Maker:
         key = f"{self._request.side}/{name}/{number}/{view}/{self._digest()}"
         return cached_whole_scene(key, self._whole, self._parts, seed=[self._seed], folder=self._folder)
 
-    def _parts(self, rng: np.random.Generator) -> tuple[list[SceneParts], list[SheetParts]]:
-        """The request's object, perhaps one or two others of its side, and two sheets of its side."""
+    def _parts(self, rng: np.random.Generator) -> tuple[list[SceneParts], list[Callable[[], SheetParts]]]:
+        """The request's object, perhaps one or two others of its side, and two sheets of its side, made when needed."""
         more = int(rng.integers(1, 3)) if rng.random() < self._whole.several else 0
         drawn = [self._others[int(i)] for i in rng.integers(0, len(self._others), more)]
+        if not self._whole.sheets:
+            return [self._own, *map(self._simulated, drawn)], []
         # Every fourth sheet is for validation.
         wanted = self._request.side == "validation"
         numbers = [i for i in range(self._whole.sheets) if (i % 4 == 3) == wanted] or list(range(self._whole.sheets))
-        sheets = [cached_sheet(int(i), seed=self._seed, folder=self._folder) for i in rng.choice(numbers, 2)]
+        sheets = [partial(cached_sheet, int(i), seed=self._seed, folder=self._folder) for i in rng.choice(numbers, 2)]
         return [self._own, *map(self._simulated, drawn)], sheets
 
     def _digest(self) -> str:

@@ -43,7 +43,7 @@ class WholeSettings:
     empty : share of the scenes with no object
     several : share of the scenes with two or three objects
     covered : share of the scenes with a sheet over the objects
-    sheets : simulated sheets, which the scenes share
+    sheets : simulated sheets, which the scenes share; 0: there is none in any scene
     parts : of the objects' echoes: "both", "edge" or "specular"
     """
 
@@ -59,7 +59,7 @@ class WholeSettings:
         put(
             self,
             views=checked_integer(self.views, name="views"),
-            sheets=checked_integer(self.sheets, name="sheets", minimum=2),
+            sheets=checked_integer(self.sheets, name="sheets", minimum=0),
             **{n: checked_number(getattr(self, n), name=n, minimum=0) for n in ("empty", "several", "covered")},
         )
 
@@ -94,7 +94,7 @@ class WholeScene(NamedTuple):
 def cached_whole_scene(
     key: str,
     settings: WholeSettings,
-    parts: Callable[[np.random.Generator], tuple[Sequence[SceneParts], Sequence[SheetParts]]],
+    parts: Callable[[np.random.Generator], tuple[Sequence[SceneParts], Sequence[Callable[[], SheetParts]]]],
     *,
     seed: Sequence[int],
     folder: str | os.PathLike[str],
@@ -116,19 +116,22 @@ def cached_whole_scene(
 
 
 def compose(
-    objects: Sequence[SceneParts], sheets: Sequence[SheetParts], settings: WholeSettings, rng: np.random.Generator
+    objects: Sequence[SceneParts],
+    sheets: Sequence[Callable[[], SheetParts]],
+    settings: WholeSettings,
+    rng: np.random.Generator,
 ) -> WholeScene:
     """A scene of these objects, perhaps none, some of whose sheets are used, drawn from `rng`.
 
     Parameters
     ----------
     objects : at least one; an empty scene is one without it
-    sheets : two
+    sheets : two functions that give a sheet each, called where it is needed; or none
     """
     empty = bool(rng.random() < settings.empty)
     if empty:
         objects = objects[:1]
-    plan = _Plan(objects, sheets, bool(rng.random() < settings.covered), rng)
+    plan = _Plan(objects, sheets, bool(rng.random() < settings.covered) and bool(sheets), rng)
     gains = [augmentation.drawn_gains(rng) for _ in objects]
     if settings.parts != "both":
         left_out = "specular" if settings.parts == "edge" else "edge"
@@ -158,9 +161,13 @@ class _Plan:
     """Where everything lies on the scene's lattice."""
 
     def __init__(
-        self, objects: Sequence[SceneParts], sheets: Sequence[SheetParts], covered: bool, rng: np.random.Generator
+        self,
+        objects: Sequence[SceneParts],
+        sheets: Sequence[Callable[[], SheetParts]],
+        covered: bool,
+        rng: np.random.Generator,
     ):
-        self._objects, self._sheets, self.covered = objects, sheets, covered
+        self._objects, self.covered = objects, covered
         sides = np.round(rng.uniform(*_SIDES, 2) / SPACING).astype(int)
         sizes = np.array([one.inside.shape for one in objects])
         sides = np.maximum(sides, sizes.max(axis=0) - 12)
@@ -177,18 +184,20 @@ class _Plan:
             self.objects[seen] = np.where(one.inside[own], number, self.objects[seen])
         places = np.argwhere(self.objects) if self.objects.any() else np.array([sides // 2])
         middle = places.mean(axis=0)
-        over, under = sheets
         self._placed: list[tuple[SheetParts, tuple[int, int, int], np.ndarray | None]] = []
         if covered:
-            self._placed.append((over, self._under(over, middle, top + gap, rng), None))
-        if rng.random() < 0.25:
+            lid = sheets[0]()
+            self._placed.append((lid, self._under(lid, middle, top + gap, rng), None))
+        if sheets and rng.random() < 0.25:
             # A floor, in the shadow of the objects; or, higher than all, cloth or a second lid.
+            second = sheets[1]()
             if rng.random() < 0.6 or not covered:
                 lowest = min(one.level for one in objects) - int(rng.integers(3, 9))
                 shadow = 1 - augmentation.blurred_once((self.objects > 0).astype(np.float32), 2.0)
-                self._placed.append((under, self._under(under, middle, lowest, rng), shadow))
+                self._placed.append((second, self._under(second, middle, lowest, rng), shadow))
             else:
-                self._placed.append((under, self._under(under, middle, top + gap + int(rng.integers(1, 4)), rng), None))
+                higher = top + gap + int(rng.integers(1, 4))
+                self._placed.append((second, self._under(second, middle, higher, rng), None))
 
     def _free(self, one: SceneParts, rng: np.random.Generator) -> tuple[int, int]:
         """A corner of an object's window, where the object lies in the scene and on no other, if there is one."""

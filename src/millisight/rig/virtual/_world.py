@@ -139,7 +139,7 @@ class Carton:
         checked_record(self.lid, bool, name="lid")
         tilt = checked_numbers(self.tilt_deg, name="tilt_deg", count=2, unit="degrees")
         if not max(abs(tilt[0]), abs(tilt[1])) <= _STEEPEST:
-            raise InputError(f"tilt_deg is {list(tilt)}; expected {_STEEPEST} degrees at most")
+            raise InputError(f"tilt_deg is {list(tilt)}; expected {_STEEPEST:g} degrees at most")
         put(
             self,
             clearance=checked_number(self.clearance, name="clearance", unit="m", minimum=0),

@@ -1,0 +1,182 @@
+"""The test that nothing here was made on, once a release: every figure of docs/explanation/results.md.
+
+    python benchmarks/results.py DATASET [DATASET ...] -o docs/explanation/results.md
+
+The datasets are made by examples/recipes/unseen.toml, or by parts of it. Compares `wave` with blind masks, and with the
+one threshold that suits these very images best; counts the empty cartons in which nothing is found; and classifies
+what was found. The page states date, commit, weights and number of scenes.
+"""
+
+import argparse
+import datetime
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import millisight as ms
+from millisight import datasets
+from millisight.evaluation import HIGH, SIGHTS, bootstrap_interval, score_mask, wilson_interval
+from millisight.perception import project, without_sheets
+from millisight.perception.classification import classifier
+from millisight.perception.segmentation import WaveSegmenter
+
+LEVELS = np.round(np.arange(0.05, 0.95, 0.05), 2)
+SEEN = ("raw", "cleaned")
+
+
+def thresholds(roots: Sequence[Path]) -> dict[tuple[str, str, float], dict[str, float]]:
+    """F1 of the mask above each level of the projected 77 GHz image, by sight, kind of image and level; by scene."""
+    found: dict[tuple[str, str, float], dict[str, float]] = {}
+    for root in roots:
+        for files in datasets.find_scenes(datasets.open(root)):
+            scene = files.read(truth="exact", view=False)
+            image, truth = scene.images[HIGH], scene.truth[HIGH]
+            for kind, one in zip(SEEN, (image, without_sheets(image)), strict=True):
+                power = project(one).power
+                for level in LEVELS:
+                    mask = ms.Mask(grid_xy=truth.grid_xy, inside=power > level)
+                    scores = found.setdefault((scene.sight, kind, float(level)), {})
+                    scores[f"{root.name}/{scene.name}"] = score_mask(mask, truth).f1
+    return found
+
+
+def figure(values: Iterable[float]) -> str:
+    """A median of shares in percent with its 95 % interval."""
+    some = 100 * np.array(list(values))
+    low, high = bootstrap_interval(some, np.median, rng=0)
+    return f"{np.median(some):.1f} ({low:.1f} to {high:.1f})"
+
+
+def share(right: int, count: int) -> str:
+    """A share in percent with Wilson's interval."""
+    low, high = wilson_interval(right, count)
+    return f"{right} of {count}: {100 * right / count:.0f} % ({100 * low:.0f} to {100 * high:.0f})"
+
+
+def difference(one: dict[str, float], other: dict[str, float]) -> str:
+    """Mean paired difference in points with its interval."""
+    values = 100 * np.array([one[name] - other[name] for name in one])
+    low, high = bootstrap_interval(values, np.mean, rng=0)
+    return f"{values.mean():+.1f} ({low:+.1f} to {high:+.1f})"
+
+
+def table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    lines = [header, ["---"] * len(header), *rows]
+    return "\n".join(f"| {' | '.join(map(str, row))} |" for row in lines)
+
+
+def segmentation(roots: Sequence[Path], cache: Path) -> str:
+    """The tables of masks."""
+    rows: list[tuple[Path, Any]] = []
+    for root in roots:
+        result = ms.evaluate(
+            "segmentation", root, output=cache / root.name, methods=("wave", "threshold"), seeds=1, truth="exact",
+            failures=4, workers=2,
+        )  # fmt: skip
+        if result.failures:
+            sys.exit(f"{root}: {result.failures}")
+        rows += [(root, one) for one in result.rows]
+    levels, text = thresholds(roots), []
+    for sight, words in SIGHTS.items():
+        mine = [(root, one) for root, one in rows if one.sight == sight]
+        if not mine:
+            continue
+        kinds = dict.fromkeys((one.method, one.input) for _, one in mine)
+        by_kind = {
+            kind: {f"{root.name}/{one.scene}": one.scores for root, one in mine if (one.method, one.input) == kind}
+            for kind in kinds
+        }
+        f1 = {kind: {name: scores.f1 for name, scores in scored.items()} for kind, scored in by_kind.items()}
+        best = max((key for key in levels if key[0] == sight), key=lambda key: np.median(list(levels[key].values())))
+        lines = []
+        for kind, scored in by_kind.items():
+            cells = [figure(s[m] for s in scored.values()) for m in ("f1", "precision", "recall", "iou")]
+            lines.append((kind[0], "none" if kind[0].startswith("blind") else kind[1], *cells))
+        lines.append((f"best single threshold: {best[2]:g} of the maximum, {best[1]}", HIGH,
+                      figure(levels[best].values()), "", "", ""))  # fmt: skip
+        scenes, objects = len(by_kind["wave", HIGH]), len({one.object for _, one in mine})
+        text.append(f"### {words.capitalize()}: {scenes} scenes of {objects} objects\n")
+        text.append(table(("segmenter", "input", "F1 [%]", "precision", "recall", "IoU"), lines) + "\n")
+        medians = {kind: np.median(list(values.values())) for kind, values in f1.items()}
+        blind = max((kind for kind in kinds if kind[0].startswith("blind")), key=lambda kind: medians[kind])
+        compared = [(str(kind[1]), kind) for kind in kinds if kind[0] == "wave"]
+        header = "wave on", f"over the best blind mask ({blind[0]}) [points]", "over the best single threshold [points]"
+        gains = [(name, difference(f1[kind], f1[blind]), difference(f1[kind], levels[best])) for name, kind in compared]
+        text.append(table(header, gains) + "\n")
+        if sight == "nlos":
+            worst = sorted(f1["wave", HIGH].items(), key=lambda item: item[1])[:5]
+            named = ", ".join(f"{name.split('/')[1]} {100 * value:.0f} %" for name, value in worst)
+            text.append(f"The worst at 77 GHz: {named}.\n")
+    empty = [(root, one) for root, one in rows if one.sight == "empty" and one.method in ("wave", "threshold")]
+    if empty:
+        text.append("### Empty cartons\n")
+        kinds = dict.fromkeys((one.method, one.input) for _, one in empty)
+        counted = []
+        for kind in kinds:
+            found = [one.scores.f1 == 1 for _, one in empty if (one.method, one.input) == kind]
+            counted.append((*kind, share(sum(found), len(found))))
+        text.append(table(("segmenter", "input", "nothing found"), counted) + "\n")
+    return "\n".join(text)
+
+
+def classification(roots: Sequence[Path], cache: Path) -> str:
+    """The table of classes, of objects that have one of the four."""
+    rows = []
+    for root in roots:
+        result = ms.evaluate(
+            "classification", root, output=cache / f"{root.name}-classes", truth="exact", mistakes=0, workers=2
+        )
+        rows += result.rows
+    lines = []
+    for masks in ("predicted", "true"):
+        for sight in (*SIGHTS, None):
+            mine = [one for one in rows if one.masks == masks and sight in (None, one.sight)]
+            if not mine:
+                continue
+            sure = [one for one in mine if one.prediction is not None and one.prediction.sure]
+            right = share(sum(one.right for one in mine), len(mine))
+            told = share(sum(one.right for one in sure), len(sure)) if sure else "none sure"
+            lines.append((masks, SIGHTS.get(sight or "", "all"), len({one.object for one in mine}), right, told))
+    return table(("masks", "sight", "objects", "right", "right where sure"), lines) + "\n"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("datasets", nargs="+", type=Path)
+    parser.add_argument("-o", "--output", type=Path, default=Path("docs/explanation/results.md"))
+    options = parser.parse_args()
+    commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=True)
+    weights = {"wave": WaveSegmenter().description["sha256"][:8], "classifier": classifier().description["sha256"][:8]}
+    with tempfile.TemporaryDirectory() as cache:
+        masks, classes = segmentation(options.datasets, Path(cache)), classification(options.datasets, Path(cache))
+    told = ", ".join(f"{name} {checksum}" for name, checksum in weights.items())
+    page = f"""# Results on objects that nothing was made on
+
+Made on {datetime.date.today().isoformat()} at commit {commit.stdout.strip()} by `python benchmarks/results.py`, weights
+{told}. Whole scenes by the virtual rig, simulated, not real: objects that no network, threshold or look used
+(`test` of `examples/objects.toml`), off the middle of images that show 9 to 15 cm around them; cartons of random size,
+thickness, place and tilt of the lid, drawn by `examples/recipes/unseen.toml`. Networks were trained on other objects by
+other physics. Medians over scenes; in brackets 95 % bootstrap intervals.
+
+## Masks
+
+{masks}
+## Classes
+
+Can, handle, box or sphere; objects of no such class are left out. In brackets Wilson's 95 % intervals.
+
+{classes}"""
+    temporary = options.output.with_suffix(".tmp")
+    temporary.write_text(page)
+    os.replace(temporary, options.output)
+    print(page)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,120 @@
+"""Whole scenes to train on: what lies where, what covers it, and what is taken off."""
+
+import numpy as np
+import pytest
+
+from helpers.whole_scenes import drawn_sheet, object_parts, whole_scene
+from millisight.core.errors import DamagedFileError, InputError, UnknownNameError
+from millisight.data import SarImage, VoxelGrid
+from millisight.imaging import remove_sheets
+from millisight.perception import SPACING
+from millisight.perception.training import BANDS, DEPTH, WholeSettings
+from millisight.perception.training._sheets import cached_sheet
+from millisight.perception.training._whole import cached_whole_scene
+
+
+@pytest.fixture(scope="module")
+def dice():
+    return object_parts("dice")
+
+
+def test_an_object_lies_somewhere_in_a_larger_scene_and_shines_there(dice):
+    places, contrasts = [], []
+    for seed in range(12):
+        scene = whole_scene(dice, seed=seed, sheets=0)
+        assert set(np.unique(scene.objects)) <= {0, 1}
+        assert scene.objects.sum() == dice.inside.sum()
+        assert min(scene.objects.shape) >= 0.2 / SPACING - 1
+        power = scene.power("77_ghz")
+        assert power.shape[:2] == scene.objects.shape
+        assert power.max() == 1
+        inside = scene.objects > 0
+        contrasts.append(10 * np.log10(power.max(axis=2)[inside].mean() / power.max(axis=2)[~inside].mean()))
+        places.append(np.argwhere(inside).mean(axis=0) / scene.objects.shape)
+        assert not scene.covered
+    assert np.median(contrasts) > 6
+    assert np.std(places, axis=0).min() > 0.1
+
+
+def test_one_seed_makes_one_scene(dice):
+    first, again, other = (whole_scene(dice, seed=seed) for seed in (3, 3, 4))
+    for band in BANDS:
+        np.testing.assert_array_equal(first.levels[band], again.levels[band])
+    assert (
+        first.levels["77_ghz"].shape != other.levels["77_ghz"].shape
+        or (first.levels["77_ghz"] != other.levels["77_ghz"]).any()
+    )
+
+
+def test_several_objects_have_numbers_of_their_own(dice):
+    scene = whole_scene(dice, object_parts("golf_ball"), seed=2)
+    assert set(np.unique(scene.objects)) == {0, 1, 2}
+
+
+def test_an_empty_scene_has_no_object_and_an_image_all_the_same(dice):
+    scene = whole_scene(dice, empty=1.0)
+    assert not scene.objects.any()
+    assert scene.power("24_ghz").max() == 1
+
+
+def test_a_bright_lid_is_taken_off(dice):
+    taken = [
+        scene.taken_db["77_ghz"]
+        for scene in (whole_scene(dice, seed=seed, covered=1.0, sheets=2) for seed in range(12))
+    ]
+    assert max(taken) <= 3
+    assert np.median(taken) < -1.5  # dB: the lid is brighter than the object in about half of the scenes
+
+
+def test_without_one_band_the_other_is_there_still(dice):
+    single = dice._replace(images={"77_ghz": dice.images["77_ghz"]}, scales={"77_ghz": dice.scales["77_ghz"]})
+    scene = whole_scene(single)
+    assert set(scene.levels) == {"77_ghz"}
+
+
+def test_scenes_are_kept_in_files(dice, tmp_path):
+    asked = []
+
+    def parts(rng):
+        asked.append(rng)
+        return [dice], [drawn_sheet] * 2
+
+    settings = WholeSettings(covered=1.0)
+    first, again = (cached_whole_scene("a", settings, parts, seed=[1], folder=tmp_path) for _ in range(2))
+    assert len(asked) == 1
+    for band in BANDS:
+        np.testing.assert_array_equal(first.levels[band], again.levels[band])
+    assert first.taken_db == pytest.approx(again.taken_db)
+    (path,) = tmp_path.iterdir()
+    path.write_bytes(path.read_bytes()[:200])
+    with pytest.raises(DamagedFileError, match="is not a scene of this training"):
+        cached_whole_scene("a", settings, parts, seed=[1], folder=tmp_path)
+    cached_whole_scene("b", settings, parts, seed=[1], folder=tmp_path)
+    assert len(asked) == 2
+
+
+@pytest.mark.parametrize(
+    ("wrong", "kind", "told"),
+    [
+        ({"views": 0}, InputError, "views is 0"),
+        ({"sheets": -1}, InputError, "sheets is -1"),
+        ({"several": -0.1}, InputError, "several is -0.1"),
+        ({"parts": "diffuse"}, UnknownNameError, "diffuse"),
+    ],
+)
+def test_settings_that_cannot_be(wrong, kind, told):
+    with pytest.raises(kind, match=told):
+        WholeSettings(**wrong)
+
+
+def test_a_simulated_sheet_is_one_that_is_found(tmp_path):
+    sheet = cached_sheet(1, seed=18, folder=tmp_path)
+    again = cached_sheet(1, seed=18, folder=tmp_path)
+    np.testing.assert_array_equal(sheet.images["77_ghz"], again.images["77_ghz"])
+    values = sheet.images["77_ghz"]
+    x, y, z = (step * np.arange(size) for step, size in zip((SPACING, SPACING, DEPTH), values.shape, strict=True))
+    found = remove_sheets(SarImage(grid=VoxelGrid(x=x, y=y, z=z), values=values), frequency=79e9)
+    (one,) = found.sheets
+    # It lies where it says it does, to a fraction of the range resolution of 3.7 cm.
+    assert one.height == pytest.approx(z[sheet.level], abs=0.012)
+    assert np.linalg.norm(found.result.values) < 0.35 * np.linalg.norm(values)
