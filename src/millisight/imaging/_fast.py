@@ -146,7 +146,7 @@ def _factorise(
     poses = len(capture.trajectory)
     channels = int(np.prod(capture.frames.shape[1:3]))
     many = max(1, min(poses, _PROFILE_BYTES // (8 * channels * compression.steering.shape[1])))
-    check = Check(fine, oversampling)
+    check = Check(fine, tx, rx, oversampling)
     for start in range(0, poses, many):
         some = slice(start, min(start + many, poses))
         profiles = _range_profiles(kernels, capture, some, compression, window)
