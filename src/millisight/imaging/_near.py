@@ -23,7 +23,7 @@ def near_first(pool: int, count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def some_ends(tx: np.ndarray, rx: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(n,) poses, and the places (n, 3) of a transmitter and of a receiver of each, of tx (P, T, 3) and rx (P, R, 3)."""
+    """(n,) poses, and where a transmitter and a receiver of each is, (n, 3): of tx (P, T, 3) and rx (P, R, 3)."""
     pose = rng.integers(0, len(tx), _ANTENNAS)
     return (
         pose,

@@ -265,9 +265,9 @@ def _probe(scan: _Scan, rng: np.random.Generator) -> _Probe:
 def _coarsest(
     fine: np.ndarray, larger: np.ndarray, i: int, most: int, probe: _Probe, share: float | None, band: float
 ) -> tuple[np.ndarray, float]:
-    """The axis of the fewest points, fewer than `most`, from which the probe's waves are carried within `share`, and what
-    they err by; without a share, as few as local frequencies promise. Where there is none, that of the next larger
-    sub-apertures, from which they are not carried at all."""
+    """The axis of the fewest points, less than `most`, from which the probe's waves are carried within `share`, and what
+    they err by; without a share, as few as local frequencies promise. Where there is none: that of the next larger
+    sub-apertures, to which nothing is interpolated then."""
     if len(fine) <= TAPS:
         return larger, 0.0
 
