@@ -18,7 +18,7 @@ import numpy as np
 from millisight.imaging._near import distances, near_first, some_ends
 from millisight.imaging._refraction import Excess
 
-_PICKS = 128  # random voxels, and as many of the brightest
+_RANDOM, _BRIGHTEST = 192, 64  # voxels
 _POOL = 2048  # uniformly random voxels of which the former are taken
 
 _PARTS = 1024  # of an entry, for which weights are kept: 1e-4 of error, whose sign is any
@@ -32,7 +32,7 @@ class Deviation(NamedTuple):
     ----------
     whole : of what the image errs by
     profiles : of what linear interpolation of its range profiles errs by
-    truth : of the truth
+    truth : of the truth; for the random voxels, of the whole image
     """
 
     whole: np.ndarray
@@ -72,16 +72,17 @@ class Check:
     def __init__(self, axes: tuple[np.ndarray, ...], tx: np.ndarray, rx: np.ndarray, oversampling: int) -> None:
         self.axes, self.oversampling = axes, oversampling
         self.shape = tuple(map(len, axes))
-        self.count = min(_PICKS, int(np.prod(self.shape)))
+        size = int(np.prod(self.shape))
+        self.brightest = min(_BRIGHTEST, size)
         rng = np.random.default_rng(0)
-        pool = rng.choice(int(np.prod(self.shape)), _POOL)
+        pool = rng.choice(size, _POOL) if size > _POOL else np.arange(size)
         away = distances(self._points(pool).T, *some_ends(tx, rx, rng)[1:]).min(axis=1)
-        ranks, weights = near_first(_POOL, self.count)
+        ranks, weights = near_first(len(pool), _RANDOM)
         self.random = pool[np.argsort(away)[ranks]]
-        self.weights = np.concatenate([weights * self.count, np.ones(self.count)])
+        self.weights = np.concatenate([weights * len(weights), np.ones(self.brightest)])
         self.picks: np.ndarray | None = None
         self.points = np.empty((3, 0))
-        self.sums = np.zeros((2, 2 * self.count), dtype=np.complex128)
+        self.sums = np.zeros((2, len(self.weights)), dtype=np.complex128)
 
     def add(
         self,
@@ -99,7 +100,7 @@ class Check:
 
         if self.picks is None:
             magnitude = np.hypot(*image()).ravel()
-            self.picks = np.concatenate([self.random, np.argpartition(magnitude, -self.count)[-self.count :]])
+            self.picks = np.concatenate([self.random, np.argpartition(magnitude, -self.brightest)[-self.brightest :]])
             self.points = self._points(self.picks)
         entries = profiles.shape[3]
         if entries < TAPS:
@@ -115,7 +116,11 @@ class Check:
         real, imag = image.reshape(2, -1)[:, self.picks].astype(np.float64)
         truth, linear = self.sums
         parts = real + 1j * imag - truth, linear - truth, truth
-        return Deviation(*((np.square(np.abs(part)) * self.weights).reshape(2, -1).sum(axis=1) for part in parts))
+        starts = [0, len(self.random)]
+        whole, profiles, energy = (np.add.reduceat(np.square(np.abs(p)) * self.weights, starts) for p in parts)
+        # Of a few bright voxels a sample may hold too many or none: what all hold is known from the image itself.
+        energy[0] = len(self.random) * float(np.square(image, dtype=np.float64).sum()) / (image.size / 2)
+        return Deviation(whole, profiles, energy)
 
     def _points(self, numbers: np.ndarray) -> np.ndarray:
         """(3, V) places of voxels (V,) [m]."""

@@ -13,8 +13,11 @@ _ANTENNAS = 256  # whose distance counts, at most
 def near_first(pool: int, count: int) -> tuple[np.ndarray, np.ndarray]:
     """(count,) ranks among `pool` sorted by distance, and their weights, whose sum is 1.
 
-    A quarter of them lies in the nearest sixteenth of the pool, the rest beyond, evenly in both.
+    A quarter of them lies in the nearest sixteenth of the pool, the rest beyond, evenly in both. Of a pool that is no
+    larger than the count, all are taken.
     """
+    if pool <= count:
+        return np.arange(pool), np.full(pool, 1 / pool)
     near = count // 4
     parts = (0, pool / 16, near), (pool / 16, pool, count - near)
     ranks = [low + (high - low) * (np.arange(some) + 0.5) / some for low, high, some in parts]

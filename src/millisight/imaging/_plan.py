@@ -210,7 +210,9 @@ class _Probe(NamedTuple):
         nearest stay where they are."""
         points = self.points.copy()
         near = len(points) // 4
-        part = np.clip(rng.uniform(-0.06, 1.06, len(points) - near), 0, 1)
+        # What would lie beyond an end is folded back: next to it taps lie to one side, while it is a tap's own place.
+        part = np.abs(rng.uniform(-0.06, 1.06, len(points) - near))
+        part = np.minimum(part, 2 - part)
         points[near:, i] = np.interp(part * (len(wanted) - 1), np.arange(len(wanted)), wanted)
         return self._replace(points=points)
 
@@ -265,9 +267,9 @@ def _probe(scan: _Scan, rng: np.random.Generator) -> _Probe:
 def _coarsest(
     fine: np.ndarray, larger: np.ndarray, i: int, most: int, probe: _Probe, share: float | None, band: float
 ) -> tuple[np.ndarray, float]:
-    """The axis of the fewest points, less than `most`, from which the probe's waves are carried within `share`, and what
-    they err by; without a share, as few as local frequencies promise. Where there is none: that of the next larger
-    sub-apertures, to which nothing is interpolated then."""
+    """The axis of the fewest points, less than `most`, from which the probe's waves are carried within `share`, and
+    what they err by; without a share, as few as local frequencies promise. Where there is none: that of the next
+    larger sub-apertures, to which nothing is interpolated then."""
     if len(fine) <= TAPS:
         return larger, 0.0
 

@@ -95,10 +95,10 @@ class FrameScene:
             echo[some] = (np.tensordot(along_x[some], splines, axes=1) * along_y[some, :, None]).sum(axis=1)
         return echo * self._turn(fit.phase)
 
-    def _total(self, values: np.ndarray, axis: int) -> np.ndarray:
-        """Sums over the poses with about the same x or y."""
+    def _total(self, weights: np.ndarray, values: np.ndarray, axis: int) -> np.ndarray:
+        """Weighted sums over the poses with about the same x or y."""
         _, order, first = self._lines[axis]
-        return np.add.reduceat(values[order], first, axis=0)
+        return np.add.reduceat((weights[:, None] * values)[order], first, axis=0)
 
     def _spread(self, table: np.ndarray, axis: int) -> np.ndarray:
         return table[self._lines[axis][0]]
