@@ -80,14 +80,12 @@ def check_stated(capture: Capture, settings: ImageSettings) -> None:
             raise UnknownNameError(f"{key} in {capture.metadata.get('description')}, [image]:", stated[key], known)
 
 
-def _uncovered(
-    scene: Any, clutter: str, *, frequency: float | None = None, grid: VoxelGrid | None = None
-) -> tuple[Any, bool]:
+def _uncovered(scene: Any, clutter: str, **told: Any) -> tuple[Any, bool]:
     """The capture or the image without the echoes of sheets over it, and whether there were any."""
     if clutter == "none":
         return scene, False
-    found = remove_sheets(scene, clutter=clutter, frequency=frequency, grid=grid)
-    what = "frames" if frequency is None else "image"
+    found = remove_sheets(scene, clutter=clutter, **told)
+    what = "image" if isinstance(scene, SarImage) else "frames"
     for sheet in found.sheets:
         say(f"clutter: a sheet taken off the {what}: {sheet}; {100 * sheet.power:.0f} % of its power")
     if not found.sheets:
