@@ -76,11 +76,11 @@ def test_geometries_drawn_at_random(first, eager):
     assert factorised >= PART // 4
 
 
-@pytest.mark.parametrize("seed", [612, 1009, 1031, 1512, 1998, 2182, 2873, 3932, 3980, 6069, 6791, 7971])
+@pytest.mark.parametrize("seed", [612, 1009, 1031, 1512, 1998, 2182, 2873, 3932, 3980, 5150, 6069, 6791, 7971])
 def test_images_that_erred_by_more_than_they_stated(seed, eager):
-    """Of most, the channels cancel: at most voxels, or all over a grid within one resolution cell; 16 poses do not show
-    it. 1009 passes through its grid, and errs next to its antennas. In 1031, smaller sub-apertures' axes ended where
-    larger ones' went on."""
+    """Of most, the channels cancel: at most voxels, or all over a grid within one resolution cell. 16 poses do not show
+    it, and in 5150 it takes a second plan. 1009 passes through its grid, and errs next to its antennas. In 1031, the
+    axes of smaller sub-apertures ended where those of larger ones went on."""
     problem = draw(seed)
     for method in ("fast", "backprojection"):
         image = ms.form_image(problem.capture, problem.grid, method=method)

@@ -49,6 +49,11 @@ class Deviation(NamedTuple):
         """What of it is the range profiles'."""
         return self._relative(self.profiles)
 
+    @property
+    def by_profiles(self) -> bool:
+        """Whether finer range profiles would help: they make half of the error or more."""
+        return self.profile_error >= self.error / 2
+
     def _relative(self, squares: np.ndarray) -> float:
         shown = self.truth > 0
         return float(np.sqrt(np.divide(squares, self.truth, where=shown, out=(squares > 0).astype(float))).max())

@@ -111,7 +111,8 @@ def _fast_box(
             break
         values, deviation = _factorise(kernels_on(device), capture, tx, rx, axes, plan, window, oversampling, progress)
         # Where the range profiles take it all, no plan helps: others are tried once these are finer.
-        if deviation.error <= tolerance or deviation.profile_error > _SPENT * tolerance:
+        spent = deviation.by_profiles and deviation.profile_error > _SPENT * tolerance
+        if deviation.error <= tolerance or spent:
             return Factorised(values, plan, deviation)
         planned *= 0.7 * tolerance / deviation.error
     values, deviation = backproject(
