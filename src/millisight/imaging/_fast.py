@@ -38,7 +38,7 @@ _ATTEMPTS = 3  # plans that are tried before direct backprojection does it
 
 # Of the tolerance, what the first plan may take: where it is dark an image errs by more than the waves of the probe,
 # and a finer plan costs little beside a second image.
-_PLANNED = 0.65
+_PLANNED = 0.55
 
 _SPENT = 0.9  # of the tolerance, what range profiles may take before another plan is tried
 
