@@ -1,18 +1,23 @@
 """Lids and other sheets: found where they are, taken off, and nothing else with them."""
 
 import json
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import millisight as ms
 from helpers.mirrors import DEVICES, GRID, capture_of, disc, mirror, points, raster
+from helpers.oracles import shared
 from helpers.scatter import from_places
+from millisight.calibration import read_capture
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.data import Layers
 from millisight.imaging import SheetRemoval, remove_sheets
 
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples" / "captures"
 RADAR = DEVICES["77 GHz"]
 FREQUENCY = RADAR.waveform.center_frequency
 SHEETS = {
@@ -132,6 +137,42 @@ def test_a_flat_top_under_a_lid_keeps_its_peak(path, strength):
         assert 20 * abs(np.log10(np.median(found.magnitude[inside] / truth.magnitude[inside]))) < 1
 
 
+def test_a_wall_behind_the_grid_is_left(path, spots):
+    """It hides nothing there; and where the band is too narrow to tell the two apart, its echo holds the object's."""
+    slow = raster(step=0.004)
+    narrow = DEVICES["24 GHz"]
+    for radar, way, height in ((RADAR, path, -0.5), (narrow, slow, -1.0)):
+        wall, there = mirror(radar, way, height), points(radar, way, strength=0.03)
+        capture = capture_of(radar, way, wall + there)
+        assert len(remove_sheets(capture).sheets) == 1
+        found = remove_sheets(capture, grid=GRID)
+        assert found.result is capture
+        assert found.sheets == ()
+    assert found.left[0].height == pytest.approx(-1.0, abs=0.1)
+    assert re.search(r"at z = -(9|10)\d\.\d cm, lies behind the grid", found.reason)
+    # A lid before a wall twice as strong.
+    lid, wall = mirror(RADAR, path, -0.2, tilt_deg=(1, 0)), mirror(RADAR, path, -0.5, strength=0.2)
+    capture = capture_of(RADAR, path, spots + lid + wall)
+    (far,) = remove_sheets(capture, most=1).sheets
+    assert far.height == pytest.approx(-0.5, abs=0.01)
+    (near,) = remove_sheets(capture, grid=GRID).sheets
+    assert near.height == pytest.approx(-0.2, abs=0.03)  # some of the wall leaks there
+    np.testing.assert_allclose(near.tilt_deg, (1, 0), atol=0.3)
+    image = image_of(remove_sheets(capture, grid=GRID).result.frames, path)
+    assert left_of(image.values, image_of(spots + wall, path).values, image_of(lid, path).values) < 0.05
+
+
+def test_a_measured_letter_before_a_wall_keeps_all_of_its_echo():
+    """Six frequencies, 0.25 m of range resolution; the wall is 65 cm behind the letter."""
+    data = shared("captures", "letter_r_22ghz.npy").parent
+    capture = read_capture(EXAMPLES / "letter_r.toml", data=data)
+    grid = ms.VoxelGrid.regular(**capture.metadata["image_grid"])
+    assert remove_sheets(capture, clutter="lid").sheets
+    found = remove_sheets(capture, clutter="lid", grid=grid)
+    assert found.result is capture
+    assert "behind the grid" in found.reason
+
+
 def test_noise_and_nothing_are_no_sheets(path):
     rng = np.random.default_rng(0)
     noise = rng.normal(size=(len(path), 1, 1, 32)) + 1j * rng.normal(size=(len(path), 1, 1, 32))
@@ -203,6 +244,10 @@ def test_what_cannot_be_right_is_refused(path, spots):
         remove_sheets(image)
     with pytest.raises(InputError, match="leave frequency out"):
         remove_sheets(capture, frequency=79e9)
+    with pytest.raises(InputError, match="its own grid"):
+        remove_sheets(image, frequency=79e9, grid=GRID)
+    with pytest.raises(InputError, match="grid"):
+        remove_sheets(capture, grid=(0, 1))
     with pytest.raises(InputError, match="most"):
         remove_sheets(capture, most=0)
     with pytest.raises(InputError, match="expected an image or a capture"):

@@ -51,9 +51,9 @@ def image_of(opened: Opened, source: Source, settings: ImageSettings, label: str
     say(f"grid: {' x '.join(map(str, voxels.shape))} voxels, {capture.channels} channels")
     capture = _in_focus(capture, voxels, settings.focus, label)
     clutter = settings.clutter or _stated(capture).get("clutter") or "none"
-    capture, taken = _uncovered(capture, clutter)
+    capture, taken = _uncovered(capture, clutter, grid=voxels)
     formed = _form(capture, voxels, settings, label)
-    return formed if taken else _uncovered(formed, clutter, capture.radar.waveform.center_frequency)[0]
+    return formed if taken else _uncovered(formed, clutter, frequency=capture.radar.waveform.center_frequency)[0]
 
 
 def oddities(capture: Capture) -> list[str]:
@@ -80,12 +80,12 @@ def check_stated(capture: Capture, settings: ImageSettings) -> None:
             raise UnknownNameError(f"{key} in {capture.metadata.get('description')}, [image]:", stated[key], known)
 
 
-def _uncovered(scene: Any, clutter: str, frequency: float | None = None) -> tuple[Any, bool]:
+def _uncovered(scene: Any, clutter: str, **told: Any) -> tuple[Any, bool]:
     """The capture or the image without the echoes of sheets over it, and whether there were any."""
     if clutter == "none":
         return scene, False
-    found = remove_sheets(scene, clutter=clutter, frequency=frequency)
-    what = "frames" if frequency is None else "image"
+    found = remove_sheets(scene, clutter=clutter, **told)
+    what = "image" if isinstance(scene, SarImage) else "frames"
     for sheet in found.sheets:
         say(f"clutter: a sheet taken off the {what}: {sheet}; {100 * sheet.power:.0f} % of its power")
     if not found.sheets:

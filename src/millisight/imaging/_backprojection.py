@@ -71,7 +71,7 @@ def _backproject_box(
     step = int(max(1, min(_BLOCK_BYTES // per_pose, _BLOCK_PAIRS // (channels * grid.size))))
     carrier = capture.radar.waveform.center_frequency / SPEED_OF_LIGHT
     axes = tuple(axis - o for axis, o in zip((grid.x, grid.y, grid.z), origin, strict=True))
-    check = Check(axes, oversampling)
+    check = Check(axes, tx, rx, oversampling)
     for block, frames in weighted_blocks(capture, step, window):
         profiles = compression.profiles(frames, block)
         scan = compression.nearest(block), compression.per_metre, carrier, tx[block], rx[block]

@@ -4,6 +4,9 @@ A few poses tell what range profiles err by, as long as the image is as large be
 where the channels cancel: in the dark, or all over a grid that is smaller than the resolution. So the image is compared
 with the sum over all of its channels at some voxels. `image_at` would take a second for each; but range profiles are
 oversampled, and eight taps in place of two find what lies between their entries to some 1e-5.
+
+The random voxels are stratified by their distance from the antennas (`_near`): what interpolated fields err by may sit
+in the hundredth of the voxels next to them, where a scan passes through its grid.
 """
 
 from collections.abc import Callable
@@ -12,21 +15,24 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from millisight.imaging._near import distances, near_first, some_ends
 from millisight.imaging._refraction import Excess
 
-_PICKS = 128  # random voxels, and as many of the brightest
+_RANDOM, _BRIGHTEST = 192, 64  # voxels
+_POOL = 2048  # uniformly random voxels of which the former are taken
 
 _PARTS = 1024  # of an entry, for which weights are kept: 1e-4 of error, whose sign is any
 
 
 class Deviation(NamedTuple):
-    """How far an image lies from the truth at random voxels and at the brightest: sums of squares (2,).
+    """How far an image lies from the truth at random voxels and at the brightest: sums of squares (2,), weighted so
+    that the random voxels stand for all of them.
 
     Attributes
     ----------
     whole : of what the image errs by
     profiles : of what linear interpolation of its range profiles errs by
-    truth : of the truth
+    truth : of the truth; for the random voxels, of the whole image
     """
 
     whole: np.ndarray
@@ -42,6 +48,11 @@ class Deviation(NamedTuple):
     def profile_error(self) -> float:
         """What of it is the range profiles'."""
         return self._relative(self.profiles)
+
+    @property
+    def by_profiles(self) -> bool:
+        """Whether finer range profiles would help: they make half of the error or more."""
+        return self.profile_error >= self.error / 2
 
     def _relative(self, squares: np.ndarray) -> float:
         shown = self.truth > 0
@@ -59,16 +70,24 @@ class Check:
     Parameters
     ----------
     axes : of the grid, in the order of the antennas' coordinates [m]
+    tx, rx : of the whole scan, (P, T, 3) and (P, R, 3) [m]
     oversampling : of the range profiles
     """
 
-    def __init__(self, axes: tuple[np.ndarray, ...], oversampling: int) -> None:
+    def __init__(self, axes: tuple[np.ndarray, ...], tx: np.ndarray, rx: np.ndarray, oversampling: int) -> None:
         self.axes, self.oversampling = axes, oversampling
         self.shape = tuple(map(len, axes))
-        self.count = min(_PICKS, int(np.prod(self.shape)))
+        size = int(np.prod(self.shape))
+        self.brightest = min(_BRIGHTEST, size)
+        rng = np.random.default_rng(0)
+        pool = rng.choice(size, _POOL) if size > _POOL else np.arange(size)
+        away = distances(self._points(pool).T, *some_ends(tx, rx, rng)[1:]).min(axis=1)
+        ranks, weights = near_first(len(pool), _RANDOM)
+        self.random = pool[np.argsort(away)[ranks]]
+        self.weights = np.concatenate([weights * len(weights), np.ones(self.brightest)])
         self.picks: np.ndarray | None = None
         self.points = np.empty((3, 0))
-        self.sums = np.zeros((2, 2 * self.count), dtype=np.complex128)
+        self.sums = np.zeros((2, len(self.weights)), dtype=np.complex128)
 
     def add(
         self,
@@ -86,10 +105,8 @@ class Check:
 
         if self.picks is None:
             magnitude = np.hypot(*image()).ravel()
-            random = np.random.default_rng(0).choice(magnitude.size, self.count)
-            self.picks = np.concatenate([random, np.argpartition(magnitude, -self.count)[-self.count :]])
-            places = np.unravel_index(self.picks, self.shape)
-            self.points = np.stack([axis[place] for axis, place in zip(self.axes, places, strict=True)])
+            self.picks = np.concatenate([self.random, np.argpartition(magnitude, -self.brightest)[-self.brightest :]])
+            self.points = self._points(self.picks)
         entries = profiles.shape[3]
         if entries < TAPS:
             profiles = np.pad(profiles, [(0, 0)] * 3 + [(0, TAPS - entries)])
@@ -104,7 +121,16 @@ class Check:
         real, imag = image.reshape(2, -1)[:, self.picks].astype(np.float64)
         truth, linear = self.sums
         parts = real + 1j * imag - truth, linear - truth, truth
-        return Deviation(*(np.square(np.abs(part)).reshape(2, -1).sum(axis=1) for part in parts))
+        starts = [0, len(self.random)]
+        whole, profiles, energy = (np.add.reduceat(np.square(np.abs(p)) * self.weights, starts) for p in parts)
+        # Of a few bright voxels a sample may hold too many or none: what all hold is known from the image itself.
+        energy[0] = len(self.random) * float(np.square(image, dtype=np.float64).sum()) / (image.size / 2)
+        return Deviation(whole, profiles, energy)
+
+    def _points(self, numbers: np.ndarray) -> np.ndarray:
+        """(3, V) places of voxels (V,) [m]."""
+        places = np.unravel_index(numbers, self.shape)
+        return np.stack([axis[place] for axis, place in zip(self.axes, places, strict=True)])
 
 
 @cache

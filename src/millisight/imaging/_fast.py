@@ -38,7 +38,7 @@ _ATTEMPTS = 3  # plans that are tried before direct backprojection does it
 
 # Of the tolerance, what the first plan may take: where it is dark an image errs by more than the waves of the probe,
 # and a finer plan costs little beside a second image.
-_PLANNED = 0.65
+_PLANNED = 0.55
 
 _SPENT = 0.9  # of the tolerance, what range profiles may take before another plan is tried
 
@@ -111,7 +111,8 @@ def _fast_box(
             break
         values, deviation = _factorise(kernels_on(device), capture, tx, rx, axes, plan, window, oversampling, progress)
         # Where the range profiles take it all, no plan helps: others are tried once these are finer.
-        if deviation.error <= tolerance or deviation.profile_error > _SPENT * tolerance:
+        spent = deviation.by_profiles and deviation.profile_error > _SPENT * tolerance
+        if deviation.error <= tolerance or spent:
             return Factorised(values, plan, deviation)
         planned *= 0.7 * tolerance / deviation.error
     values, deviation = backproject(
@@ -146,7 +147,7 @@ def _factorise(
     poses = len(capture.trajectory)
     channels = int(np.prod(capture.frames.shape[1:3]))
     many = max(1, min(poses, _PROFILE_BYTES // (8 * channels * compression.steering.shape[1])))
-    check = Check(fine, oversampling)
+    check = Check(fine, tx, rx, oversampling)
     for start in range(0, poses, many):
         some = slice(start, min(start + many, poses))
         profiles = _range_profiles(kernels, capture, some, compression, window)

@@ -29,7 +29,7 @@ TOLERANCE = 0.005
 _TOLERANCES = (0.0005, 0.1)
 
 # Of the tolerance: what the whole may err by, as measured, and what range profiles alone may. The margin is for other
-# voxels than those of the measurement: of 1 200 images, none erred by more than 1.35 times what was stated.
+# voxels than those of the measurement: 11 images of 2 547 erred by more than 1.35 times what was stated.
 _WHOLE, _PROFILES = 0.7, 0.55
 
 
@@ -170,7 +170,7 @@ def _within(
             )
         error, theirs = deviation.error, deviation.profile_error
         # Finer profiles help where it is they that err: now measured with all channels, and at the brightest as well.
-        done = error <= _WHOLE * tolerance or theirs < error / 2
+        done = error <= _WHOLE * tolerance or not deviation.by_profiles
         if fixed or done or oversampling >= MOST_OVERSAMPLING:
             return values, {**told, "error": float(f"{max(error, profiles):.3g}")}
         again = finer(oversampling, theirs, _PROFILES * tolerance)

@@ -1,9 +1,10 @@
 """The plan of factorised backprojection: sub-apertures' sizes and coarse grids of the least cost within a tolerance.
 
 Nothing is assumed of the geometry. The error of carrying a sub-aperture's field from a coarse axis to the voxels is
-measured: for waves of random channels and frequencies at random voxels, at the grid's corners and next to the antennas,
-the eight taps are summed and compared with the wave itself, in float64. That sees what a bound by local frequencies
-misses: wavefronts that bend across the taps, axes that reach beyond the antennas, taps that lie to one side at the rim.
+measured: for waves of random channels and frequencies at random voxels, the eight taps are summed and compared with the
+wave itself, in float64. Voxels and antennas that are near each other are taken more often than the rest (`_near`). That
+sees what a bound by local frequencies misses: wavefronts that bend across the taps, axes that reach beyond the
+antennas, taps that lie to one side at the rim.
 """
 
 from typing import NamedTuple
@@ -12,6 +13,7 @@ import numpy as np
 
 from millisight.core import SPEED_OF_LIGHT
 from millisight.data import Capture
+from millisight.imaging._near import distances, near_first, some_ends
 
 TAPS = 8
 
@@ -32,6 +34,7 @@ _LEAST_CHANNELS = 100
 _LEAST_PAIRS = 2e8  # of voxels and channels: below, a plan costs more than it saves
 
 _VOXELS, _WAVES = 64, 16  # of a probe, and waves at each voxel
+_POOL = 1024  # random voxels of which those are taken
 _MARGIN, _NARROW = 2, 1  # coarse steps that an axis reaches beyond the grid, or where that is enough
 
 
@@ -109,6 +112,7 @@ def make_plan(
         tx[..., turn], rx[..., turn], middle[:, turn], tuple(axes[a] for a in order), frequencies,
         capture.radar.waveform.center_frequency / SPEED_OF_LIGHT,
     )  # fmt: skip
+    probe = _probe(scan, np.random.default_rng(seed))
     # Every axis of every level may make its share of the error. Three levels are typical; what they come to is known
     # once they are chosen.
     share = tolerance / np.sqrt(6)
@@ -116,10 +120,10 @@ def make_plan(
         band = next(b for b, floor in _BANDS if share >= floor)
         if attempt == 0:
             # What local frequencies promise costs little, and the probe seldom finds axes that are much coarser.
-            promised = _candidates(scan, None, band, seed)
+            promised = _candidates(scan, probe, None, band, seed)
             if _cheapest(promised, scan, order, channels, _PROMISED * direct, band) is None:
                 return None
-        plan = _cheapest(_candidates(scan, share, band, seed), scan, order, channels, direct, band)
+        plan = _cheapest(_candidates(scan, probe, share, band, seed), scan, order, channels, direct, band)
         if plan is None or plan.error <= tolerance:
             return plan
         share *= 0.9 * tolerance / plan.error
@@ -149,22 +153,12 @@ def _cheapest(
     return Plan(tuple(step.level for step in reversed(best)), order, float(direct / cheapest), error, band)
 
 
-def _candidates(scan: _Scan, share: float | None, band: float, seed: int) -> list[_Step]:
+def _candidates(scan: _Scan, probe: "_Probe", share: float | None, band: float, seed: int) -> list[_Step]:
     """Levels of sub-apertures of half the extent, a quarter, …, down to about one position each; without a `share` of
     the error, on axes as coarse as local frequencies promise."""
     rng = np.random.default_rng(seed)
     extent = np.ptp(scan.middle, axis=0).max()
     corner = scan.middle.min(axis=0)
-    voxels = _probed_voxels(scan, rng)
-    points = np.repeat(voxels, _WAVES, axis=0)
-    pose = rng.integers(0, len(scan.tx), len(points))
-    ends = (
-        scan.tx[pose, rng.integers(0, scan.tx.shape[1], len(points))],
-        scan.rx[pose, rng.integers(0, scan.rx.shape[1], len(points))],
-    )
-    # Both ends of the band as often as all that lies between.
-    part = np.clip(rng.uniform(-0.5, 1.5, len(points)), 0, 1)
-    waves = scan.frequencies[0] + part * (scan.frequencies[-1] - scan.frequencies[0])
     steps: list[_Step] = []
     most = [len(axis) for axis in scan.axes[:2]]
     for halvings in range(1, 12):
@@ -175,13 +169,13 @@ def _candidates(scan: _Scan, share: float | None, band: float, seed: int) -> lis
             break
         if steps and count == steps[-1].count:
             continue
-        probe = _Probe(points, *ends, means_of(scan.middle, cells)[cells[pose]], waves, scan.carrier)
+        waves = probe._replace(centers=means_of(scan.middle, cells)[cells[probe.pose]])
         found = []
         for i in (0, 1):
             # The field is wanted where the next larger sub-apertures' axis lies, a little beyond the grid.
-            wanted = steps[-1].level.axes[i] if steps else scan.axes[i]
-            wanted = wanted[1:-1] if len(wanted) > TAPS else wanted
-            found.append(_coarsest(scan.axes[i], i, most[i], probe.along(i, wanted, rng), share, band))
+            larger = steps[-1].level.axes[i] if steps else scan.axes[i]
+            wanted = larger[1:-1] if len(larger) > TAPS else larger
+            found.append(_coarsest(scan.axes[i], larger, i, most[i], waves.along(i, wanted, rng), share, band))
         steps.append(_Step(Level(size, (found[0][0], found[1][0])), count, (found[0][1], found[1][1])))
         # Smaller sub-apertures never need a finer axis.
         most = [min(n, len(axis)) for n, (axis, _) in zip(most, found, strict=True)]
@@ -189,20 +183,37 @@ def _candidates(scan: _Scan, share: float | None, band: float, seed: int) -> lis
 
 
 class _Probe(NamedTuple):
-    """Waves (n,) whose interpolation is tried: where, from and to which antenna, around which centre, frequency / c."""
+    """Waves (V, n) whose interpolation is tried, n of them at each of V voxels, the nearest voxels first.
+
+    Attributes
+    ----------
+    points : (V, 3) [m]
+    pose : (V n,) of the wave
+    tx, rx, centers : (V n, 3) antennas, and the centre of their sub-aperture [m]
+    waves : (V n,) frequency over c [1/m]
+    voxel_weights, wave_weights : (V,) and (n,), sums 1
+    carrier : over c [1/m]
+    """
 
     points: np.ndarray
+    pose: np.ndarray
     tx: np.ndarray
     rx: np.ndarray
     centers: np.ndarray
     waves: np.ndarray
+    voxel_weights: np.ndarray
+    wave_weights: np.ndarray
     carrier: float
 
     def along(self, i: int, wanted: np.ndarray, rng: np.random.Generator) -> "_Probe":
-        """The same with places along axis i that are drawn from an axis (n,), its ends more often than the rest."""
+        """The same with places along axis i that are drawn from an axis (n,), its ends more often than the rest; the
+        nearest stay where they are."""
         points = self.points.copy()
-        part = np.clip(rng.uniform(-0.06, 1.06, len(points) // _WAVES), 0, 1)
-        points[:, i] = np.repeat(np.interp(part * (len(wanted) - 1), np.arange(len(wanted)), wanted), _WAVES)
+        near = len(points) // 4
+        # What would lie beyond an end is folded back: next to it taps lie to one side, while it is a tap's own place.
+        part = np.abs(rng.uniform(-0.06, 1.06, len(points) - near))
+        part = np.minimum(part, 2 - part)
+        points[near:, i] = np.interp(part * (len(wanted) - 1), np.arange(len(wanted)), wanted)
         return self._replace(points=points)
 
     def error(self, i: int, coarse: np.ndarray, band: float) -> float:
@@ -210,42 +221,57 @@ class _Probe(NamedTuple):
         that over the worst tenth of them, if that is more."""
         from millisight.imaging._kernels import interpolation_errors
 
-        base, weights = _taps(coarse, self.points[:, i], band)
-        squares = np.empty(len(self.points))
+        points = np.repeat(self.points, len(self.wave_weights), axis=0)
+        base, weights = _taps(coarse, points[:, i], band)
+        squares = np.empty(len(points))
         interpolation_errors(
-            self.points, self.tx, self.rx, self.centers, self.waves, self.carrier, i, coarse, base, weights, squares
+            points, self.tx, self.rx, self.centers, self.waves, self.carrier, i, coarse, base, weights, squares
         )
-        each = np.sort(squares.reshape(-1, _WAVES).mean(axis=1))
-        return float(np.sqrt(max(each.mean(), each[-(len(each) // 10) :].mean() / 4)))
+        each = squares.reshape(len(self.points), -1) @ self.wave_weights
+        worst = np.argsort(-each)
+        before = np.cumsum(self.voxel_weights[worst]) - self.voxel_weights[worst]
+        tenth = np.clip(0.1 - before, 0, self.voxel_weights[worst])
+        return float(np.sqrt(max(each @ self.voxel_weights, each[worst] @ tenth / 0.1 / 4)))
 
     def rate(self, i: int) -> float:
         """How fast nearly all of the waves turn along axis i [cycles/m]."""
+        points = np.repeat(self.points, len(self.wave_weights), axis=0)
 
         def slope(ends: np.ndarray) -> np.ndarray:
-            away = self.points - ends
+            away = points - ends
             return away[:, i] / np.maximum(np.linalg.norm(away, axis=1), 1e-12)
 
-        turns = self.waves * (slope(self.tx) + slope(self.rx)) - 2 * self.carrier * slope(self.centers)
-        return float(np.sort(np.abs(turns))[int(0.97 * len(turns))])
+        turns = np.abs(self.waves * (slope(self.tx) + slope(self.rx)) - 2 * self.carrier * slope(self.centers))
+        order = np.argsort(turns)
+        share = np.cumsum(np.outer(self.voxel_weights, self.wave_weights).ravel()[order])
+        return float(turns[order[np.searchsorted(share, 0.97)]])
 
 
-def _probed_voxels(scan: _Scan, rng: np.random.Generator) -> np.ndarray:
-    """(_VOXELS, 3) places: mostly random voxels; some corners of the grid, and some of the voxels next to antennas."""
-    some = np.stack([rng.choice(axis, 20 * _VOXELS) for axis in scan.axes], axis=1)
-    antennas = scan.middle[rng.integers(0, len(scan.middle), 50)]
-    away = np.linalg.norm(some[:, None] - antennas, axis=-1).min(axis=1)
-    near = some[np.argsort(away)[: _VOXELS // 16]]
-    ends = np.stack([axis[[0, -1]][rng.integers(0, 2, _VOXELS // 16)] for axis in scan.axes], axis=1)
-    return np.concatenate([near, ends, some[: _VOXELS - len(near) - len(ends)]])
+def _probe(scan: _Scan, rng: np.random.Generator) -> _Probe:
+    """Waves at random voxels, with their sub-apertures' centres still to be told."""
+    pool = np.stack([rng.choice(axis, _POOL) for axis in scan.axes], axis=1)
+    pose, tx, rx = some_ends(scan.tx, scan.rx, rng)
+    away = distances(pool, tx, rx)
+    ranks, voxel_weights = near_first(_POOL, _VOXELS)
+    voxels = np.argsort(away.min(axis=1))[ranks]
+    ranks, wave_weights = near_first(len(pose), _WAVES)
+    ends = np.argsort(away[voxels], axis=1)[:, ranks].ravel()
+    # Both ends of the band as often as all that lies between.
+    part = np.clip(rng.uniform(-0.5, 1.5, len(ends)), 0, 1)
+    waves = scan.frequencies[0] + part * (scan.frequencies[-1] - scan.frequencies[0])
+    return _Probe(
+        pool[voxels], pose[ends], tx[ends], rx[ends], tx[ends], waves, voxel_weights, wave_weights, scan.carrier
+    )
 
 
 def _coarsest(
-    fine: np.ndarray, i: int, most: int, probe: _Probe, share: float | None, band: float
+    fine: np.ndarray, larger: np.ndarray, i: int, most: int, probe: _Probe, share: float | None, band: float
 ) -> tuple[np.ndarray, float]:
-    """The axis of the fewest points from which the probe's waves are carried within `share`, and what they err by;
-    without a share, as few as local frequencies promise."""
+    """The axis of the fewest points, less than `most`, from which the probe's waves are carried within `share`, and
+    what they err by; without a share, as few as local frequencies promise. Where there is none: that of the next
+    larger sub-apertures, to which nothing is interpolated then."""
     if len(fine) <= TAPS:
-        return fine, 0.0
+        return larger, 0.0
 
     def tried(count: int, margin: int = _MARGIN) -> float:
         return probe.error(i, coarse_axis(fine, count, margin), band)
@@ -253,12 +279,12 @@ def _coarsest(
     promised = np.ceil((fine[-1] - fine[0]) * probe.rate(i) / (0.5 * band)) + 1 + 2 * _MARGIN
     count = int(np.clip(promised, TAPS, most))
     if share is None:
-        return (fine, 0.0) if count >= len(fine) else (coarse_axis(fine, count, _MARGIN), 0.0)
+        return (larger, 0.0) if count >= most else (coarse_axis(fine, count, _MARGIN), 0.0)
     error = tried(count)
     # The error falls by a hundred within a third of the step: a few tries find the edge.
     while error > share:
         if count >= most:
-            return fine, 0.0
+            return larger, 0.0
         count = min(most, max(count + 1, int(count * 1.08)))
         error = tried(count)
     while count > TAPS:
@@ -272,7 +298,7 @@ def _coarsest(
     less = tried(fewer, _NARROW)
     if less <= share:
         return coarse_axis(fine, fewer, _NARROW), less
-    return (fine, 0.0) if count >= len(fine) else (coarse_axis(fine, count, _MARGIN), error)
+    return (larger, 0.0) if count >= most else (coarse_axis(fine, count, _MARGIN), error)
 
 
 def coarse_axis(fine: np.ndarray, count: int, margin: int) -> np.ndarray:

@@ -13,12 +13,13 @@ with the weights 1 / (1 + r²)² of S. Geman and D. McClure); under an object th
 """
 
 from collections.abc import Callable
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from scipy.fft import fft2, next_fast_len
 from scipy.interpolate import BSpline
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.ndimage import uniform_filter1d
 
 from millisight.imaging._sheet_ripples import rippled, spread_on_grid, total_of_grid
@@ -296,17 +297,25 @@ def _splines(matrices: tuple[np.ndarray, np.ndarray], values: np.ndarray, weight
     mx, my = bx.shape[1], by.shape[1]
     pairs = [(b[:, :, None] * b[:, None, :]).reshape(len(b), -1) for b in (bx, by)]
     normal = (pairs[0].T @ weights @ pairs[1]).reshape(mx, mx, my, my).transpose(0, 2, 1, 3).reshape(mx * my, mx * my)
-    bends = [np.diff(np.eye(m), 2, axis=0) if m > 2 else np.zeros((0, m)) for m in (mx, my)]
-    stiff = [bend.T @ bend for bend in bends]
     usual = np.trace(normal) / len(normal)
-    normal += usual * _PENALTY * (np.kron(stiff[0], np.eye(my)) + np.kron(np.eye(mx), stiff[1]))
+    normal += usual * _PENALTY * _stiffness(mx, my)
     normal[np.diag_indices(len(normal))] += 1e-6 * usual + 1e-30
     weighted = values * weights.astype(np.float32)[..., None]
     along_x = np.tensordot(matrices[0], weighted, (0, 0))
     right = np.einsum("yj,iyc->ijc", matrices[1], along_x, optimize=True).reshape(mx * my, -1).astype(complex)
-    factor = cho_factor(normal, overwrite_a=True, check_finite=False)
-    both = cho_solve(factor, np.concatenate([right.real, right.imag], axis=1), check_finite=False)
+    # Splines further apart than three knots have nothing in common.
+    bands = [np.pad(normal.diagonal(-k), (0, k)) for k in range(min(3 * my + 4, len(normal)))]
+    factor = cholesky_banded(np.array(bands), overwrite_ab=True, lower=True, check_finite=False), True
+    both = cho_solve_banded(factor, np.concatenate([right.real, right.imag], axis=1), check_finite=False)
     return (both[:, : right.shape[1]] + 1j * both[:, right.shape[1] :]).reshape(mx, my, -1)
+
+
+@lru_cache(maxsize=2)
+def _stiffness(mx: int, my: int) -> np.ndarray:
+    """(mx my, mx my) the sum of the squares of second differences along both axes."""
+    bends = [np.diff(np.eye(m), 2, axis=0) if m > 2 else np.zeros((0, m)) for m in (mx, my)]
+    stiff = [bend.T @ bend for bend in bends]
+    return np.kron(stiff[0], np.eye(my)) + np.kron(np.eye(mx), stiff[1])
 
 
 def _refined(phase: Phase, flat: np.ndarray, weights: np.ndarray, cells: Cells, wave_number: float) -> Phase:

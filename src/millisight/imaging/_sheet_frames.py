@@ -26,11 +26,11 @@ _LOOKS = 1000  # poses whose range profiles tell where to look
 
 
 class FrameScene:
-    """A capture from whose frames sheets are taken."""
+    """A capture from whose frames sheets are taken, those below z = `lowest` [m] not looked for."""
 
     ripples = False
 
-    def __init__(self, capture: Capture):
+    def __init__(self, capture: Capture, lowest: float):
         if capture.layers is not None:
             raise InputError("remove_sheets knows straight paths only; take sheets off before layers are added")
         self._capture = capture
@@ -41,7 +41,7 @@ class FrameScene:
         count = min(_TERMS, len(self._frequencies))
         terms = np.polynomial.legendre.legvander(np.linspace(-1, 1, len(self._frequencies)), count - 1)
         self._terms = np.linalg.qr(terms)[0].astype(np.float32)  # (N, Q), orthonormal over the samples
-        self._level = self._usual_height()
+        self._level = self._usual_height(lowest)
         self._echoes, self._power = self._projected()
         self._taken = np.zeros_like(self._echoes)
         self._lines = [_lines(self._places[:, i]) for i in (0, 1)]
@@ -95,10 +95,10 @@ class FrameScene:
             echo[some] = (np.tensordot(along_x[some], splines, axes=1) * along_y[some, :, None]).sum(axis=1)
         return echo * self._turn(fit.phase)
 
-    def _total(self, values: np.ndarray, axis: int) -> np.ndarray:
-        """Sums over the poses with about the same x or y."""
+    def _total(self, weights: np.ndarray, values: np.ndarray, axis: int) -> np.ndarray:
+        """Weighted sums over the poses with about the same x or y."""
         _, order, first = self._lines[axis]
-        return np.add.reduceat(values[order], first, axis=0)
+        return np.add.reduceat((weights[:, None] * values)[order], first, axis=0)
 
     def _spread(self, table: np.ndarray, axis: int) -> np.ndarray:
         return table[self._lines[axis][0]]
@@ -106,8 +106,8 @@ class FrameScene:
     def _blocks(self) -> list[slice]:
         return [slice(start, start + _BLOCK) for start in range(0, len(self._places), _BLOCK)]
 
-    def _usual_height(self) -> float:
-        """z of the echo that most poses have at one distance below them [m]."""
+    def _usual_height(self, lowest: float) -> float:
+        """z of the echo that most poses have at one distance below them, no lower than `lowest` [m]."""
         waveform = self._capture.radar.waveform
         count = len(self._frequencies)
         if count < 2:
@@ -115,7 +115,9 @@ class FrameScene:
         length = 4 * count
         step = abs(waveform.slope) / waveform.sample_rate
         distances = SPEED_OF_LIGHT / step / length * np.arange(length) / 2 - self._capture.radar.path_offset / 2
+        above = float((self._tx[..., 2].mean() + self._rx[..., 2].mean()) / 2)
         near = distances > _NEAREST
+        near &= distances <= max(above - lowest, distances[near].min())
         picked = range(0, len(self._places), max(1, len(self._places) // _LOOKS))
         falling = waveform.slope < 0
         profiles = []
@@ -125,7 +127,7 @@ class FrameScene:
             profiles.append(np.abs(spectrum).mean(axis=(0, 1)))
         usual = np.median(profiles, axis=0)
         distance = float(distances[near][np.argmax(usual[near])])
-        return float((self._tx[..., 2].mean() + self._rx[..., 2].mean()) / 2) - distance
+        return above - distance
 
     def _waves(self, some: slice) -> np.ndarray:
         """(p, T, R, N) complex64 echoes of a level mirror at the usual height."""

@@ -12,12 +12,13 @@ from millisight.core import (
     checked_integer,
     checked_number,
     checked_numbers,
+    checked_record,
     put,
     record,
     with_step,
 )
 from millisight.core.errors import InputError
-from millisight.data import Capture, SarImage
+from millisight.data import Capture, SarImage, VoxelGrid
 
 if TYPE_CHECKING:
     from millisight.imaging._sheet_fit import Cells, SheetFit  # needs SciPy: not for --help
@@ -88,7 +89,7 @@ class SheetRemoval(Generic[Cleaned]):
     result : the image or the capture without the sheets' echoes, its history telling what was taken; the given one
         where nothing was
     sheets : those taken, the first found first
-    left : flat things that were found and left, since they may be the tops of objects
+    left : flat things that were found and left, since they may be the tops of objects, or lie behind the grid
     reason : why nothing was taken; empty where something was
     """
 
@@ -105,17 +106,24 @@ class SheetRemoval(Generic[Cleaned]):
 
 @overload
 def remove_sheets(
-    scene: SarImage, *, clutter: str = "auto", frequency: float | None = None, most: int = 2
+    scene: SarImage, *, clutter: str = "auto", frequency: float | None = None, grid: None = None, most: int = 2
 ) -> SheetRemoval[SarImage]: ...
 
 
 @overload
 def remove_sheets(
-    scene: Capture, *, clutter: str = "auto", frequency: None = None, most: int = 2
+    scene: Capture, *, clutter: str = "auto", frequency: None = None, grid: VoxelGrid | None = None, most: int = 2
 ) -> SheetRemoval[Capture]: ...
 
 
-def remove_sheets(scene: Any, *, clutter: str = "auto", frequency: float | None = None, most: int = 2) -> Any:
+def remove_sheets(
+    scene: Any,
+    *,
+    clutter: str = "auto",
+    frequency: float | None = None,
+    grid: VoxelGrid | None = None,
+    most: int = 2,
+) -> Any:
     """Take the echo of sheets off an image or the frames of a capture: lids, cloths, walls (primer 18).
 
     A sheet is a mirror: each column of voxels, and each pose, holds the echo of the part straight below, with a phase
@@ -134,6 +142,8 @@ def remove_sheets(scene: Any, *, clutter: str = "auto", frequency: float | None 
     clutter : "auto": take sheets that explain three quarters of the echoes where they are seen; "lid": 60 %, since
         one is known to be there; "none": take nothing
     frequency : centre of the band [Hz], of an image; a capture states its own
+    grid : what will be imaged of a capture. A sheet more than half a range resolution behind it hides nothing and is
+        left: a wall or a floor, whose echo is not told from that of an object in front where the band is narrow
     most : sheets at most
 
     Returns
@@ -148,25 +158,29 @@ def remove_sheets(scene: Any, *, clutter: str = "auto", frequency: float | None 
     """
     check_known("clutter", clutter, CLUTTER)
     most = checked_integer(most, name="most", minimum=1)
+    lowest = -np.inf
     if isinstance(scene, SarImage):
         if frequency is None:
             raise InputError("an image does not state its frequency; pass frequency=79e9, for example [Hz]")
+        if grid is not None:
+            raise InputError("an image has its own grid; leave grid out")
         centre = checked_number(frequency, name="frequency", unit="Hz", above=0)
     elif isinstance(scene, Capture):
         if frequency is not None:
             raise InputError("a capture states its own frequencies; leave frequency out")
         centre = scene.radar.waveform.center_frequency
+        if grid is not None:
+            waveform = scene.radar.waveform
+            margin = SPEED_OF_LIGHT / (4 * waveform.bandwidth) if waveform.bandwidth else np.inf
+            lowest = float(checked_record(grid, VoxelGrid, name="grid").z.min()) - margin
     else:
         raise InputError(f"remove_sheets got {type(scene).__name__}; expected an image or a capture")
     if clutter == "none":
         return SheetRemoval(result=scene, sheets=(), left=(), reason="nothing was asked for")
-    echoes, wave_number = _echoes_of(scene), 2 * np.pi * centre / SPEED_OF_LIGHT
-    sheets, left = _search(echoes, wave_number, most, _LEAST_EXPLAINED[clutter])
+    echoes, wave_number = _echoes_of(scene, lowest), 2 * np.pi * centre / SPEED_OF_LIGHT
+    sheets, left = _search(echoes, wave_number, most, _LEAST_EXPLAINED[clutter], lowest)
     if not sheets:
-        reason = (
-            "no sheet is sure" if not left else "what is flat there ends within the scene and may be an object's top"
-        )
-        return SheetRemoval(result=scene, sheets=(), left=left, reason=reason)
+        return SheetRemoval(result=scene, sheets=(), left=left, reason=_reason(left, lowest))
     told = [asdict(sheet) for sheet in sheets]
     metadata = with_step(scene.metadata, "remove_sheets", clutter=clutter, sheets=told)
     return SheetRemoval(result=echoes.cleaned(metadata), sheets=sheets, left=left, reason="")
@@ -187,18 +201,18 @@ class _Echoes(Protocol):
     def cleaned(self, metadata: Mapping[str, Any]) -> Any: ...
 
 
-def _echoes_of(scene: Any) -> _Echoes:
+def _echoes_of(scene: Any, lowest: float) -> _Echoes:
     if isinstance(scene, SarImage):
         from millisight.imaging._sheet_image import ImageScene
 
         return ImageScene(scene)
     from millisight.imaging._sheet_frames import FrameScene
 
-    return FrameScene(scene)
+    return FrameScene(scene, lowest)
 
 
 def _search(
-    echoes: _Echoes, wave_number: float, most: int, least_explained: float
+    echoes: _Echoes, wave_number: float, most: int, least_explained: float, lowest: float
 ) -> tuple[tuple[DetectedSheet, ...], tuple[DetectedSheet, ...]]:
     """The sheets, taken from `echoes` one after the other, and what is flat and was left."""
     from scipy.ndimage import binary_dilation
@@ -215,12 +229,23 @@ def _search(
         if fit is None or fit.explained < least_explained:
             break
         sheet = _told(fit, cells, echoes.height(fit), wave_number)
-        if float(fit.support.mean()) >= _LEAST_SHARE and (sheet.border >= _LEAST_BORDER or sheet.area >= _LARGE):
+        wide = float(fit.support.mean()) >= _LEAST_SHARE and (sheet.border >= _LEAST_BORDER or sheet.area >= _LARGE)
+        if wide and sheet.height >= lowest:
             sheets.append(replace(sheet, power=echoes.take(fit)))
         else:
             left.append(sheet)
             passed_over = passed_over | np.asarray(binary_dilation(fit.support, iterations=3), dtype=bool)
     return tuple(sheets), tuple(left)
+
+
+def _reason(left: tuple[DetectedSheet, ...], lowest: float) -> str:
+    """Why no sheet was taken."""
+    if not left:
+        return "no sheet is sure"
+    behind = [sheet.height for sheet in left if sheet.height < lowest]
+    if behind:
+        return f"what is flat there, at z = {100 * behind[0]:.1f} cm, lies behind the grid and hides nothing of it"
+    return "what is flat there ends within the scene and may be an object's top"
 
 
 def _told(fit: "SheetFit", cells: "Cells", height: float, wave_number: float) -> DetectedSheet:
