@@ -1,4 +1,8 @@
 from ._classical import ClassicalSegmenter as ClassicalSegmenter
+from ._instances import InstanceSettings as InstanceSettings
+from ._instances import instance_levels as instance_levels
+from ._instances import segment_instances as segment_instances
+from ._instances import split_instances as split_instances
 from ._sam import SamSegmenter as SamSegmenter
 from ._segmentation import SEGMENTERS as SEGMENTERS
 from ._segmentation import Candidates as Candidates
