@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 import millisight as ms
-from helpers.published_mock import CRACKERS, LEFT_OUT, MUG, PEACH, SUGAR, TUNA, WRENCH, make
+from helpers.published_mock import CRACKERS, LEFT_OUT, MUG, PEACH, SUGAR, TUNA, WRENCH
 from millisight import datasets
 from millisight.cli.annotate import mask_in_dataset
 from millisight.cli.app import app
@@ -28,9 +28,9 @@ FORMS = ("published", "converted")
 
 
 @pytest.fixture(scope="module")
-def roots(tmp_path_factory):
+def roots(tmp_path_factory, published_root):
     """The dataset as published, and converted; for reading only."""
-    published = make(tmp_path_factory.mktemp("mock"))
+    published = published_root
     converted = tmp_path_factory.mktemp("converted") / "mito"
     done = datasets.convert(published, converted, workers=1)
     assert done.failures == ()
