@@ -17,6 +17,12 @@ from millisight.perception.training import (
 COARSE = {"vertices": 300, "spacing": (0.008, 0.008, 0.03)}
 
 
+@pytest.fixture(autouse=True)
+def few_positions(monkeypatch):
+    """What is seen from above, and what is made anew, do not depend on the images."""
+    monkeypatch.setattr("millisight.perception.training._scenes._MOST_POSITIONS", 200)
+
+
 @pytest.fixture
 def folder(tmp_path):
     """A long bar as a file, a ball in a folder as the published dataset has it, and a text."""
