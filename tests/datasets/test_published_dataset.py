@@ -4,7 +4,12 @@ import csv
 import json
 import re
 import shutil
+import signal
+import subprocess
+import sys
+from contextlib import contextmanager
 from pathlib import Path
+from urllib.request import Request, urlopen
 
 import numpy as np
 import pytest
@@ -358,6 +363,61 @@ def test_ground_truth_of_ones_own_is_what_evaluations_read(roots, tmp_path):
 def scene_truth(root):
     (scene,) = find_scenes(datasets.open(root), sight="los")
     return scene.read(transform="published").truth[HIGH].inside
+
+
+def test_the_command_annotates_a_frame_of_the_dataset_in_both_forms(roots, tmp_path):
+    """`millisight annotate` in a process of its own, asked as its page asks."""
+    found = {}
+    for form, root in roots.items():
+        place = Path(WRENCH) / "robot_collected" / "0_0_0" / "exp1" / "los" / "unprocessed" / "camera"
+        (frame,) = [path for path in (root / place).iterdir() if path.suffix in (".pkl", ".h5")]
+        here = tmp_path / form / place
+        here.mkdir(parents=True)
+        shutil.copy(frame, here)
+        with annotating(here / frame.name) as (address, ended):
+            about = json.loads(urlopen(f"{address}about").read())
+            assert (about["columns"], about["rows"], about["radar"]) == (640, 480, False)
+            # A click on the object and one beside it: of the first the picture shows a disc of one colour.
+            points = {"method": "classical", "points": [[320, 240], [20, 20]], "positive": [True, False]}
+            post(f"{address}mask", points)
+            post(f"{address}save", points)
+            process_told = ended()
+        masks = tmp_path / form / WRENCH / "robot_collected" / "0_0_0" / "exp1" / "los" / "processed" / "camera"
+        (mask,) = [path for path in masks.iterdir() if path.stem == "camera_masks" and path.suffix != ".json"]
+        assert mask.name in process_told
+        held = read_published(mask).record if mask.suffix == ".pkl" else ms.load(mask)
+        rows, columns = np.mgrid[:480, :640]
+        disc = (rows - 240) ** 2 + (columns - 320) ** 2 < 60**2
+        assert (held.pixels & disc).sum() / (held.pixels | disc).sum() > 0.9
+        found[form] = held
+    ours, theirs = found.values()
+    assert np.array_equal(ours.pixels, theirs.pixels)
+    assert np.array_equal(ours.points, theirs.points, equal_nan=True)
+
+
+def post(address, asked):
+    request = Request(address, data=json.dumps(asked).encode(), headers={"Content-Type": "application/json"})
+    return json.loads(urlopen(request).read())
+
+
+@contextmanager
+def annotating(path):
+    """The address of the command's page, and what ends it and returns what it said."""
+    words = [sys.executable, "-m", "millisight.cli.main", "annotate", str(path), "--published", "--no-browser"]
+    process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    try:
+        line = process.stdout.readline()
+        address = re.search(r"http://127\.0\.0\.1:\d+/\S+/", line)
+        assert address, line + process.stdout.read()
+
+        def ended():
+            process.send_signal(signal.SIGINT)
+            return process.communicate(timeout=60)[0]
+
+        yield address[0], ended
+    finally:
+        process.kill()
+        process.communicate()
 
 
 class Disc:
