@@ -14,6 +14,7 @@ from .data import CameraFrame as CameraFrame
 from .data import CameraMask as CameraMask
 from .data import Capture as Capture
 from .data import ClockCorrection as ClockCorrection
+from .data import Instances as Instances
 from .data import Intrinsics as Intrinsics
 from .data import Mask as Mask
 from .data import Material as Material
@@ -59,6 +60,7 @@ from .perception.classification import classify as classify
 from .perception.segmentation import Candidates as Candidates
 from .perception.segmentation import Segmenter as Segmenter
 from .perception.segmentation import segment as segment
+from .perception.segmentation import segment_instances as segment_instances
 from .perception.segmentation import segmenter as segmenter
 from .simulation import add_noise as add_noise
 from .simulation import aperture_over as aperture_over

@@ -3,6 +3,7 @@
 import json
 import re
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
@@ -146,3 +147,31 @@ def test_the_help_teaches():
         "nlos: object hidden",
     ):
         assert text in shown
+
+
+def test_every_object_gets_a_mask_of_its_own(tmp_path, here):
+    """Two rectangles, and an image of noise: instances as HDF5 and in colours, one by one and of a folder."""
+    rng = np.random.default_rng(0)
+    values = np.full(GRID.shape, 0.001) * rng.rayleigh(size=GRID.shape)
+    ms.save(tmp_path / "none.image.h5", ms.SarImage(grid=GRID, values=values))
+    values[4:10, 6:14], values[18:26, 24:34] = 1.0, 0.5
+    pair = ms.SarImage(grid=GRID, values=values)
+    ms.save(tmp_path / "pair.image.h5", pair)
+    assert "pair: 2 objects of 48, 80 pixels; wrote pair.instances.h5" in here("pair.image.h5", "--instances")[1]
+    kept = ms.load(tmp_path / "pair.instances.h5")
+    assert np.array_equal(kept.labels, ms.segment_instances(pair).labels)
+    assert [mask.inside.sum() for mask in kept] == [48, 80]
+    told = load_extras(tmp_path / "pair.instances.h5")["segmentation"]
+    assert told == {"image": "pair.image.h5", "other_band": None, "method": None, "values": "mean"}
+    rgb = plt.imread(tmp_path / "pair.instances.png")[..., :3]
+    coloured = (rgb.max(axis=2) - rgb.min(axis=2) > 0.15).mean()
+    assert coloured > 0.05  # over an image in grey
+    code, out, _err, *_ = here(".", "--instances", "-o", "out", "--no-picture")
+    assert (code, out.count("objects")) == (0, 2)
+    assert "millisight image --clutter lid" in out  # of the one without any
+    assert {path.name: len(ms.load(path)) for path in (tmp_path / "out").iterdir()} == {
+        "none.instances.h5": 0, "pair.instances.h5": 2,
+    }  # fmt: skip
+    restricted = here("pair.image.h5", "--instances", "--method", "classical", "-o", "by.h5", "--no-picture")
+    assert restricted[0] == 0
+    assert load_extras(tmp_path / "by.h5")["segmentation"]["method"] == "classical"

@@ -1,5 +1,6 @@
 """What the page on the published dataset shows is run as a new user would, from the download to the three tables."""
 
+import os
 import re
 import shlex
 import shutil
@@ -8,7 +9,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from helpers.published_mock import CRACKERS, MUG, SUGAR, make
+from helpers.published_mock import CRACKERS, MUG, SUGAR
 from helpers.small_hub import Hub
 from millisight.cli.app import app
 
@@ -17,13 +18,14 @@ WANTED = {MUG, CRACKERS, SUGAR, "0128_EMPTY", "0228_EMPTY", "0830_EMPTY", "000_b
 ON_REQUEST = re.compile(r"robot_collected/.*/unprocessed/radars/")
 
 
-def test_what_the_page_shows_is_run(tmp_path, monkeypatch, capsys):
+def test_what_the_page_shows_is_run(published_root, tmp_path, monkeypatch, capsys):
     pytest.importorskip("huggingface_hub")
-    root = make(tmp_path / "source")
+    root = published_root
     files = {path.relative_to(root).as_posix(): path for path in root.rglob("*") if path.is_file()}
     files = {name: path for name, path in files.items() if name.split("/")[0] in WANTED or "/" not in name}
     (tmp_path / "user").mkdir()
     monkeypatch.chdir(tmp_path / "user")
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0}, raising=False)  # one process: no others to be started
     run = {"sh": 0, "python": 0}
     variables, told = {}, {}
     with Hub({name: path.read_bytes() for name, path in files.items() if not ON_REQUEST.search(name)}) as hub:

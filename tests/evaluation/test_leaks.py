@@ -51,6 +51,7 @@ class TestSides:
             ("025_mug", (0, 0, 30), CLOSED),  # by its folder, as a scan is called
             ("025-Mug", (0, 0, 30), CLOSED),  # spelled otherwise
             ("065-B cups", (0, 0, 30), CLOSED),
+            ("065b_cups_b", (0, 0, 30), CLOSED),  # its folder in the published dataset
             ("mug", (0, 0, 91), SAME_POSE),
             ("mug", (0, 0, 92), CLOSED),
             ("fork", (0, 0, 0), CLOSED),

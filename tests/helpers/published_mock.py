@@ -7,6 +7,7 @@ makes `DIR/MITO_Dataset`. Shapes, keys and types are those of the published file
 
 import json
 import pickle
+import shutil
 import sys
 from pathlib import Path
 
@@ -46,7 +47,7 @@ def make(folder):
     add_experiment(root, WRENCH, 1, FIRST, antennas="none")
     add_experiment(root, PEACH, 1, FIRST, antennas="nones", slices=6)
     add_experiment(root, MUG, 2, SECOND, antennas="array")
-    add_experiment(root, CRACKERS, 2, SECOND, antennas="array")
+    add_experiment(root, CRACKERS, 2, SECOND, antennas="boxed")
     add_experiment(root, TUNA, 2, SECOND, antennas="array", sights=("los",))
     add_raw(root)
     for name in (MUG, CRACKERS, SUGAR, TUNA, PEACH, WRENCH):
@@ -73,9 +74,11 @@ def split_values(split, *, experiments):
 
 
 def dump(path, values):
-    """A pickle, in folders made for it."""
+    """A pickle, in folders made for it: of one protocol or another, as NumPy 1 wrote it or NumPy 2."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(pickle.dumps(values))
+    protocol = 2 + len(path.name) % 4
+    held = pickle.dumps(values, protocol=protocol)
+    path.write_bytes(held.replace(b"cnumpy._core.", b"cnumpy.core.") if protocol < 4 else held)
 
 
 def camera_pose(number):
@@ -118,7 +121,8 @@ def antenna_locs(form, number):
     table = np.column_stack([np.random.default_rng(number).uniform(0, 0.4, (30, 3)), np.tile(TURN, (30, 1))])
     return {
         "array": table,
-        "dictionary": np.array({"tx_77_locs": table, "times_77": np.arange(30.0), "tx_24_locs": table}, dtype=object),
+        "dictionary": {"tx_77_locs": table, "times_77": np.arange(30.0), "tx_24_locs": table},
+        "boxed": np.array({"tx_77_locs": table, "times_77": np.arange(30.0), "tx_24_locs": table}, dtype=object),
         "none": np.array(None),
         "nones": np.array([None] * 30),
     }[form]
@@ -127,7 +131,7 @@ def antenna_locs(form, number):
 def add_experiment(root, name, number, info, *, antennas, true_shape=False, logged=False, slices=None, sights=None):
     """Both sights' images, masks and pictures; of line of sight the camera's mask, too."""
     z = np.arange(-0.37, -0.15, 0.01) if info["background"] == "tripod" else np.arange(-0.55, -0.3, 0.01)
-    center = center_of(number, told=antennas in ("array", "dictionary") or logged)
+    center = center_of(number, told=antennas in ("array", "dictionary", "boxed") or logged)
     for sight in sights or ("los", "nlos"):
         folder = experiment_folder(root, name, ANGLES.get(name, (0, 0, 0)), number, sight)
         folder.mkdir(parents=True)
@@ -135,8 +139,13 @@ def add_experiment(root, name, number, info, *, antennas, true_shape=False, logg
         for radar, whole in (("77_ghz", true_shape and sight == "los"), ("24_ghz", False)):
             held = published_image(center, z=z[:slices], true_shape=whole, seed=number)
             place = folder / "processed" / "radars" / radar
+            if antennas == "nones":  # in another order and precision, axes as lists
+                held |= {
+                    "image": np.asfortranarray(held["image"].astype(np.complex128)),
+                    "x_locs": list(held["x_locs"]),
+                }
             dump(place / "processed_image.pkl", held | {"antenna_locs": antenna_locs(antennas, number)})
-            mask = disc(center, 0.04, (held["x_locs"], held["y_locs"]))
+            mask = disc(center, 0.04, (np.array(held["x_locs"]), held["y_locs"]))
             dump(place / "radar_masks.pkl", {"radar_mask": mask})
         add_pictures(folder, number)
         if sight == "los":
@@ -221,17 +230,21 @@ def add_simulation(root, name):
     for radar in bands:
         processed, raw = (place / state / "radars" / radar for state in ("processed", "unprocessed"))
         for ext in ("_specular", "_edges", "_diffuse"):
-            held = published_image((0.11, 0.27), z=z, scale=SIMULATED_SCALE, seed=len(ext))
+            # Heights of one part may have been computed otherwise than those of the other.
+            heights = z.astype(np.float32).astype(float) if ext == "_edges" else z
+            held = published_image((0.11, 0.27), z=heights, scale=SIMULATED_SCALE, seed=len(ext))
             dump(processed / f"processed_image{ext}.pkl", held | {"antenna_locs": locs})
             mask = {"radar_mask": disc((0.11, 0.27), 0.04, (held["x_locs"], held["y_locs"]))}
             for number in ("", *(f"_{i}" for i in range(10 if ext == "_specular" else 0))):
                 dump(processed / f"radar_masks{ext}{number}.pkl", mask)
             channels = rng.normal(size=(len(locs), 64)) + 1j * rng.normal(size=(len(locs), 64))
             dump(raw / f"raw_sim_files{ext}.pkl", {"channels": list(channels), "radar_shifted_locs": locs.tolist()})
-    mesh = small_scene("025_mug").mesh if name != TUNA else None
-    for file in ("nontextured.stl", "uniform.stl", "uniform_10000.stl", "textured.obj"):
-        if mesh is not None:
-            write_mesh(root / name / file, mesh)
+    files = ("nontextured.stl", "uniform.stl", "uniform_10000.stl", "textured.obj") if name != TUNA else ()
+    for file in files:
+        if name == MUG:
+            write_mesh(root / name / file, small_scene(MUG).mesh)
+        else:
+            shutil.copy(root / MUG / file, root / name / file)
     (root / name / "textured.mtl").write_text("newmtl none\n")
     Image.new("RGB", (4, 4)).save(root / name / "texture_map.png")
 

@@ -45,6 +45,7 @@ def one_of_each():
         capture.radar.waveform, capture.radar.array, capture.radar, capture.trajectory, capture, grid, grid.xy,
         ms.SarImage(grid=grid, values=np.arange(6).reshape(3, 2, 1) * (1 + 2j), metadata={"ö": "µ"}),
         ms.Mask(grid_xy=grid.xy, inside=[[True, False]] * 3),
+        ms.Instances(grid_xy=grid.xy, labels=[[1, 2], [1, 0], [0, 0]], scores=[3.0, 2.0]),
         ms.Prediction(probabilities=[0.25, 0.75], class_names=("can", "box")),
         scene.mesh, scene.objects[0].material, scene.objects[0], scene + scene.moved((1, 0, 0)), intrinsics, layers,
         CameraFrame(rgb=np.ones((2, 3, 3), np.uint8), depth=depth, pose=np.eye(4), intrinsics=intrinsics),

@@ -1,13 +1,20 @@
 """Training of the released network: its augmentation, one seed for one result, weights that are read again."""
 
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from millisight.core.errors import InputError
-from millisight.perception.training import ReleasedExample, ReleasedRecipe, released_example, train_released
+from millisight.core.errors import DamagedFileError, InputError
+from millisight.perception.training import (
+    RELEASED_WEIGHTS,
+    ReleasedExample,
+    ReleasedRecipe,
+    released_example,
+    train_released,
+)
 
 RECIPE = Path(__file__).parents[2] / "examples" / "training" / "released.toml"
 PLAIN = {"noisy": 0.0, "erased": 0.0, "shift": (0.0, 0.0), "scale": (1.0, 1.0), "blur": (1e-3, 1e-3)}
@@ -73,17 +80,43 @@ def test_a_class_without_examples_is_named(tmp_path):
         train_released([example(0), example(1), example(2)], tmp_path)
 
 
-def test_one_seed_gives_the_same_weights_and_the_network_learns_a_batch(tmp_path):
-    torch = pytest.importorskip("torch", reason="torch is not installed: make setup-train")
-    from millisight.perception.classification import ReleasedClassifier
+class Killed(Exception):
+    """What ends a run before its time."""
 
+
+def test_an_interrupted_run_ends_with_the_same_bytes(tmp_path, monkeypatch):
+    """Of a small network in place of that of 68 million weights, whose every checkpoint is 0.8 GB."""
+    torch = pytest.importorskip("torch", reason="torch is not installed: make setup-train")
+    from torch import nn
+
+    from millisight.perception.training import networks
+
+    def small(classes):
+        return nn.Sequential(nn.AvgPool2d(16), nn.Flatten(), nn.Linear(14 * 14, classes), nn.LogSoftmax(dim=1))
+
+    monkeypatch.setattr(networks, "ReleasedNetwork", small)
     examples = [example(label, size) for label, size in enumerate((10, 30, 60, 90))]
-    recipe = ReleasedRecipe(**PLAIN, epochs=3, batch=4, learning_rate=1e-4, weights=(1.0, 0.0))
-    runs = [train_released(examples, tmp_path / name, recipe) for name in ("a", "b")]
-    states = [torch.load(path, weights_only=True) for path, _ in runs]
-    assert runs[0][1] == runs[1][1]
-    assert len(runs[0][1]) == 3
-    assert all(torch.equal(states[0][name], states[1][name]) for name in states[0])
-    assert ReleasedClassifier(runs[0][0]).class_names == ("can", "handle", "box", "sphere")
-    other = train_released(examples, tmp_path / "c", ReleasedRecipe(**PLAIN, epochs=1, batch=4, seed=1))
-    assert other[1][0] != runs[0][1][0]
+    recipe = ReleasedRecipe(**PLAIN, epochs=2, batch=2, learning_rate=1e-4, weights=(1.0, 0.0))
+
+    def kill(done, _):
+        if done == 1:
+            raise Killed
+
+    with pytest.raises(Killed):
+        train_released(examples, tmp_path / "killed", recipe, every=1, progress=kill)
+    assert not (tmp_path / "killed" / RELEASED_WEIGHTS).exists()
+    more = [*examples[:3], example(3, 80)]
+    for other, given in ((replace(recipe, seed=1), examples), (recipe, more)):
+        with pytest.raises(InputError, match="belongs to another recipe"):
+            train_released(given, tmp_path / "killed", other)
+    done = []
+    path, losses = train_released(examples, tmp_path / "killed", recipe, progress=lambda n, _: done.append(n))
+    assert done == [2]  # the first epoch was not repeated
+    whole, told = train_released(examples, tmp_path / "whole", recipe)
+    assert losses == told
+    assert len(set(losses)) == 2
+    assert path.read_bytes() == whole.read_bytes()
+    assert set(torch.load(path, weights_only=True)) == {"2.weight", "2.bias"}
+    (tmp_path / "killed" / "checkpoint.safetensors").write_bytes(b"none")
+    with pytest.raises(DamagedFileError, match="not a complete checkpoint"):
+        train_released(examples, tmp_path / "killed", recipe)

@@ -16,6 +16,8 @@ from millisight.perception.segmentation import Segmenter, segmenter
 
 MASK_SUFFIX = ".mask.h5"
 """Suffix of the masks that `millisight segment` writes."""
+INSTANCES_SUFFIX = ".instances.h5"
+"""Suffix of what `millisight segment --instances` writes."""
 
 _PUBLISHED = "processed_image"  # start of image file names in the published layout
 

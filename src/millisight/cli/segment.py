@@ -8,6 +8,7 @@ import typer
 
 from millisight.cli.console import check_outputs, say
 from millisight.cli.image_sources import (
+    INSTANCES_SUFFIX,
     MASK_SUFFIX,
     ImageSource,
     check_single,
@@ -18,8 +19,8 @@ from millisight.cli.image_sources import (
 from millisight.cli.options import Images, Multispectral, RadarChoice, SamDevice
 from millisight.core import check_readable, make_folder, printable
 from millisight.core.errors import FormatError, InputError
-from millisight.data import Prompts, SarImage
-from millisight.perception.segmentation import Segmented, Segmenter, find_mask
+from millisight.data import Instances, Prompts, SarImage
+from millisight.perception.segmentation import Segmented, Segmenter, find_mask, segment_instances
 
 OtherBand = Annotated[
     Path | None,
@@ -51,13 +52,22 @@ def segment(
             "experiments of a dataset, in the current folder]",
         ),
     ] = None,
+    instances: Annotated[
+        bool,
+        typer.Option(
+            "--instances",
+            help="Find every object, and write one file with a mask for each (IMAGE.instances.h5) and a picture in "
+            "colours. Take a carton's lid off before: `millisight image --clutter lid`.",
+        ),
+    ] = False,
     method: Annotated[
-        str,
+        str | None,
         typer.Option(
             help="wave: a small network for radar images. classical: a random walker that starts from bright and dark "
-            "pixels. sam: Segment Anything. Or the name of a plug-in."
+            "pixels. sam: Segment Anything. Or the name of a plug-in. With --instances, objects are restricted to its "
+            "mask. [default: wave; with --instances none]"
         ),
-    ] = "wave",
+    ] = None,
     other_band: OtherBand = None,
     multispectral: Multispectral = False,
     radar: RadarChoice = None,
@@ -105,28 +115,70 @@ def segment(
     Example: millisight segment mug_77.h5 --other-band mug_24.h5 --method classical --seed 3 -o mug.mask.h5
 
     Example: millisight segment MITO_Dataset/004_sugar_box --multispectral -o masks/
+
+    Example: millisight segment carton.image.h5 --instances
     """
     found = image_sources(images, radar=radar, condition=condition, multispectral=multispectral, other_band=other_band)
     check_single(found, prompts=prompts, other_band=other_band)
     given = None if prompts is None else _read_prompts(prompts)
-    by = named_segmenter(method, **({"model": model, "device": device} if method == "sam" else {}))
+    method = method or (None if instances else "wave")
+    by = (
+        None
+        if method is None
+        else named_segmenter(method, **({"model": model, "device": device} if method == "sam" else {}))
+    )
+    suffix = INSTANCES_SUFFIX if instances else MASK_SUFFIX
     share = None if largest is None else largest / 100
 
     def one(source: ImageSource, to: Path) -> None:
         drawn = None if no_picture else to.with_suffix(".png")
         check_outputs(to, drawn, source=source.path)
+        if by is None or instances:
+            several(source, to, drawn)
+            return
         segmented = mask_of(source, *source.images(), by, seed=seed, prompts=given, values=values, largest=share)
-        _write(to, segmented, source, by, seed=None if given is not None else seed, method=method, values=values)
+        _write(to, segmented, source, by, seed=None if given is not None else seed, values=values)
         if drawn is not None:
             from millisight.viz import plot_segmentation, save_figure
 
             save_figure(plot_segmentation(segmented, title=source.name), drawn)
 
+    def several(source: ImageSource, to: Path, drawn: Path | None) -> None:
+        image, other = source.images()
+        found = segment_instances(
+            image, other_band=other, method=by, prompts=given, rng=seed, condition=source.condition, values=values,
+            largest=share,
+        )  # fmt: skip
+        _write_instances(to, found, source, method=None if by is None else by.name, values=values)
+        if drawn is not None:
+            from millisight.viz import plot_instances, save_figure
+
+            save_figure(plot_instances(found, image=image, title=source.name), drawn)
+
     if len(found) == 1 and not any(path.is_dir() for path in images):
-        one(found[0], output or found[0].output(MASK_SUFFIX))
+        one(found[0], output or found[0].output(suffix))
         return
     folder = None if output is None else make_folder(output)
-    one_by_one(found, lambda source: one(source, source.output(MASK_SUFFIX, folder)), verb="segment", past="segmented")
+    one_by_one(found, lambda source: one(source, source.output(suffix, folder)), verb="segment", past="segmented")
+
+
+def _write_instances(to: Path, found: Instances, source: ImageSource, *, method: str | None, values: str) -> None:
+    """The instances, and in their file how they were made."""
+    from millisight.io import save
+    from millisight.io.mito import origin
+
+    provenance = {
+        "image": origin(source.path),
+        "other_band": None if source.other is None else origin(source.other),
+        "method": method,
+        "values": values,
+    }
+    save(to, found, extras={"segmentation": provenance})
+    sizes = ", ".join(str(int(mask.inside.sum())) for mask in found)
+    count = f"{len(found)} object{'' if len(found) == 1 else 's'}" + (f" of {sizes} pixels" if sizes else "")
+    say(f"{source.name}: {count}; wrote {to}")
+    if not len(found):
+        say("  if a lid or a cloth covers the scene, take its echo off first: millisight image --clutter lid")
 
 
 def mask_of(
@@ -147,9 +199,7 @@ def mask_of(
     return find_mask(by, picture, other=second, rng=seed, condition=source.condition, **options)
 
 
-def _write(
-    to: Path, found: Segmented, source: ImageSource, by: Segmenter, *, seed: int | None, method: str, values: str
-) -> None:
+def _write(to: Path, found: Segmented, source: ImageSource, by: Segmenter, *, seed: int | None, values: str) -> None:
     """The mask, and in its file how it was made."""
     from millisight.io import save
     from millisight.io.mito import origin
@@ -157,7 +207,7 @@ def _write(
     provenance = {
         "image": origin(source.path),
         "other_band": None if source.other is None else origin(source.other),
-        "method": method,
+        "method": by.name,
         "score": found.score,
         "condition": source.condition,
         "seed": None if found.prompts is None else seed,

@@ -119,7 +119,8 @@ def released(
     """Train the paper's network as its authors did, on the simulated images of the published dataset.
 
     Writes final_weights.h5, a torch state dict as theirs, which `evaluate classification --weights` takes. It has 68
-    million weights: on a CPU a batch of 512 takes minutes.
+    million weights: on a CPU a batch of 512 takes minutes. Every 20 batches a checkpoint of 0.8 GB is written; run it
+    again to continue after an interruption, and the final weights are the same.
 
     Example: millisight train released MITO_Dataset -o released --device cuda
     """

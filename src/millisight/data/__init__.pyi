@@ -12,6 +12,7 @@ from ._grid import PixelGrid as PixelGrid
 from ._grid import VoxelGrid as VoxelGrid
 from ._grid import grid_difference as grid_difference
 from ._image import SarImage as SarImage
+from ._instances import Instances as Instances
 from ._layers import Layers as Layers
 from ._mask import Mask as Mask
 from ._material import LAYERED as LAYERED

@@ -12,6 +12,8 @@ from ._answers import chosen as chosen
 from ._answers import confusion as confusion
 from ._answers import expected_calibration_error as expected_calibration_error
 from ._answers import reliability as reliability
+from ._instances import InstanceScores as InstanceScores
+from ._instances import score_instances as score_instances
 from ._leaks import SplitPlan as SplitPlan
 from ._leaks import TestImage as TestImage
 from ._leaks import Training as Training

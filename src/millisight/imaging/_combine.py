@@ -39,7 +39,7 @@ def combine(specular, edge, alpha):
     weights = np.float32(a1 / (a1 + a2)), np.float32(a2 / (a1 + a2))
     if isinstance(specular, SarImage) and isinstance(edge, SarImage):
         metadata = with_step(specular.metadata, "combine", alpha=[a1, a2], edge=dict(edge.metadata))
-        if differs := grid_difference(specular.grid, edge.grid, within=0):
+        if differs := grid_difference(specular.grid, edge.grid):
             raise InputError(f"the two images' grids differ along {differs}; image both on one grid")
         values = weights[0] * specular.values + weights[1] * edge.values
         return SarImage(grid=specular.grid, values=values, metadata=metadata)

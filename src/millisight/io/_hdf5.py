@@ -33,7 +33,7 @@ RECORDS = {
     cls.__name__: cls
     for cls in (
         data.Waveform, data.AntennaArray, data.Radar, data.Trajectory, data.Layers, Capture, data.VoxelGrid,
-        data.PixelGrid, data.SarImage, data.Mask, data.Prediction, data.TriangleMesh, data.Material,
+        data.PixelGrid, data.SarImage, data.Mask, data.Instances, data.Prediction, data.TriangleMesh, data.Material,
         data.SceneObject, data.Scene, data.Intrinsics, data.CameraFrame, data.CameraMask,
     )
 }  # fmt: skip
@@ -50,6 +50,8 @@ _ABOUT = {
     "frames": {"axes": "pose, transmitter, receiver, sample", "phase_sign": PHASE_SIGN},
     "values": {"axes": "x, y, z", "frame": "world"},
     "inside": {"axes": "x, y", "frame": "world"},
+    "labels": {"axes": "x, y", "frame": "world"},
+    "scores": {"axes": "instance"},
     "x": {"unit": "m", "frame": "world"},
     "y": {"unit": "m", "frame": "world"},
     "z": {"unit": "m", "frame": "world"},
@@ -249,6 +251,8 @@ def _write(group: Any, record: Any, sink: Sink) -> None:
 
 def _write_array(group: Any, name: str, array: Any, sink: Sink) -> Any:
     """A chunked, checksummed dataset, copied a chunk's worth of first-axis rows at a time (it may lie on disk)."""
+    if not array.size:  # of which there are no chunks
+        return group.create_dataset(name, data=array)
     row = max(1, array.dtype.itemsize * int(np.prod(array.shape[1:])))
     rows = min(array.shape[0], max(1, _CHUNK_BYTES // row))
     dataset = group.create_dataset(

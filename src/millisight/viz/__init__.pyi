@@ -21,6 +21,7 @@ from ._figures import plot_samples as plot_samples
 from ._figures import plot_simulation as plot_simulation
 from ._figures_background import plot_aperture_principle as plot_aperture_principle
 from ._figures_background import plot_reflection_principle as plot_reflection_principle
+from ._figures_instances import plot_instances as plot_instances
 from ._figures_perception import cut_out as cut_out
 from ._figures_perception import plot_depth_holes as plot_depth_holes
 from ._figures_perception import plot_prediction as plot_prediction

@@ -98,9 +98,11 @@ def write_position2go(path: str | os.PathLike[str], samples: ArrayLike) -> None:
     if not np.isfinite(frames).all():
         raise InputError("samples hold NaN, or values too large for float32; correct or leave out their frames")
     rows = np.stack([np.real(frames), np.imag(frames)], axis=-2).reshape(-1, frames.shape[-1])
+    line = ",".join(["%.9g"] * rows.shape[1]) + "\n"
+    empty = line % (*[0] * rows.shape[1],)
     with atomic_path(path) as temporary, open(temporary, "w", encoding="ascii") as file:
         for row in rows:
-            file.write(",".join(f"{value:.9g}" for value in row.tolist()) + "\n")
+            file.write(line % tuple(row.tolist()) if row.any() else empty)
 
 
 def _rows(file: BinaryIO, name: str, samples: int) -> Iterator[bytes]:

@@ -2,6 +2,10 @@ from ._blind import BLIND_SHAPES as BLIND_SHAPES
 from ._blind import BlindSegmenter as BlindSegmenter
 from ._blind import ThresholdSegmenter as ThresholdSegmenter
 from ._classical import ClassicalSegmenter as ClassicalSegmenter
+from ._instances import InstanceSettings as InstanceSettings
+from ._instances import instance_levels as instance_levels
+from ._instances import segment_instances as segment_instances
+from ._instances import split_instances as split_instances
 from ._sam import SamSegmenter as SamSegmenter
 from ._segmentation import SEGMENTERS as SEGMENTERS
 from ._segmentation import Candidates as Candidates

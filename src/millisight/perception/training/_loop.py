@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
@@ -32,6 +32,8 @@ from millisight.core.errors import DamagedFileError, DeviceError, InputError
 
 if TYPE_CHECKING:
     from torch import Tensor, nn
+
+T = TypeVar("T")
 
 CHECKPOINT_NAME = "checkpoint.safetensors"
 
@@ -294,20 +296,38 @@ def _digest(made_of: Mapping[str, Any], schedule: Schedule) -> str:
 
 
 def _save(path: Path, digest: str, network, best, optimizer, history) -> None:
-    from safetensors.torch import save_file
+    tensors = optimizer_tensors(network, optimizer) | {f"best/{name}": value for name, value in best.items()}
+    write_checkpoint(path, tensors, {"made_of": digest, "history": history})
 
+
+def optimizer_tensors(network, optimizer) -> "dict[str, Tensor]":
+    """The weights and the optimiser's moments by name, as a checkpoint holds them."""
     tensors = {f"network/{name}": value for name, value in network.state_dict().items()}
-    tensors |= {f"best/{name}": value for name, value in best.items()}
     for index, moments in optimizer.state_dict()["state"].items():
         tensors |= {f"optimizer/{index}/{name}": value for name, value in moments.items()}
+    return tensors
+
+
+def write_checkpoint(path: Path, tensors: "Mapping[str, Tensor]", state: Mapping[str, Any]) -> None:
+    """Tensors by name, and what JSON holds, as safetensors."""
+    from safetensors.torch import save_file
+
     plain = {name: value.detach().cpu().contiguous().clone() for name, value in tensors.items()}
-    state = json.dumps({"made_of": digest, "history": history})
     with atomic_path(path) as temporary:
-        save_file(plain, temporary, metadata={_STATE: state})
+        save_file(plain, temporary, metadata={_STATE: json.dumps(state)})
 
 
-def _restore(path: Path, digest: str, network, optimizer) -> "tuple[list[dict[str, float]], dict[str, Tensor]]":
-    """The history and the best weights so far; the network and the optimiser are set as they were."""
+def read_checkpoint(
+    path: Path, digest: str, network, optimizer, taken: "Callable[[dict[str, Tensor], dict[str, Any]], T]"
+) -> "T":
+    """Set the network and the optimiser as they were; what `taken` makes of all tensors and the rest.
+
+    Raises
+    ------
+    InputError
+        It is of another run: its state's "made_of" is not `digest`.
+    DamagedFileError
+    """
     from safetensors import SafetensorError, safe_open
 
     name = printable(path)
@@ -320,11 +340,8 @@ def _restore(path: Path, digest: str, network, optimizer) -> "tuple[list[dict[st
                     f"{name} belongs to another recipe or schedule; choose another folder, or delete it to start again"
                 )
             tensors = {key: file.get_tensor(key) for key in names}
-        history = [{key: float(entry[key]) for key in ("loss", "learning_rate", "score")} for entry in state["history"]]
+        found = taken(tensors, state)
         network.load_state_dict(_part(tensors, "network/"))
-        best = _part(tensors, "best/")
-        if not history or best.keys() != network.state_dict().keys():
-            raise KeyError("best")
         moments: dict[int, dict[str, Any]] = {}
         for key, value in _part(tensors, "optimizer/").items():
             index, _, moment = key.partition("/")
@@ -335,7 +352,22 @@ def _restore(path: Path, digest: str, network, optimizer) -> "tuple[list[dict[st
         if isinstance(error, InputError):
             raise
         raise DamagedFileError(f"{name} is not a complete checkpoint: {error}; delete it to start again") from error
-    return history, best
+    return found
+
+
+def _restore(path: Path, digest: str, network, optimizer) -> "tuple[list[dict[str, float]], dict[str, Tensor]]":
+    """The history and the best weights so far; the network and the optimiser are set as they were."""
+
+    def taken(
+        tensors: "dict[str, Tensor]", state: dict[str, Any]
+    ) -> "tuple[list[dict[str, float]], dict[str, Tensor]]":
+        history = [{key: float(entry[key]) for key in ("loss", "learning_rate", "score")} for entry in state["history"]]
+        best = _part(tensors, "best/")
+        if not history or best.keys() != network.state_dict().keys():
+            raise KeyError("best")
+        return history, best
+
+    return read_checkpoint(path, digest, network, optimizer, taken)
 
 
 def _part(tensors: "Mapping[str, Tensor]", prefix: str) -> "dict[str, Tensor]":

@@ -4,6 +4,8 @@ Each example is a pair of simulated images of one object, projected along z and 
 optimiser is Adam with torch's own settings; an epoch is one batch, its classes drawn evenly.
 """
 
+import dataclasses
+import hashlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -22,7 +24,14 @@ from millisight.core import (
 )
 from millisight.core.errors import InputError
 from millisight.perception.classification import RELEASED_CLASSES, blurred_levels, clipped, middle
-from millisight.perception.training._loop import check_torch_device, repeatable
+from millisight.perception.training._loop import (
+    CHECKPOINT_NAME,
+    check_torch_device,
+    optimizer_tensors,
+    read_checkpoint,
+    repeatable,
+    write_checkpoint,
+)
 
 RELEASED_WEIGHTS = "final_weights.h5"
 _STEPS = 255
@@ -148,16 +157,21 @@ def train_released(
     recipe: ReleasedRecipe | None = None,
     *,
     device: str = "cpu",
+    every: int = 20,
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[Path, list[float]]:
-    """Train the released network; its weights are a torch state dict, as the authors' are.
+    """Train the released network, or continue an interrupted run; its weights are a torch state dict, as the authors'.
+
+    Whatever an epoch draws follows from the seed and its number, so that a run that was interrupted ends with the same
+    bytes.
 
     Parameters
     ----------
     examples : of every class at least one
-    folder : for `final_weights.h5`; created if missing
+    folder : for `final_weights.h5` and the checkpoint (0.8 GB); created if missing
     recipe : None: the authors'
     device : "cpu" or "cuda"
+    every : epochs between checkpoints
     progress : called with (epochs done, epochs in all)
 
     Returns
@@ -167,8 +181,9 @@ def train_released(
     Raises
     ------
     InputError
-        A class has no example, or one is no pair of pictures of one size.
-    ImportError, DeviceError, FileError
+        A class has no example, one is no pair of pictures of one size, or the folder holds a run of another recipe or
+        of other examples.
+    ImportError, DeviceError, FileError, DamagedFileError
     """
     try:
         import torch
@@ -184,13 +199,17 @@ def train_released(
             raise InputError(f"the class {name!r} has no example; expected simulated images of one of its objects")
         for one in some:
             checked_array(one.edges, name=f"edges of a {name}", shape=np.shape(one.specular))
-    folder, rng = make_folder(folder), np.random.default_rng(recipe.seed)
-    losses = []
+    folder, every = make_folder(folder), checked_integer(every, name="every")
+    checkpoint, digest = folder / CHECKPOINT_NAME, _digest(recipe, examples)
+    losses: list[float] = []
     with repeatable(device):
         torch.manual_seed(recipe.seed)
         network = ReleasedNetwork(len(RELEASED_CLASSES)).to(device)
         optimiser = torch.optim.Adam(network.parameters(), lr=recipe.learning_rate)
-        for epoch in range(recipe.epochs):
+        if checkpoint.exists():
+            losses = read_checkpoint(checkpoint, digest, network, optimiser, lambda _, state: list(state["losses"]))
+        for epoch in range(len(losses), recipe.epochs):
+            rng = np.random.default_rng([recipe.seed, epoch])
             labels = rng.integers(len(by_class), size=recipe.batch)
             drawn = [by_class[label][rng.integers(len(by_class[label]))] for label in labels]
             batch = np.stack([released_example(one, recipe, rng) for one in drawn])[:, None]
@@ -200,9 +219,23 @@ def train_released(
             loss.backward()
             optimiser.step()
             losses.append(float(loss.detach()))
+            if (epoch + 1) % every == 0 and epoch + 1 < recipe.epochs:
+                write_checkpoint(
+                    checkpoint, optimizer_tensors(network, optimiser), {"made_of": digest, "losses": losses}
+                )
             if progress is not None:
                 progress(epoch + 1, recipe.epochs)
     path = folder / RELEASED_WEIGHTS
-    with atomic_path(path) as temporary:
-        torch.save({name: value.cpu() for name, value in network.state_dict().items()}, temporary)
+    with atomic_path(path) as temporary, open(temporary, "wb") as file:  # given a path, torch writes its name, too
+        torch.save({name: value.cpu() for name, value in network.state_dict().items()}, file)
     return path, losses
+
+
+def _digest(recipe: ReleasedRecipe, examples: Sequence[ReleasedExample]) -> str:
+    """Of all that a run follows from."""
+    found = hashlib.sha256(repr(dataclasses.astuple(recipe)).encode())
+    for one in examples:
+        found.update(f"{one.label} {one.specular.shape}".encode())
+        for values in (one.specular, one.edges):
+            found.update(np.asarray(values, np.float64).tobytes())
+    return found.hexdigest()
