@@ -25,10 +25,11 @@ if TYPE_CHECKING:
     from torch import Tensor, nn
 
 CUTS = tuple(round(0.2 + 0.05 * i, 2) for i in range(13))
-"""Probabilities at which a mask might begin; the best by mean F1 on the validation scenes is taken."""
+"""Probabilities at which a mask might begin; the best by mean F2 on the validation scenes is taken."""
 EXAMPLE_SIDE = 80
 """Pixels of an example along x and y."""
 
+_RECALL = 2  # beta of F2: a part of the object that is missed counts more than a rim that is not the object's
 _VIEWS = 1  # examples of each validation scene
 _REFUSED = 0.95  # share of the empty scenes of validation in which nothing is to be found
 _HELD_EVERY = 6  # random shape of each class is for validation
@@ -149,30 +150,32 @@ class SegmenterLesson:
 
     def score(self, network: "nn.Module") -> float:
         """Mean F1 at the best cut."""
-        return max(self._f_by_cut(network).values())
+        return max(self._f_by_cut(network, 1).values())
 
     def describe(self, network: "nn.Module") -> dict[str, Any]:
         """The cut, and the scores that chose it."""
-        by_cut = self._f_by_cut(network)
+        by_cut = {f"mean F{beta} by cut": self._f_by_cut(network, beta) for beta in (1, _RECALL)}
+        last = by_cut[f"mean F{_RECALL} by cut"]
         least, told = self._least(network)
         return {
             "channels": list(WAVE_CHANNELS),
             "spacing": SPACING,
             "floor_db": FLOOR_DB,
-            "cut": max(by_cut, key=lambda cut: (by_cut[cut], -cut)),
+            "cut": max(last, key=lambda cut: (last[cut], -cut)),
             "least": least,
-            "validation": {"mean F1 by cut": {f"{c:g}": round(f, 4) for c, f in by_cut.items()}, **told},
+            "validation": {name: {f"{c:g}": round(f, 4) for c, f in values.items()} for name, values in by_cut.items()}
+            | told,
             "objects": {side: list(names) for side, names in self.recipe.scenes.objects.items()},
             "scenes": {side: len(some) for side, some in self.scenes.items()},
         }
 
-    def _f_by_cut(self, network: "nn.Module") -> dict[float, float]:
-        """Mean F1 of the masks that begin at each of `CUTS`, of the scenes that are not empty."""
+    def _f_by_cut(self, network: "nn.Module", beta: int) -> dict[float, float]:
+        """Mean F-score of the masks that begin at each of `CUTS`, of the scenes that are not empty; see `_RECALL`."""
         scores = []
         for example, logit in self._judged(network):
             truth, valid = example.inside > 0.5, example.weight > 0
             if truth.any():
-                scores.append([_f1((logit > np.log(cut / (1 - cut))) & valid, truth) for cut in CUTS])
+                scores.append([_f_score((logit > np.log(cut / (1 - cut))) & valid, truth, beta) for cut in CUTS])
         return dict(zip(CUTS, np.mean(scores, axis=0).tolist(), strict=True))
 
     def _least(self, network: "nn.Module") -> tuple[float, dict[str, float]]:
@@ -197,8 +200,8 @@ class SegmenterLesson:
             yield from zip(some, logits, strict=True)
 
 
-def _f1(mask: np.ndarray, truth: np.ndarray) -> float:
-    return float(2 * (mask & truth).sum() / (mask.sum() + truth.sum()))
+def _f_score(mask: np.ndarray, truth: np.ndarray, beta: int) -> float:
+    return float((1 + beta**2) * (mask & truth).sum() / (mask.sum() + beta**2 * truth.sum()))
 
 
 class SegmenterExample(NamedTuple):
