@@ -262,7 +262,7 @@ published = "{root}"
 meshes = "{root}"
 scenes = {scenes}
 vertices = 100
-spacing = [0.01, 0.01, 0.03]
+positions = 200
 examples = 4
 batch = 2
 schedule = {{ epochs = 1 }}
@@ -277,7 +277,6 @@ def test_recipes_take_the_datasets_simulated_images_and_meshes(roots, tmp_path, 
     pytest.importorskip("torch", reason="torch is not installed: make setup-train")
     from millisight.perception.training import ClassifierRecipe, SceneSettings, SegmenterRecipe, make_scenes
 
-    monkeypatch.setattr("millisight.perception.training._scenes._MOST_POSITIONS", 200)
     names = ("003_cracker_box", "sugar_box", "025_mug", "042_wrench")
     (tmp_path / "recipe.toml").write_text(RECIPE.format(root=roots["published"].as_posix(), scenes=2))
     run("train", "classifier", tmp_path / "recipe.toml", "-o", tmp_path / "out")

@@ -133,7 +133,7 @@ def test_python_writes_what_the_command_writes(root, tmp_path):
         {path.relative_to(folder): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
         for folder in (tmp_path / "python", tmp_path / "command")
     )
-    assert len(one) == 5 + 4 + 4  # page, Markdown and figures; CSV; partial results
+    assert len(one) == 5 + 4 + 8  # page, Markdown and figures; CSV; partial results, blind ones too
     assert one == other
     for table in result.summary:
         assert table.markdown() in done.output
@@ -206,7 +206,7 @@ def test_a_task_of_a_plugin_is_run(root, plugin):
         name = "mine"
 
     plugin(TASKS, "mine", Mine)
-    result = ms.evaluate("mine", root, workers=1, methods=("bright",), seeds=1, sight="los")
+    result = ms.evaluate("mine", root, workers=1, methods=("bright",), blind=(), seeds=1, sight="los")
     assert (result.task.name, len(result.rows)) == ("mine", 8)
     plugin(TASKS, "wrong", dict)
     with pytest.raises(InputError, match="expected a subclass of millisight.evaluation.Task"):
@@ -222,7 +222,7 @@ def test_tasks_and_options_are_checked(root):
         ms.evaluate("simulator", root, seeds=3)
     with pytest.raises(UnknownNameError, match="unknown sight 'side'"):
         ms.evaluate("segmentation", root, sight="side")
-    task = SegmentationTask(methods=("bright",), seeds=1)
+    task = SegmentationTask(methods=("bright",), blind=(), seeds=1)
     assert len(ms.evaluate(task, root, workers=1, sight="los").rows) == 8
     with pytest.raises(InputError, match="seeds: give options to SegmentationTask"):
         ms.evaluate(task, root, seeds=3)

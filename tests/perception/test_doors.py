@@ -12,7 +12,15 @@ from helpers.commands import run_here
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.perception.classification import CLASSIFIERS
 from millisight.perception.segmentation import SEGMENTERS
-from millisight.perception.training import RECIPES, SceneRequest, SceneSettings, Schedule, make_scenes, train
+from millisight.perception.training import (
+    RECIPES,
+    SceneRequest,
+    SceneSettings,
+    Schedule,
+    WholeSettings,
+    make_scenes,
+    train,
+)
 
 GRID = ms.VoxelGrid.regular((0, 0, 0), (0.1975, 0.1975, 0.01), 0.0025)
 
@@ -128,6 +136,9 @@ class CoverRecipe:
     about: str = ""
     scenes: SceneSettings = dataclasses.field(default_factory=SceneSettings)
     schedule: Schedule = dataclasses.field(default_factory=Schedule)
+    whole: WholeSettings = dataclasses.field(
+        default_factory=lambda: WholeSettings(views=1, sheets=0, empty=0, several=0)
+    )
 
     def scene_requests(self):
         sides = {"training": "dice", "validation": "golf_ball"}
@@ -148,9 +159,9 @@ class CoverLesson:
 
         self.torch, self.data = torch, {}
         for side, some in scenes.items():
-            power = [abs(scene.parts.images["77_ghz"][0]) ** 2 for scene in some]
+            power = [scene.whole.power("77_ghz") for scene in some]
             inputs = np.array([[p.mean(), p.max(), p.std()] for p in power], np.float32)
-            covers = np.array([[scene.parts.inside.mean()] for scene in some], np.float32)
+            covers = np.array([[(scene.whole.objects > 0).mean()] for scene in some], np.float32)
             self.data[side] = torch.from_numpy(inputs), torch.from_numpy(covers)
 
     def network(self):
@@ -175,7 +186,7 @@ def test_a_third_network_is_trained_by_a_recipe_and_a_lesson(tmp_path):
     pytest.importorskip("onnxruntime")
     from millisight.perception import open_network
 
-    coarse = SceneSettings(vertices=200, spacing=(0.01, 0.01, 0.02))
+    coarse = SceneSettings(vertices=200, positions=100)
     recipe = CoverRecipe(scenes=coarse, schedule=Schedule(epochs=3, seed=4, learning_rate=0.01))
     scenes = make_scenes(recipe, tmp_path / "scenes")
     first, second = (train(recipe, scenes, tmp_path / name) for name in "ab")
@@ -199,7 +210,7 @@ def test_the_command_trains_what_a_plug_in_adds(plugin, tmp_path, monkeypatch):
     point = plugin(RECIPES, "cover", "CoverRecipe")
     monkeypatch.setattr(command, "entry_points", lambda group: [point] if group == RECIPES.group else [])
     monkeypatch.chdir(tmp_path)
-    text = "[scenes]\nvertices = 200\nspacing = [0.01, 0.01, 0.02]\n[schedule]\nepochs = 1\n"
+    text = "[scenes]\nvertices = 200\npositions = 100\n[schedule]\nepochs = 1\n"
     (tmp_path / "own.toml").write_text(text)
     assert "cover" in run_here("train", "--help")[1]
     code, out, _, error = run_here("train", "cover", "own.toml", "-o", "mine")

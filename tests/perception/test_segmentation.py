@@ -194,7 +194,7 @@ def test_segment_refuses_what_cannot_be():
     other = image(bright=(slice(120, 130), slice(60, 120)))
     with pytest.raises(InputError, match="in both bands"):
         ms.segment(image(), other_band=other, method="classical", rng=0)
-    with pytest.raises(UnknownNameError, match="Known: classical, sam, wave"):
+    with pytest.raises(UnknownNameError, match="Known: .*classical, sam, threshold, wave"):
         ms.segment(image(), method="sem")
     few = ms.VoxelGrid.regular((0, 0, 0), (0.1, 0.1, 0), 0.01)
     values = np.ones(few.shape)

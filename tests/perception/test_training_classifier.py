@@ -200,12 +200,12 @@ def test_the_shipped_weights_are_those_of_the_recipe_and_saw_no_test():
     told = json.loads(CLASSIFIER_WEIGHTS.with_suffix(".json").read_text())
     recipe = tomllib.loads((EXAMPLES / "training/classifier.toml").read_text())
     for key, value in recipe.items():
-        held = told["recipe"][key]
-        assert held == (held | value if isinstance(value, dict) else value), key
-    split = tomllib.loads((EXAMPLES / "objects.toml").read_text())
+        assert told["recipe"][key] == value, key
+    assert "whole" not in told["recipe"]  # made before scenes were whole; with new weights this line goes
+    tested = tomllib.loads((EXAMPLES / "recipes/bench24.toml").read_text())["objects"]["names"]
     seen = {name for names in told["objects"].values() for name in names}
-    assert len(seen) >= 15
-    assert seen <= set(split["training"])
+    assert len(seen) == 28
+    assert not seen & set(tested)
     assert told["physics"].startswith("paper's simulator")
 
 

@@ -20,12 +20,6 @@ COARSE = {"vertices": 300, "positions": 400}
 PLAINLY = {**COARSE, "whole": PLAIN}
 
 
-@pytest.fixture(autouse=True)
-def few_positions(monkeypatch):
-    """What is seen from above, and what is made anew, do not depend on the images."""
-    monkeypatch.setattr("millisight.perception.training._scenes._MOST_POSITIONS", 200)
-
-
 @pytest.fixture
 def folder(tmp_path):
     """A long bar as a file, a ball in a folder as the published dataset has it, and a text."""

@@ -23,9 +23,9 @@ def test_each_augmentation_is_seen():
         assert abs(found[title] - found["none"]).max() > 0.02, title
     changed = {title: np.asarray(abs(found[title] - found["none"])) for title in ("echo", "noise", "speckle")}
     # Where the object is dark, noise has one level, that of its strength, and speckle none; an echo lies somewhere.
-    dark = np.asarray(found["none"] < 0.02)
+    dark = np.asarray(found["none"] < 0.3)
     assert dark.sum() > 30
-    assert 0.65 < np.median(changed["noise"][dark]) < 0.8
+    assert 0.4 < np.median(changed["noise"][dark]) < 0.6
     assert np.ptp(np.quantile(changed["noise"][dark], (0.1, 0.9))) < 0.15
     assert np.median(changed["speckle"][dark]) < 0.05
     assert np.median(changed["echo"]) < 0.05 < 0.2 < changed["echo"].max()

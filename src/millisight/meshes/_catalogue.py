@@ -178,7 +178,7 @@ _NAMES = {
     for known in (name, entry.ycb_id, entry.published)
     if known
 }
-_NUMBER = re.compile(r"\d+[a-z]?[-_]")
+_NUMBER = re.compile(r"\d+(-?[a-z])?[-_]")
 
 
 def object_name(spelled: str) -> str:
@@ -186,8 +186,8 @@ def object_name(spelled: str) -> str:
 
     Examples
     --------
-    >>> [object_name(folder) for folder in ("025_mug", "057-racquetball", "042_wrench", "023_wine_glass", "thing")]
-    ['mug', 'racquetball', 'adjustable_wrench', 'wine_glass', 'thing']
+    >>> [object_name(folder) for folder in ("025_mug", "057-racquetball", "042_wrench", "074-x_wide", "thing")]
+    ['mug', 'racquetball', 'adjustable_wrench', 'wide', 'thing']
     """
     return _NAMES.get(_spelled(spelled)) or _NUMBER.sub("", spelled, count=1) or spelled
 

@@ -26,6 +26,7 @@ from millisight.core import (
 from millisight.core import record_from_file as record_from_file
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.data import material_named
+from millisight.datasets.generation._covers import Covers
 from millisight.io.mito import RADARS
 from millisight.meshes import CATALOGUE, CATEGORIES, SHAPE_CLASSES
 from millisight.simulation import SCATTERING_MODELS
@@ -192,29 +193,6 @@ class Voxels:
         if beyond and self.margin is None:
             raise InputError(f"beyond is {beyond:g} m, but the whole box is kept; state a margin, too")
         put(self, spacing=spacing, margin=_margin(self.margin), beyond=beyond)
-
-
-@record
-class Covers:
-    """How what hides the objects is drawn, anew for each experiment, evenly between two ends."""
-
-    cartons: int = 1  # cartons of each object in each pose
-    clearance: tuple[float, float] = (0.02, 0.02)  # between the objects and the carton's walls, and its lid [m]
-    thickness: tuple[float, float] | None = None  # of the carton's walls [m]; None: as the world's
-    tilt_deg: float = 0.0  # of the carton's lid along x and along y, at most
-    gap: tuple[float, float] = (0.002, 0.002)  # below the first layer of cloth [m]
-    empty: int = 0  # cartons with nothing in them, besides
-
-    def __post_init__(self) -> None:
-        put(
-            self,
-            cartons=checked_integer(self.cartons, name="cartons"),
-            clearance=_ends(self.clearance, "clearance"),
-            thickness=None if self.thickness is None else _ends(self.thickness, "thickness"),
-            tilt_deg=checked_number(self.tilt_deg, name="tilt_deg", unit="degrees", minimum=0),
-            gap=_ends(self.gap, "gap"),
-            empty=checked_integer(self.empty, name="empty", minimum=0),
-        )
 
 
 @record
@@ -389,13 +367,6 @@ def recipe_from_table(table: Mapping[str, Any], *, folder: str = ".", source: st
 
 def _margin(value: float | None) -> float | None:
     return None if value is None else checked_number(value, name="margin", unit="m", minimum=0)
-
-
-def _ends(value: Any, name: str) -> tuple[float, float]:
-    low, high = checked_numbers(value, name=name, count=2, unit="m")
-    if not 0 <= low <= high:
-        raise InputError(f"{name} is [{low:g}, {high:g}]; expected two lengths, the smaller first [m]")
-    return low, high
 
 
 def _angles(value: Any, name: str) -> tuple[int, int, int]:

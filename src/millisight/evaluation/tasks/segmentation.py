@@ -29,6 +29,7 @@ class _SegmenterSource(NamedTuple):
     checksum: str
     seeds: Sequence[int]
     reading: Mapping[str, Any]
+    blind: Sequence[str]
 
     def evaluator(self) -> SegmenterEvaluator:
         """The segmenter on the scene, both loaded."""
@@ -87,35 +88,43 @@ class SegmentationTask(Task):
     def plan(self, data: EvaluationData) -> EvaluationSet:
         """One item for each segmenter and scene."""
         found = survey(data, transform=self.transform, truth=self.truth, support=self.support, crop=self.crop)
-        items = []
-        for method in (*self.methods, *self.blind):
+        items: list[EvaluationItem] = []
+        common = {"format": _FORMAT, "reading": found.reading, "metrics": METRICS.names()}
+        for method in self.methods:
             options = dict(self.options.get(method, {}))
             checksum = checksum_of(named_segmenter(method, options))
             seeds = tuple(range(self.seeds))
-            settings = {"format": _FORMAT, "network": checksum, "method": method, "options": options, "seeds": seeds,
-                        "reading": found.reading, "metrics": METRICS.names()}  # fmt: skip
+            settings = common | {"network": checksum, "method": method, "options": options, "seeds": seeds}
+            # What does not look goes with the first of those that do, so that a scene fails once.
+            blind = self.blind if method == self.methods[0] else ()
             for scene in (*data.scenes, *data.empties):
-                part = f"{method}.{scene.name.replace('/', '.')}"
-                source = _SegmenterSource(scene, method, options, checksum, seeds, found.reading)
-                items.append(
-                    EvaluationItem(
-                        name=f"{scene.name}, {method}", source=source, parts={part: settings}, paths=scene.paths
-                    )
-                )
+                place = scene.name.replace("/", ".")
+                parts = {f"{method}.{place}": settings}
+                if blind:
+                    parts[f"blind.{place}"] = common | {"methods": blind}
+                source = _SegmenterSource(scene, method, options, checksum, seeds, found.reading, blind)
+                name = f"{scene.name}, {method}"
+                items.append(EvaluationItem(name=name, source=source, parts=parts, paths=scene.paths))
         return EvaluationSet(items=tuple(items), data=found.data, context=found.simulated)
 
     @staticmethod
     def run(item: EvaluationItem) -> Mapping[str, Any]:
-        """All trials of a segmenter on a scene."""
-        trials = item.source.evaluator().trials(item.source.seeds)
-        (part,) = item.parts
-        return {part: [asdict(one) for one in trials]}
+        """All trials of a segmenter on a scene, and those of what does not look."""
+        source = item.source
+        evaluator = source.evaluator()
+        part, *blind = item.parts
+        results = {part: [asdict(one) for one in evaluator.trials(source.seeds)]}
+        if blind:
+            others = (SegmenterEvaluator(named_segmenter(name, {}), evaluator.scene) for name in source.blind)
+            results[blind[0]] = [asdict(one) for other in others for one in other.trials((0,))]
+        return results
 
     def rows(self, planned: EvaluationSet, results: Mapping[str, Any]) -> list[MaskTrial]:
-        """By segmenter and scene."""
-        return [
+        """By segmenter and scene; last those that do not look."""
+        rows = [
             MaskTrial(**one | {"scores": MaskScores(one["scores"])}) for trials in results.values() for one in trials
         ]
+        return sorted(rows, key=lambda one: one.method in self.blind)
 
     def describe(self, planned: EvaluationSet, rows: Sequence[MaskTrial]) -> tuple[str, str]:
         """What the data are, and the introduction of the page."""

@@ -31,7 +31,6 @@ EXAMPLE_SIDE = 80
 
 _RECALL = 2  # beta of F2: a part of the object that is missed counts more than a rim that is not the object's
 _VIEWS = 1  # examples of each validation scene
-_REFUSED = 0.95  # share of the empty scenes of validation in which nothing is to be found
 _HELD_EVERY = 6  # random shape of each class is for validation
 _AT_ONCE = 16  # examples that are judged together
 _ONE_BAND, _OTHER_ALONE = 0.35, 0.12  # shares of examples: 77 GHz without 24, 24 without 77
@@ -156,15 +155,14 @@ class SegmenterLesson:
         """The cut, and the scores that chose it."""
         by_cut = {f"mean F{beta} by cut": self._f_by_cut(network, beta) for beta in (1, _RECALL)}
         last = by_cut[f"mean F{_RECALL} by cut"]
-        least, told = self._least(network)
+        cut = max(last, key=lambda cut: (last[cut], -cut))
         return {
             "channels": list(WAVE_CHANNELS),
             "spacing": SPACING,
             "floor_db": FLOOR_DB,
-            "cut": max(last, key=lambda cut: (last[cut], -cut)),
-            "least": least,
+            "cut": cut,
             "validation": {name: {f"{c:g}": round(f, 4) for c, f in values.items()} for name, values in by_cut.items()}
-            | told,
+            | self._refused(network, cut),
             "objects": {side: list(names) for side, names in self.recipe.scenes.objects.items()},
             "scenes": {side: len(some) for side, some in self.scenes.items()},
         }
@@ -178,18 +176,18 @@ class SegmenterLesson:
                 scores.append([_f_score((logit > np.log(cut / (1 - cut))) & valid, truth, beta) for cut in CUTS])
         return dict(zip(CUTS, np.mean(scores, axis=0).tolist(), strict=True))
 
-    def _least(self, network: "nn.Module") -> tuple[float, dict[str, float]]:
-        """The presence below which nothing is found, and how often that is right."""
+    def _refused(self, network: "nn.Module", cut: float) -> dict[str, float]:
+        """In how many scenes nothing is found, since `presence` lies below the cut."""
         found: dict[bool, list[float]] = {True: [], False: []}
         for example, logit in self._judged(network):
             inner = logit[example.weight > 0]
             found[bool((example.inside > 0.5).any())].append(presence(1 / (1 + np.exp(-inner))))
-        empty, full = np.array(found[False] or [0.0]), np.array(found[True])
-        least = round(float(np.clip(np.quantile(empty, _REFUSED), 0.01, 0.95)), 4)
-        return least, {
-            "empty scenes": len(found[False]),
-            "empty scenes refused": round(float((empty < least).mean()), 4),
-            "other scenes refused": round(float((full < least).mean()), 4),
+        empty, full = np.array(found[False]), np.array(found[True])
+        refused = round(float((empty < cut).mean()), 4) if len(empty) else 0.0
+        return {
+            "empty scenes": len(empty),
+            "empty scenes refused": refused,
+            "other scenes refused": round(float((full < cut).mean()), 4),
         }
 
     def _judged(self, network: "nn.Module") -> "Iterator[tuple[SegmenterExample, np.ndarray]]":

@@ -300,7 +300,7 @@ def _write(path: Path, scene: WholeScene) -> None:
 def _read(path: Path) -> WholeScene:
     names = [f"{band}_{what}" for band in BANDS for what in ("levels", "raw")]
     held = read_arrays(path, "objects", "covered", "taken", *names)
-    bands = [band for band in BANDS if held[f"{band}_raw"].size]
+    bands: list[str] = [band for band in BANDS if held[f"{band}_raw"].size]
     levels, raw = ({band: held[f"{band}_{what}"] for band in bands} for what in ("levels", "raw"))
-    taken = dict(zip(BANDS, held["taken"].tolist(), strict=True))
-    return WholeScene(held["objects"], bool(held["covered"]), levels, raw, {band: taken[band] for band in bands})
+    taken = {band: float(held["taken"][BANDS.index(band)]) for band in bands}
+    return WholeScene(held["objects"], bool(held["covered"]), levels, raw, taken)
