@@ -60,7 +60,7 @@ def test_it_finds_an_object_that_it_never_saw_with_either_band_or_both(wave, sce
     started = time.process_time()
     found = wave.segment(picture)
     assert time.process_time() - started < 1
-    # All of the picture would have an F1 of 0.3. Without noise the network is unsure at 77 GHz alone: see its model card.
+    # All of the picture would have an F1 of 0.3. Without noise it is unsure at 77 GHz alone: see its model card.
     chance = f1(np.ones_like(scene.inside), scene.inside)
     assert chance < 0.4
     assert f1(found.masks[0], scene.inside) > max(0.45, chance + 0.1)
