@@ -111,7 +111,7 @@ def test_evaluations_agree_before_and_after_conversion(roots, tmp_path):
         assert len(written["published"]) > 3
         assert written["published"] == written["converted"]
     with open(tmp_path / "segmentation" / "published" / "trials.csv", encoding="utf-8") as file:
-        trials = [row for row in csv.DictReader(file) if row["input"] == HIGH]
+        trials = [row for row in csv.DictReader(file) if row["input"] == HIGH and "blind" not in row["segmenter"]]
     assert len(trials) == 10
     assert np.median([float(row["iou"]) for row in trials]) > 0.5  # truth and image show one disc
 
