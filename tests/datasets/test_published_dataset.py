@@ -17,6 +17,7 @@ from typer.testing import CliRunner
 
 import millisight as ms
 from helpers.published_mock import CRACKERS, LEFT_OUT, MUG, PEACH, SUGAR, TUNA, WRENCH
+from helpers.whole_scenes import PLAIN
 from millisight import datasets
 from millisight.cli.annotate import mask_in_dataset
 from millisight.cli.app import app
@@ -266,6 +267,7 @@ positions = 200
 examples = 4
 batch = 2
 schedule = {{ epochs = 1 }}
+whole = {{ views = 1, sheets = 0 }}
 [classes]
 box = ["003_cracker_box"]
 other = ["025_mug"]
@@ -282,7 +284,7 @@ def test_recipes_take_the_datasets_simulated_images_and_meshes(roots, tmp_path, 
     run("train", "classifier", tmp_path / "recipe.toml", "-o", tmp_path / "out")
     told = json.loads((tmp_path / "out" / "classifier.json").read_text())
     assert told["classes"] == {"box": ["003_cracker_box"], "other": ["025_mug"]}
-    assert {path.name.split("-")[0] for path in (tmp_path / "out" / "scenes").iterdir()} == {
+    assert {path.name.split("-")[0] for path in (tmp_path / "out" / "scenes").glob("[!w]*")} == {
         "003_cracker_box",
         "025_mug",
     }
@@ -290,16 +292,19 @@ def test_recipes_take_the_datasets_simulated_images_and_meshes(roots, tmp_path, 
     seen = {}
     for form, root in roots.items():
         classifier = ClassifierRecipe(
-            classes={"box": names[:2], "other": names[2:]}, published=str(root), scenes=0, batch=2, examples=4
+            classes={"box": names[:2], "other": names[2:]}, published=str(root), scenes=0, batch=2, examples=4,
+            whole=PLAIN,
+        )  # fmt: skip
+        segmenter = SegmenterRecipe(
+            scenes=SceneSettings(published=str(root), poses=0, validation=("mug",)), whole=PLAIN
         )
-        segmenter = SegmenterRecipe(scenes=SceneSettings(published=str(root), poses=0, validation=("mug",)))
-        seen[form] = [make_scenes(recipe, tmp_path) for recipe in (classifier, segmenter)]
+        seen[form] = [make_scenes(recipe, tmp_path / form) for recipe in (classifier, segmenter)]
     for ours, theirs in zip(seen["published"], seen["converted"], strict=True):
         for side in ("training", "validation"):
             assert [one.name for one in ours[side]] == [one.name for one in theirs[side]] != []
             for one, other in zip(ours[side], theirs[side], strict=True):
-                assert np.array_equal(one.parts.inside, other.parts.inside)
-                assert np.array_equal(one.parts.images["77_ghz"], other.parts.images["77_ghz"])
+                assert np.array_equal(one.whole.objects, other.whole.objects)
+                assert np.array_equal(one.whole.levels["77_ghz"], other.whole.levels["77_ghz"])
 
 
 @pytest.mark.parametrize("radar", ["77_ghz", "24_ghz"])

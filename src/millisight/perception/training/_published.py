@@ -80,11 +80,9 @@ def read_simulation(folder: Path, *, widest: float) -> SceneParts:
 
 
 def simulation_digest(folder: Path) -> str:
-    """Of a simulation's specular image, as 12 hexadecimal digits."""
-    place = mito.radar_folder(folder, "77_ghz", processed=True)
-    stem = SIMULATED_STEMS[0]
-    path = next((path for path in (place / f"{stem}.pkl", place / f"{stem}.h5") if path.exists()), None)
-    return "" if path is None else hashlib.sha256(path.read_bytes()).hexdigest()[:12]
+    """Of a simulation's specular image, as 12 hexadecimal digits, the same of published and of converted files."""
+    image = _read(mito.radar_folder(folder, "77_ghz", processed=True), SIMULATED_STEMS[0], SarImage)
+    return hashlib.sha256(np.ascontiguousarray(image.values, np.complex64).tobytes()).hexdigest()[:12]
 
 
 def _nearest(known: np.ndarray, step: float) -> np.ndarray:
