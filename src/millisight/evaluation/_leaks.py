@@ -15,7 +15,7 @@ from millisight.core import checked_array, rotation_from_euler_deg
 from millisight.core.errors import InputError
 from millisight.evaluation._answers import CLOSED, DISJOINT, PUBLISHED, SPLITS
 from millisight.evaluation._sources import SceneSource, TestSplit
-from millisight.meshes import CATALOGUE, object_name
+from millisight.meshes import CATALOGUE, NO_SHAPE_CLASS, object_name
 
 WITHIN_DEG = 1.0
 """Poses nearer than this are the same pose."""
@@ -161,7 +161,7 @@ def published_plan(
     placed: dict[str, tuple[str, str]] = {}
     left_out: dict[str, list[str]] = {}
     for scene in scenes:
-        shape = split.classes.get(scene.folder, "")
+        shape = split.classes.get(scene.folder) or NO_SHAPE_CLASS
         if (scene.folder, scene.number, scene.sight) not in split.test:
             left_out.setdefault(NO_TEST, []).append(scene.name)
         elif shape not in class_names:

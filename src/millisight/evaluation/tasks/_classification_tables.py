@@ -35,11 +35,10 @@ from millisight.evaluation._answers import (
 from millisight.evaluation._leaks import LEFT_OUT, SplitPlan, Training, siblings
 from millisight.evaluation._statistics import wilson_interval
 from millisight.evaluation._tables import Cell, Table, table_of
+from millisight.meshes import PAPER_CLASSES
 
 Rows = list[tuple[Cell, ...]]
 
-PAPER_CLASSES = ("can", "handle", "box", "sphere")
-"""Of the paper's Table 3. Which classes there are, `millisight.meshes.SHAPE_CLASSES` and each classifier say."""
 PARTS = {"edge": "edge only", "specular": "specular only", "both": "both"}
 PAPER_IMAGES = {"los": 18, "nlos": 16, "overall": 34}
 PAPER = {

@@ -26,6 +26,7 @@ from millisight.perception import (
     projected_levels,
     read_description,
     resampling_weights,
+    taken_db,
     without_sheets,
 )
 from millisight.perception.segmentation._segmentation import SEGMENTERS, Candidates
@@ -145,7 +146,6 @@ class WaveSegmenter:
         cleaned = without_sheets(image, frequency=HIGH_BAND)
         power = canvas_power(cleaned, x, y)
         before = None if cleaned is image else projected_levels(canvas_power(image, x, y))
-        taken_db = 20 * np.log10(max(cleaned.magnitude.max() / image.magnitude.max(), 1e-9))
         other = None
         if picture.other_band is not None:
             other = canvas_power(without_sheets(picture.other_band, frequency=LOW_BAND), x, y)
@@ -155,7 +155,7 @@ class WaveSegmenter:
                 "or leave it out"
             )
         points = _canvas_points(prompts, picture, x, y)
-        channels = wave_input(power, other, points, before=before, taken_db=taken_db)
+        channels = wave_input(power, other, points, before=before, taken_db=taken_db(cleaned, image))
         (logits,) = self._session.run(None, {self._session.get_inputs()[0].name: channels[None]})
         inner = logits[0, : len(x), : len(y)]
         fine = resampling_weights(x, grid.x) @ inner @ resampling_weights(y, grid.y).T
