@@ -59,6 +59,9 @@ def simulator(
         str, typer.Option("--align", help="Alignment: translation, or rigid (translation and rotation).")
     ] = "translation",
     crop: Crop = None,
+    clutter: Annotated[
+        str, typer.Option(help="lid: take lids and cloths off the measured images before they are compared; none.")
+    ] = "none",
     fit: Annotated[
         Path | None, typer.Option("--fit", metavar="FILE.toml", help="Write the best weights of each object.")
     ] = None,
@@ -86,6 +89,7 @@ def simulator(
         "within": length(within, option="--within"),
         "mode": mode,
         "crop": None if crop is None else slices(crop, option="--crop"),
+        "clutter": clutter,
         "fit": fit,
         "clouds": clouds,
         "pictures": pictures,
