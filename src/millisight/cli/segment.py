@@ -179,9 +179,11 @@ def segment(
         voxels = extend_mask(segmented.mask, image)
         _write_volume(to, voxels, source, told)
         if drawn is not None:
+            from millisight.perception import HIGH_BAND, without_sheets
             from millisight.viz import plot_volume, save_figure
 
-            save_figure(plot_volume(voxels, image=image, title=source.name), drawn)
+            cleaned = without_sheets(image, frequency=HIGH_BAND)
+            save_figure(plot_volume(voxels, image=cleaned, title=source.name), drawn)
 
     if len(found) == 1 and not any(path.is_dir() for path in images):
         one(found[0], output or found[0].output(suffix))

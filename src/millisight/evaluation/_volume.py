@@ -81,13 +81,14 @@ def volume_truth(
     UnknownNameError
     """
     check_known("truth", of, ("surface", "solid"))
-    meshes = [mesh] if isinstance(mesh, TriangleMesh) else list(mesh)
+    meshes = list(mesh) if isinstance(mesh, Sequence) else [mesh]
     if not meshes:
         raise InputError("mesh is empty; expected at least one TriangleMesh")
+    meshes = [checked_record(one, TriangleMesh, name="mesh") for one in meshes]
     if within is None and len(grid.z) == 1:
         raise InputError("the grid has a single voxel along z, and so no spacing; pass within, in metres")
     reach = float(np.diff(grid.z).mean()) / 2 if within is None else checked_number(within, name="within", minimum=0)
-    caster = RayCaster.of([checked_record(one, TriangleMesh, name="mesh") for one in meshes])
+    caster = RayCaster.of(meshes)
     bounds = np.array([one.bounds for one in meshes])
     x, y = (axis.ravel() for axis in np.meshgrid(grid.x, grid.y, indexing="ij"))
     starts = np.stack([x, y, np.full(len(x), bounds[:, 1, 2].max() + 0.01)], axis=1)

@@ -36,9 +36,7 @@ def plot_volume(
     Raises
     ------
     InputError
-        The image has other voxels.
-    UnknownNameError
-        There is no such colour map.
+        The image has other voxels, or there is no such colour map.
     """
     grid = checked_record(volume, VolumeMask, name="volume").grid
     if image is not None and (differs := grid_difference(image.grid, grid)):
