@@ -20,7 +20,7 @@ from millisight.evaluation import score_volume, volume_truth
 from millisight.viz import plot_volume, save_figure
 
 BAND = "77"
-# On which the settings were chosen; the others were computed once, afterwards.
+# On which the settings were chosen.
 CALIBRATION = ("mug3", "golf3t", "padlock25", "tuna35", "banana3b", "strawhalf", "rubik2", "clamp5", "lockbox",
                "meatbox")  # fmt: skip
 

@@ -89,6 +89,16 @@ def test_range_side_lobes_and_dim_pixels_are_left_out():
     np.testing.assert_array_equal(found.inside, box(OBJECT, slice(11, 14)))
 
 
+def test_neither_a_glint_nor_a_mask_of_a_part_hides_a_face():
+    """One pixel 20 dB brighter; and a mask of a quarter of a plate, which is as bright beside it."""
+    corner = 13, 11
+    found = extend_mask(mask_of(OBJECT), image_of((OBJECT, echo(12)), (corner, 9 * echo(12))), settings=SHARP)
+    np.testing.assert_array_equal(found.inside, box(OBJECT, slice(11, 14)))
+    plate = slice(8, 30), slice(8, 30)
+    found = extend_mask(mask_of(OBJECT), image_of((plate, echo(12))), settings=SHARP)
+    np.testing.assert_array_equal(found.inside, box(OBJECT, slice(11, 14)))
+
+
 def test_nothing_gives_nothing():
     image = image_of((OBJECT, echo(12)))
     assert not extend_mask(mask_of(), image).inside.any()

@@ -1,9 +1,10 @@
 """From a mask on the image seen along z to its voxels: at each pixel the depths at which the echo stands out.
 
-A point reflector has half its power half a range resolution cell away, so an echo is given the depths around its
-maximum with half its power at least, as the width of a peak is measured. What lies beside the mask at a depth - a lid
-above, the support below - has as much power there as within it, and is subtracted. Range side lobes and stray echoes
-that remain are not connected with the object, or hold little of its power.
+A point reflector has about half its power half a range resolution away, so an echo is given the depths around its
+maximum with half its power at least, as the width of a peak is measured. A lid above or a support below is as bright
+beside the mask as within it: at each depth the median of the power beside the mask is subtracted, which is that of what
+covers most of the picture. Range side lobes and stray echoes that remain are not connected with the object, or hold
+little of its power.
 """
 
 import numpy as np
@@ -24,14 +25,14 @@ class VolumeSettings:
         from the mask from which on pixels are beside it
     beside : percentile of the power beside the mask that is subtracted at each depth
     drop_db : below a pixel's maximum, to which its depths reach
-    dimmest_db : below the strongest pixel's maximum, of a pixel with depths
+    dimmest_db : below the mean of the pixels' maximal power, of a pixel with depths
     smallest : of a connected part, as a share of the power of the strongest one
     """
 
     smoothing: float = 0.0075
-    beside: float = 90.0
+    beside: float = 50.0
     drop_db: float = 3.0
-    dimmest_db: float = 12.0
+    dimmest_db: float = 6.0
     smallest: float = 0.1
 
     def __post_init__(self) -> None:
@@ -53,9 +54,9 @@ def extend_mask(mask: Mask, image: SarImage, *, settings: VolumeSettings | None 
     """Give a mask seen along z its depths: the voxels of the object.
 
     1. Sheets are taken off the image (`remove_sheets`), and its power is averaged along x and y.
-    2. At each depth the power beside the mask is subtracted.
-    3. Each pixel of the mask gets the depths around its strongest voxel with half its power at least. Pixels much
-       dimmer than the strongest get none.
+    2. At each depth the median of the power beside the mask is subtracted.
+    3. Each pixel of the mask gets the depths around its strongest voxel with half its power at least. Pixels more
+       than 6 dB dimmer than the mean get none.
     4. Of the parts connected in three dimensions, by faces, edges or corners, the strongest is kept, and others with at
        least a tenth of its power.
 
@@ -88,10 +89,9 @@ def extend_mask(mask: Mask, image: SarImage, *, settings: VolumeSettings | None 
         raise InputError(f"the image and the mask have different pixels, along {differs}; segment this image")
     power = _power_above_beside(image, inside, settings)
     strongest = power.max(axis=2)
-    brightest = strongest.max()
-    if not brightest > 0:
+    if not strongest.any():
         return VolumeMask(grid=grid, inside=np.zeros(grid.shape, bool))
-    seen = strongest >= brightest * 10 ** (-settings.dimmest_db / 10)
+    seen = (strongest > 0) & (strongest >= strongest[inside].mean() * 10 ** (-settings.dimmest_db / 10))
     found = seen[..., None] & _around_maximum(power, strongest * 10 ** (-settings.drop_db / 10))
     parts, count = label(found, structure=np.ones((3, 3, 3)))  # pyright: ignore[reportGeneralTypeIssues]
     held = np.bincount(parts.ravel(), weights=(power * found).ravel(), minlength=count + 1)
