@@ -229,12 +229,13 @@ def test_what_is_around_goes_where_it_belongs(tmp_path):
         saved(near, "a.mask.h5", mask),
         saved(near, "odd.mask.h5", odd),
         saved(far, "scene.h5", ms.Scene.from_mesh("golf_ball", vertices=100)),
+        saved(near, "a.volume.h5", ms.VolumeMask(grid=GRID, inside=np.ones(GRID.shape, bool))),
     ]
     found = gather(files)
     a, b = found.exhibits
     assert (len(a.paths), len(b.paths)) == (1, 0)
     assert (len(a.masks), len(b.masks)) == (1, 0)
-    assert (len(a.meshes), len(b.meshes)) == (1, 1)
+    assert (len(a.meshes), len(b.meshes)) == (2, 2)  # the scene and the voxels' surface
     assert [note for note in found.notes if "odd.mask.h5" in note]
 
 

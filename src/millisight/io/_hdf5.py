@@ -33,12 +33,12 @@ RECORDS = {
     cls.__name__: cls
     for cls in (
         data.Waveform, data.AntennaArray, data.Radar, data.Trajectory, data.Layers, Capture, data.VoxelGrid,
-        data.PixelGrid, data.SarImage, data.Mask, data.Instances, data.Prediction, data.TriangleMesh, data.Material,
-        data.SceneObject, data.Scene, data.Intrinsics, data.CameraFrame, data.CameraMask,
+        data.PixelGrid, data.SarImage, data.Mask, data.VolumeMask, data.Instances, data.Prediction, data.TriangleMesh,
+        data.Material, data.SceneObject, data.Scene, data.Intrinsics, data.CameraFrame, data.CameraMask,
     )
 }  # fmt: skip
 
-# What a reader in another language needs to know of an array, by the field's name.
+# What a reader in another language needs to know of an array, by the field's name, or the record's and the field's.
 _ABOUT = {
     "times": {"unit": "s", "axes": "pose"},
     "positions": {"unit": "m", "axes": "pose, (x y z)", "frame": "world"},
@@ -50,6 +50,7 @@ _ABOUT = {
     "frames": {"axes": "pose, transmitter, receiver, sample", "phase_sign": PHASE_SIGN},
     "values": {"axes": "x, y, z", "frame": "world"},
     "inside": {"axes": "x, y", "frame": "world"},
+    "VolumeMask.inside": {"axes": "x, y, z", "frame": "world"},
     "labels": {"axes": "x, y", "frame": "world"},
     "scores": {"axes": "instance"},
     "x": {"unit": "m", "frame": "world"},
@@ -245,7 +246,8 @@ def _write(group: Any, record: Any, sink: Sink) -> None:
             plain = isinstance(value, int | float | complex | np.number) or _is_plain_text(value)
             group.attrs[field.name] = value if plain else _JSON + json.dumps(value)
             continue
-        for name, text in _ABOUT.get(field.name, {}).items():
+        own = f"{type(record).__name__}.{field.name}"
+        for name, text in _ABOUT.get(own, _ABOUT.get(field.name, {})).items():
             about[name] = text
 
 

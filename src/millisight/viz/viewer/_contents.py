@@ -183,12 +183,14 @@ def _read_hdf5(path: Path, found: _Found) -> None:
         found.masks.append((path, load(path)))
     elif kind == "TriangleMesh":
         found.meshes.append(load(path))
+    elif kind == "VolumeMask":
+        found.meshes.append(load(path).surface())
     elif kind in ("Scene", "SceneObject"):
         found.meshes.append(load(path).mesh)
     else:
         raise FormatError(
-            f"{printable(path)} holds a {kind}; the viewer shows SarImage, Mask, Capture, Trajectory, TriangleMesh, "
-            "SceneObject and Scene"
+            f"{printable(path)} holds a {kind}; the viewer shows SarImage, Mask, VolumeMask, Capture, Trajectory, "
+            "TriangleMesh, SceneObject and Scene"
         )
 
 
