@@ -24,7 +24,7 @@ class Bright:
         self.name = name
         self.above = 0.25 if name == "dim" else 0.5
         if name == "dim":
-            self.description = {"sha256": "0", "objects": {"training": ["spoon", "wide"], "validation": ["fork"]}}
+            self.description = {"sha256": "0", "objects": {"training": ["spoon", "074-X_wide"], "validation": ["fork"]}}
 
     def segment(self, picture, prompts):
         shown = picture.rgb.mean(axis=2) / 255 if picture.power is None else picture.power

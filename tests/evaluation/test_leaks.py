@@ -52,6 +52,12 @@ class TestSides:
             ("025-Mug", (0, 0, 30), CLOSED),  # spelled otherwise
             ("065-B cups", (0, 0, 30), CLOSED),
             ("065b_cups_b", (0, 0, 30), CLOSED),  # its folder in the published dataset
+            ("cups_b", (0, 0, 30), CLOSED),
+            ("MUG", (0, 0, 30), CLOSED),
+            ("025 mug", (0, 0, 30), CLOSED),
+            ("scans/025_mug.ply", (0, 0, 30), CLOSED),
+            ("025_mug/google_16k/nontextured.stl", (0, 0, 30), CLOSED),
+            ("000_025_mug", (0, 0, 30), CLOSED),  # a recipe's own file of that name
             ("mug", (0, 0, 91), SAME_POSE),
             ("mug", (0, 0, 92), CLOSED),
             ("fork", (0, 0, 0), CLOSED),

@@ -18,6 +18,7 @@ from millisight.evaluation.tasks._segmentation_tables import (
     trial_table,
     worst,
 )
+from millisight.meshes import object_name
 
 _FORMAT = 4
 
@@ -213,8 +214,8 @@ def _seen(by: Any, tested: set[str]) -> str:
     sides = told.get("objects")
     if sides is None:
         return f"{by.name}: the training objects of its network are not known."
-    seen = {name for names in sides.values() for name in names}
-    both = sorted(tested & seen)
+    seen = {object_name(str(name)) for names in sides.values() for name in names}
+    both = sorted({one for one in tested if object_name(one) in seen})
     name = f"{by.name} (weights {told['sha256'][:8]})"
     if both:
         return f"{name}: NOT a fair test, its network saw {len(both)} of the tested objects: {', '.join(both)}."
