@@ -48,6 +48,8 @@ def run(work, *options):
 
 
 def test_tables_pictures_and_every_mask_are_written(work):
+    info = work / "data/074-x_wide/robot_collected/0_0_0/exp1/experiment_info.json"
+    info.write_text(json.dumps({**INFO, "class": "sphere"}))
     done = run(work, "--method", "classical", "--method", "dim", "--seeds", "2", "--failures", "1")
     assert done.exit_code == 0, done.output
     out = work / "out"
@@ -73,6 +75,7 @@ def test_tables_pictures_and_every_mask_are_written(work):
     seeing = [row for row in trials if not row["segmenter"].startswith("blind")]
     assert len(seeing) == 2 * 4 * 4 * 2  # segmenters, scenes, inputs, seeds
     assert len({row["segmenter"] for row in trials}) == 2 + 4
+    assert {(row["object"], row["class"]) for row in trials} == {("wide", "sphere"), ("a_lego_duplo", "box")}
     trials = seeing
     camera = {row["sight"]: float(row["recall"]) for row in trials if row["input"] == "camera"}
     assert camera["nlos"] == 1

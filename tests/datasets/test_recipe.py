@@ -304,6 +304,9 @@ def test_files_are_taken_from_beside_the_recipe(tmp_path):
     lock = things["lock"]
     assert (lock.folder, lock.source, lock.material) == ("000_lock", "file", "brass")
     assert lock.mesh.bounds == pytest.approx(build_mesh.bounds, abs=1e-6)
+    scans = [job for job in jobs_of(recipe, things) if isinstance(job, RigJob)]
+    stated = {(job.folder.split("/")[0], job.info.get("class")) for job in scans}
+    assert stated == {("000_lock", "other"), ("058_golf_ball", None), ("tripod_background", None)}
     lock.write(tmp_path)
     assert load_mesh(tmp_path / lock.path, unit="m").bounds == pytest.approx(build_mesh.bounds, abs=1e-6)
     with pytest.raises(FileError, match="files: .*gone.ply"):

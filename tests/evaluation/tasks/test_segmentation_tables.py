@@ -134,10 +134,10 @@ def test_empty_scenes_count_where_nothing_is_found():
 
 def test_every_trial_is_a_row_for_other_programs():
     trials = [trial("s", "a", HIGH, 2, 0.5, failure="nothing, at all")]
-    table = trial_table(trials, data="by hand")
+    table = trial_table(trials, {"s": "box"}, data="by hand")
     (row,) = table.rows
-    assert dict(zip(table.columns, row, strict=True))["f1"] == 0.5
-    assert row[5] == 2
+    named = dict(zip(table.columns, row, strict=True))
+    assert (named["class"], named["seed"], named["f1"]) == ("box", 2, 0.5)
     assert '"nothing, at all"' in table.csv()
 
 

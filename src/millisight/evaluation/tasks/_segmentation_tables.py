@@ -1,7 +1,7 @@
 """Tables of segmenters: medians with bootstrap intervals, and paired differences, beside the paper's figures."""
 
 import statistics
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -201,11 +201,11 @@ def empty_table(trials: Sequence[MaskTrial], *, data: str) -> Table:
     )
 
 
-def trial_table(trials: Sequence[MaskTrial], *, data: str) -> Table:
-    """Every single mask, for other programs: shares from 0 to 1, lengths in metres."""
-    columns = ("scene", "object", "sight", "segmenter", "input", "seed", *METRICS, "failure")
+def trial_table(trials: Sequence[MaskTrial], classes: Mapping[str, str], *, data: str) -> Table:
+    """Every single mask, for other programs: shares from 0 to 1, lengths in metres. `classes` are by scene."""
+    columns = ("scene", "object", "class", "sight", "segmenter", "input", "seed", *METRICS, "failure")
     rows = (
-        (one.scene, one.object, one.sight, one.method, one.input, one.seed,
+        (one.scene, one.object, classes.get(one.scene, ""), one.sight, one.method, one.input, one.seed,
          *(one.scores[name] for name in METRICS), one.failure)
         for one in trials
     )  # fmt: skip

@@ -18,7 +18,7 @@ from millisight.evaluation.tasks._segmentation_tables import (
     trial_table,
     worst,
 )
-from millisight.meshes import object_name
+from millisight.meshes import CATALOGUE, object_name
 
 _FORMAT = 4
 
@@ -106,7 +106,13 @@ class SegmentationTask(Task):
                 source = _SegmenterSource(scene, method, options, checksum, seeds, found.reading, blind)
                 name = f"{scene.name}, {method}"
                 items.append(EvaluationItem(name=name, source=source, parts=parts, paths=scene.paths))
-        return EvaluationSet(items=tuple(items), data=found.data, context=found.simulated)
+        catalogue = {name: entry.shape_class for name, entry in CATALOGUE.items()}
+        classes = {
+            scene.name: scene.shape_class() or catalogue.get(scene.object, "")
+            for scene in data.scenes
+            if scene.name in found.physics
+        }
+        return EvaluationSet(items=tuple(items), data=found.data, context=(found.simulated, classes))
 
     @staticmethod
     def run(item: EvaluationItem) -> Mapping[str, Any]:
@@ -137,13 +143,14 @@ class SegmentationTask(Task):
 
     def tables(self, planned: EvaluationSet, rows: Sequence[MaskTrial]) -> dict[str, Table]:
         """Medians of each sight, paired differences, and every mask."""
-        data, notes = planned.data, self._notes(rows, simulated=planned.context)
+        simulated, classes = planned.context
+        data, notes = planned.data, self._notes(rows, simulated=simulated)
         there = {one.sight for one in rows}
         return {
             **{sight: median_table(rows, sight, data=data, notes=notes) for sight in SIGHTS if sight in there},
             **({EMPTY: empty_table(rows, data=data)} if EMPTY in there else {}),
             "differences": difference_table(rows, data=data),
-            "trials": trial_table(rows, data=data),
+            "trials": trial_table(rows, classes, data=data),
         }
 
     def figures(self, planned: EvaluationSet, rows: Sequence[MaskTrial]) -> Iterator[ReportFigure]:
