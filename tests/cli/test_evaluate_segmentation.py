@@ -66,6 +66,10 @@ def test_tables_pictures_and_every_mask_are_written(work):
     ):
         assert said in text
         assert said in done.output
+    with open(out / "los.csv", newline="") as file:
+        marked = {row["input"] for row in csv.DictReader(file) if row["precision [%]"].endswith("†")}
+    assert marked == {"camera"}
+    assert "† No result about the radar" in done.output
     page = (out / "index.html").read_text()
     assert "simulated, not real data" in page
     assert page.count("worst-0") >= 2

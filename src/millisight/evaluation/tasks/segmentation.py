@@ -146,8 +146,10 @@ class SegmentationTask(Task):
         simulated, classes = planned.context
         data, notes = planned.data, self._notes(rows, simulated=simulated)
         there = {one.sight for one in rows}
+        seen = [sight for sight in SIGHTS if sight in there]
+        photo = self.truth == "camera"
         return {
-            **{sight: median_table(rows, sight, data=data, notes=notes) for sight in SIGHTS if sight in there},
+            **{sight: median_table(rows, sight, data=data, notes=notes, from_photo=photo) for sight in seen},
             **({EMPTY: empty_table(rows, data=data)} if EMPTY in there else {}),
             "differences": difference_table(rows, data=data),
             "trials": trial_table(rows, classes, data=data),
