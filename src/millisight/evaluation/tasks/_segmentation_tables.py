@@ -36,8 +36,8 @@ PAPER_MASKS: dict[str, dict[str, dict[str, float]]] = {
 
 _SAME_PHOTO = (
     "† No result about the radar. In line of sight the masks of the camera rows and the true one are of the same "
-    "photo, moved alike: any mask within the object has a precision of 100 % by construction, however wrong the transform "
-    "from camera to radar. The other figures of these rows, too, compare two masks of one photo."
+    "photo, moved alike: any mask within the object has a precision of 100 % by construction, however wrong the "
+    "transform from camera to radar. The other figures of these rows, too, compare two masks of one photo."
 )
 
 
