@@ -6,7 +6,7 @@ times the sheets that a wave may cross. Patches are about ten a square wavelengt
 
 import math
 import time
-from collections import Counter
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping
 from statistics import median
 from typing import NamedTuple
@@ -174,8 +174,8 @@ class Remaining:
         self._left = dict(told)
         self._slowness = slowness
         self._done = 0.0
-        self._told: Counter[str] = Counter()
-        self._took: Counter[str] = Counter()
+        self._told: defaultdict[str, float] = defaultdict(float)
+        self._took: defaultdict[str, float] = defaultdict(float)
 
     def finish(self, job: str, took: float | None) -> tuple[int, int]:
         """Core-seconds done, and in all, once this job took so many; None: it failed, and nobody knows."""
@@ -193,4 +193,5 @@ class Remaining:
         """What was taken over what was told: of jobs of the kind, else of all, else as probed."""
         if self._told[kind]:
             return self._took[kind] / self._told[kind]
-        return self._took.total() / self._told.total() if self._told.total() else self._slowness
+        told = sum(self._told.values())
+        return sum(self._took.values()) / told if told else self._slowness
