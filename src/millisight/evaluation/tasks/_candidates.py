@@ -65,6 +65,7 @@ def candidates_of(
     except ImportError as error:
         raise InputError(str(error)) from error
     images = [TestImage(one.name, one.object, one.angles, physics[one.name], origins[one.name].seeds) for one in scenes]
+    stated = {one.object: shape for one in scenes if (shape := one.shape_class())}
     candidates = []
     for path, by, variant in zip(weights, loaded, _variants(weights, loaded), strict=True):
         for name in classes:
@@ -80,7 +81,7 @@ def candidates_of(
             )
         else:
             training = training_of(variant.name, by.description)
-            splits = plan_splits(training, images, classes_of(by.description, known))
+            splits = plan_splits(training, images, classes_of(by.description, known, stated))
         candidates.append(Candidate(path, checksum_of(by), variant, known, training, splits))
     return candidates
 
@@ -108,7 +109,10 @@ def why_none(candidates: Sequence[Candidate], scenes: Mapping[str, SceneSource])
         )
         told.append(f"{one.training.name}, which knows {', '.join(one.class_names)}: {', '.join(left_out)}")
     if any(NO_CLASS in one.splits.left_out for one in candidates):
-        told[-1] += "; add the object to `classes` and `tests` of the training recipe to state its class"
+        told[-1] += (
+            "; state the class of an object of your own in the recipe of the dataset, `class` of [[files]], or in "
+            "`classes` and `tests` of the training recipe"
+        )
     return f"Left out of {'; of '.join(told)}"
 
 

@@ -26,6 +26,7 @@ from millisight.evaluation.tasks._classification_tables import (
     variants_of,
     worst,
 )
+from millisight.meshes import object_name
 from millisight.perception.segmentation import segment
 
 _FORMAT = 3
@@ -325,7 +326,8 @@ def _seen(method: str, tested: set[str]) -> str:
     sides = getattr(by, "description", {}).get("objects")
     if sides is None:
         return by.name
-    seen = sorted(tested & {name for names in sides.values() for name in names})
+    learned = {object_name(str(name)) for names in sides.values() for name in names}
+    seen = sorted(one for one in tested if object_name(one) in learned)
     told = f"; of the tested objects its network was trained on {len(seen)}: {', '.join(seen)}" if seen else ""
     return f"{by.name}{told or ', whose network was trained on none of the tested objects'}"
 
