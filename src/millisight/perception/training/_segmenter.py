@@ -24,7 +24,7 @@ from millisight.perception.training._whole import WholeScene, WholeSettings
 if TYPE_CHECKING:
     from torch import Tensor, nn
 
-CUTS = tuple(round(0.2 + 0.05 * i, 2) for i in range(13))
+CUTS = tuple(round(0.1 + 0.05 * i, 2) for i in range(15))
 """Probabilities at which a mask might begin; the best by mean F2 on the validation scenes is taken."""
 EXAMPLE_SIDE = 80
 """Pixels of an example along x and y."""
