@@ -35,7 +35,7 @@ def unflat(value: Any) -> Any:
     """
     if isinstance(value, str):
         return json.loads(value) if _is_json(value) else value
-    return value.tolist() if isinstance(value, np.ndarray | np.generic) else value
+    return value.tolist() if hasattr(value, "tolist") else value
 
 
 def _is_json(text: str) -> bool:

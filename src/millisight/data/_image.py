@@ -91,8 +91,11 @@ class SarImage:
         check_shape(array.shape, name="values", shape=("X", "Y", "Z"))
         steps = checked_numbers(spacing, name="spacing", count=3, repeat=True, unit="m", above=0)
         middle = checked_numbers(center, name="center", count=3, unit="m")
-        x, y, z = (m + s * (np.arange(n) - (n - 1) / 2) for m, s, n in zip(middle, steps, array.shape, strict=True))
-        return cls(grid=VoxelGrid(x=x, y=y, z=z), values=array, metadata=metadata or {})
+        axes: dict[str, np.ndarray] = {
+            name: at + step * (np.arange(count) - (count - 1) / 2)
+            for name, at, step, count in zip("xyz", middle, steps, array.shape, strict=True)
+        }
+        return cls(grid=VoxelGrid(**axes), values=array, metadata=metadata or {})
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
         """The values (X, Y, Z), for `numpy.asarray(image)`; read-only unless copied."""
@@ -174,7 +177,7 @@ class SarImage:
         attributes = {name: flat(value) for name, value in self.metadata.items()}
         if not parts:
             return xarray.DataArray(self.values, dims=tuple("xyz"), coords=coords, name="image", attrs=attributes)
-        both = {"real": (tuple("xyz"), self.values.real), "imag": (tuple("xyz"), self.values.imag)}
+        both = {"real": (tuple("xyz"), np.real(self.values)), "imag": (tuple("xyz"), np.imag(self.values))}
         return xarray.Dataset(both, coords=coords, attrs=attributes)
 
     @classmethod
