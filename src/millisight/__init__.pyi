@@ -68,5 +68,6 @@ from .simulation import add_noise as add_noise
 from .simulation import aperture_over as aperture_over
 from .simulation import check_coverage as check_coverage
 from .simulation import simulate as simulate
+from .viz.viewer import view as view
 
 __version__: str

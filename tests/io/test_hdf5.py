@@ -181,6 +181,18 @@ def test_frames_stay_on_disk_until_asked_for(tmp_path):
         pass
 
 
+def test_the_kind_of_record_can_be_asked_for(tmp_path):
+    radar = ms.Radar.preset("iwr1443")
+    ms.save(tmp_path / "radar.h5", radar)
+    assert same(ms.load(tmp_path / "radar.h5", ms.Radar), radar)
+    assert same(ms.load(tmp_path / "radar.h5", kind=ms.Radar), radar)
+    with pytest.raises(FormatError, match=r"radar\.h5 holds a Radar; expected a SarImage"):
+        ms.load(tmp_path / "radar.h5", ms.SarImage)
+    for wrong in (int, "Radar", ms.Prompts):
+        with pytest.raises(InputError, match="kind is .*; expected one of AntennaArray, CameraFrame"):
+            ms.load(tmp_path / "radar.h5", wrong)
+
+
 def test_every_flipped_byte_is_noticed_or_harmless(tmp_path):
     capture = small_capture("mito-sim-24ghz")
     path = tmp_path / "c.h5"

@@ -30,6 +30,10 @@ class VolumeMask:
     def __repr__(self) -> str:
         return f"VolumeMask({int(self.inside.sum())} of {' x '.join(map(str, self.grid.shape))} voxels inside)"
 
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
+        """`inside`, (X, Y, Z) bool, for `numpy.asarray(mask)`; read-only unless copied."""
+        return np.array(self.inside, dtype=dtype, copy=copy)
+
     @property
     def mask(self) -> Mask:
         """The voxels seen along z: the pixels with at least one."""

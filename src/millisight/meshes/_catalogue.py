@@ -54,6 +54,8 @@ class ObjectPart(SceneObject):
     material : what it is made of
     """
 
+    __repr__ = SceneObject.__repr__
+
 
 @record
 class CatalogueObject:

@@ -1,6 +1,7 @@
 """Figures of images: projections, slices, and many images side by side, all panels in one scale."""
 
 from collections.abc import Mapping, Sequence
+from typing import Literal
 
 import numpy as np
 from matplotlib.colors import Colormap
@@ -19,7 +20,7 @@ def plot_image(
     image: SarImage,
     *,
     mesh: TriangleMesh | None = None,
-    scale: str = "linear",
+    scale: Literal["linear", "db"] | str = "linear",
     dynamic_range_db: float = 30,
     colormap: str | Colormap | Sequence[str | Colormap | None] | None = None,
     title: str | None = None,
@@ -63,7 +64,7 @@ def plot_slices(
     *,
     at: Sequence[float] | np.ndarray | None = None,
     mesh: TriangleMesh | None = None,
-    scale: str = "db",
+    scale: Literal["linear", "db"] | str = "db",
     dynamic_range_db: float = 30,
     colormap: str | Colormap | None = None,
     title: str | None = None,
@@ -112,7 +113,7 @@ def plot_sheet(
     *,
     meshes: Mapping[str, TriangleMesh] | None = None,
     columns: int | None = None,
-    scale: str = "linear",
+    scale: Literal["linear", "db"] | str = "linear",
     dynamic_range_db: float = 30,
     colormap: str | Colormap | None = None,
     title: str | None = None,

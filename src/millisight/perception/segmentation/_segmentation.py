@@ -10,6 +10,9 @@ from millisight.data import Mask, Picture, Prompts, SarImage, VolumeMask
 from millisight.perception import LOS, NLOS, RETRY, RETRY_COUNT, Thresholds, power_prompts, project, seed_or_generator
 from millisight.perception.segmentation._volume import extend_mask
 
+Method = Literal["wave", "classical", "sam"]
+Condition = Literal["los", "nlos"]
+
 LARGEST_SHARE = 0.2
 """As published: a mask over more of the picture than this is no object's."""
 _PAPER_AREA = 0.55 * 0.60
@@ -80,7 +83,7 @@ SEGMENTERS: Registry[Any] = Registry("segmenter", "millisight.segmenters", packa
 """What makes a `Segmenter`, by name: a class, or a function with the options as its arguments."""
 
 
-def segmenter(name: str, **options: Any) -> Segmenter:
+def segmenter(name: Method | str, **options: Any) -> Segmenter:
     """The segmenter of that name: "wave", "classical", "sam", or a plug-in's.
 
     Parameters
@@ -181,7 +184,7 @@ def find_mask(
     other: Picture | None = None,
     prompts: Prompts | None = None,
     rng: int | np.random.Generator | None = None,
-    condition: str = "los",
+    condition: Condition | str = "los",
     largest: float | None = None,
 ) -> Segmented:
     """Find the object's mask on a picture, by the paper's rules.
@@ -247,10 +250,10 @@ def segment(
     image: SarImage,
     *,
     other_band: SarImage | None = ...,
-    method: str | Segmenter = ...,
+    method: Method | str | Segmenter = ...,
     prompts: Prompts | None = ...,
     rng: int | np.random.Generator | None = ...,
-    condition: str = ...,
+    condition: Condition | str = ...,
     volume: Literal[False] = ...,
 ) -> Mask: ...
 
@@ -260,10 +263,10 @@ def segment(
     image: SarImage,
     *,
     other_band: SarImage | None = ...,
-    method: str | Segmenter = ...,
+    method: Method | str | Segmenter = ...,
     prompts: Prompts | None = ...,
     rng: int | np.random.Generator | None = ...,
-    condition: str = ...,
+    condition: Condition | str = ...,
     volume: Literal[True],
 ) -> VolumeMask: ...
 
@@ -272,10 +275,10 @@ def segment(
     image: SarImage,
     *,
     other_band: SarImage | None = None,
-    method: str | Segmenter = "wave",
+    method: Method | str | Segmenter = "wave",
     prompts: Prompts | None = None,
     rng: int | np.random.Generator | None = None,
-    condition: str = "los",
+    condition: Condition | str = "los",
     volume: bool = False,
 ) -> Mask | VolumeMask:
     """Segment the object in an image, by the rules of `find_mask` (paper section 6.1).
