@@ -54,7 +54,8 @@ class ObjectPart(SceneObject):
     material : what it is made of
     """
 
-    __repr__ = SceneObject.__repr__
+    def __repr__(self) -> str:  # a record would make its own
+        return SceneObject.__repr__(self)
 
 
 @record
