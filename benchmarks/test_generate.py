@@ -66,7 +66,7 @@ def test_seconds_a_capture(benchmark, tmp_path, title, settings):
     benchmark.pedantic(lambda: None)
     took = started[1] - started[0]
     benchmark.extra_info.update(core_seconds=took, told=told)
-    print(f"\n{title}: {took:.1f} core-seconds, told {told:.1f} (x {slowness():.2f} here)")
+    print(f"\n{title}: {took:.1f} core-seconds, told {told:.1f} (x {slowness().median:.2f} here)")
 
 
 @pytest.mark.benchmark(group="two workers")

@@ -28,6 +28,7 @@ from millisight.rig.virtual import (
     ScanSettings,
     Sheet,
     World,
+    WorldLayout,
     WorldObject,
     build_layout,
     footprint,
@@ -130,25 +131,29 @@ def sheets_of(spec: dict[str, Any], middle: np.ndarray, top: float) -> tuple[She
     )
 
 
+def layout_of(name: str, band: str) -> WorldLayout:
+    """The object on its support, and the carton's panels where it lies in one."""
+    item, rotation, _, cover = SCENES[name]
+    thing = WorldObject(object=item, rotate_deg=rotation)
+    carton = Carton(clearance=cover) if isinstance(cover, float) else None
+    return build_layout(
+        World(objects=(thing,), carton=carton, radars=(BANDS[band][0],), scan=ScanSettings(size=(0.45, 0.55)))
+    )
+
+
 def scan(name: str, band: str) -> dict[str, Any]:
     """Frames in sight and under the sheets, positions, grid and true outline of a scene."""
-    item, rotation, offset, cover = SCENES[name]
+    _, _, offset, cover = SCENES[name]
     settings, steps, _ = BANDS[band]
-    device = radar(band)
-    carton = Carton(clearance=cover) if isinstance(cover, float) else None
-    thing = WorldObject(object=item, rotate_deg=rotation)
-    layout = build_layout(
-        World(objects=(thing,), carton=carton, radars=(settings,), scan=ScanSettings(size=(0.45, 0.55)))
-    )
+    device, layout = radar(band), layout_of(name, band)
     lower, upper = layout.objects[0].bounds
     middle, reach = (lower + upper) / 2 - [*offset, 0], (upper - lower)[:2] / 2 + MARGIN
     x, y = (m + s * np.arange(-(h // s), h // s + 1) for m, h, s in zip(middle, reach, steps, strict=False))
     shift = np.ptp(device.array.rx_positions, axis=0)[0] / 2
     places = np.stack([*np.meshgrid(x + shift, y, [0.0], indexing="ij")], axis=-1).reshape(-1, 3)
     path = trajectory(places)
-    if carton:
-        panels = layout.panels
-        hidden = tuple(Sheet(corner=p.corner, u=p.u, v=p.v, layers=board(3e-3)) for p in panels)
+    if layout.panels:
+        hidden = tuple(Sheet(corner=p.corner, u=p.u, v=p.v, layers=board(3e-3)) for p in layout.panels)
     else:
         hidden = tuple(sheet for spec in cover for sheet in sheets_of(spec, middle, upper[2]))
     parts = [Part(mesh=part.mesh, material=part.material) for part in layout.parts]

@@ -6,6 +6,7 @@ import json
 import re
 import subprocess
 import sys
+import typing
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -134,6 +135,32 @@ def test_tests_of_behaviour_import_public_names():
     )
     assert [path for path in reaching if path not in INTERNALS] == []
     assert [path for path in INTERNALS if path not in reaching] == []
+
+
+NAMES = [  # room, function, its argument, and where the room keeps the names
+    ("millisight.simulation", "simulate", "model", "SCATTERING_MODELS"),
+    ("millisight.imaging", "form_image", "method", "METHODS"),
+    ("millisight.imaging", "form_image", "window", "WINDOWS"),
+    ("millisight.perception.segmentation", "segment", "method", "SEGMENTERS"),
+    ("millisight.perception.classification", "classify", "method", "CLASSIFIERS"),
+]
+
+
+@pytest.mark.parametrize(("room", "function", "argument", "names"), NAMES)
+def test_editors_are_told_names_that_there_are(room, function, argument, names):
+    """And any other text is as good: plug-ins add names."""
+    front = importlib.import_module(room)
+    hint = typing.get_type_hints(getattr(front, function))[argument]
+    told, kinds = set(), [hint]
+    while kinds:
+        kind = kinds.pop()
+        if typing.get_origin(kind) is typing.Literal:
+            told |= set(typing.get_args(kind))
+        else:
+            kinds += typing.get_args(kind)
+    assert len(told) >= 2
+    assert told <= set(getattr(front, names))
+    assert str in typing.get_args(hint)
 
 
 def test_modules_stay_short():

@@ -12,8 +12,10 @@ import numpy as np
 import pytest
 
 import millisight as ms
+from millisight import data
 from millisight.core import checked_array, checked_integer, checked_metadata, checked_numbers
 from millisight.core.errors import InputError
+from millisight.meshes import ObjectPart
 
 PACKAGE = Path(ms.__file__).parent
 
@@ -72,6 +74,64 @@ def test_several_numbers():
     for value in (2, "12", None, {1: 2, 3: 4}, (1, 2, 3), (1, "a"), np.zeros(()), object()):
         with pytest.raises(InputError, match="n (is|has)"):
             checked_numbers(value, name="n", count=2)
+
+
+def public_records():
+    """One of each public record whose fields would make a long text."""
+    scene = ms.Scene.from_mesh("golf_ball", vertices=200)
+    radar, path = ms.Radar.preset("iwr1443"), ms.Trajectory.raster(size=(0.1, 0.1), step=0.01)
+    capture = ms.Capture(radar=radar, trajectory=path, frames=np.zeros((121, 1, 4, 512), np.complex64))
+    grid = ms.VoxelGrid.regular((0, 0, 0), (0.4, 0.4, 0.1), 0.01)
+    step = data.CalibrationStep(name="subtract", settings={"background": np.zeros((300, 2))})
+    intrinsics = ms.Intrinsics(fx=600.0, fy=600.0, cx=320.0, cy=240.0, width=64, height=48)
+    empty = {"depth": np.zeros((48, 64), np.uint16), "pose": np.eye(4)}
+    return [
+        scene, scene + scene + scene + scene, scene.objects[0], scene.objects[0].material, scene.mesh,
+        data.MATERIALS["cardboard"], ObjectPart(name="lid", mesh=scene.mesh, material=scene.objects[0].material),
+        radar, radar.array, radar.waveform, path, capture,
+        grid, grid.xy, ms.SarImage(grid=grid, values=np.zeros(grid.shape)),
+        ms.Mask(grid_xy=grid.xy, inside=np.ones(grid.xy.shape, bool)),
+        ms.VolumeMask(grid=grid, inside=np.ones(grid.shape, bool)),
+        ms.Instances(grid_xy=grid.xy, labels=np.ones(grid.xy.shape, int), scores=[1.0]),
+        ms.Picture(rgb=np.zeros((40, 30, 3), np.uint8)), ms.PointCloud(points=np.zeros((500, 3))),
+        ms.Prompts(points=np.zeros((1, 2), int), positive=[True]),
+        ms.Prediction(probabilities=np.full(8, 0.125), class_names=tuple("abcdefgh")), intrinsics,
+        ms.CameraFrame(intrinsics=intrinsics, rgb=np.zeros((48, 64, 3), np.uint8), **empty),
+        ms.CameraMask(pixels=np.zeros((48, 64), bool), points=np.zeros((48, 64, 3)), **empty),
+        ms.ClockCorrection(offset=0.02),
+        ms.ScanRow(times=np.arange(5000.0), read=lambda: np.zeros(1), source="a.bin", missing=np.arange(5000) < 3),
+        step, data.RawCapture(capture=capture, calibration=(step, step)),
+        data.Layers(
+            thicknesses=np.full(30, 0.01), indices=np.full(30, 1.5), normal=[0, 0, -1], moved=0, offset=0, error=0
+        ),
+        ms.Alignment(rotation=np.eye(3), translation=np.array([0.001, 0, 0]), rms=0.002, iterations=3, converged=True),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("one", public_records(), ids=lambda record: type(record).__name__)
+def test_a_record_s_text_is_one_short_line(one):
+    text = repr(one)
+    assert text.startswith(f"{type(one).__name__}(")
+    assert text.endswith(")")
+    assert len(text) <= 200
+    assert "\n" not in text
+    assert "array(" not in text
+
+
+def test_texts_say_sizes_units_and_extents():
+    scene = ms.Scene.from_mesh("cracker_box", vertices=None)
+    box = r"x -?[\d.]+ to [\d.]+ m, y -?[\d.]+ to [\d.]+ m, z -?[\d.]+ to [\d.]+ m"
+    assert re.fullmatch(rf"Scene\(cracker_box of cardboard; {box}\)", repr(scene))
+    four = scene + scene + scene + scene
+    assert re.fullmatch(rf"Scene\((cracker_box of cardboard, ){{3}}1 more; {box}\)", repr(four))
+    radar = ms.Radar.preset("iwr1443")
+    assert repr(radar) == "Radar(iwr1443, 77.5001 to 80.4952 GHz in 512 samples, 1 TX x 4 RX, path offset 0.15 m)"
+    assert repr(radar.array) == "AntennaArray(1 TX x 4 RX, x -0.0108 to 0 m, y 0 to 0 m, z 0 to 0 m)"
+    row = ms.ScanRow(times=np.arange(5000.0), read=lambda: np.zeros(1), source="a.bin", missing=np.arange(5000) < 3)
+    assert repr(row) == "ScanRow(a.bin, 5000 frames, 3 missing, 0 to 4999 s)"
+    turned = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    moved = ms.Alignment(rotation=turned, translation=np.array([0.001, 0, 0]), rms=0.002, iterations=3, converged=False)
+    assert repr(moved) == "Alignment(by (1, 0, 0) mm and 90 degrees, rms 2 mm, not converged)"
 
 
 def test_metadata_cannot_be_changed_at_any_depth():

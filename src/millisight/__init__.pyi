@@ -31,6 +31,7 @@ from .data import Scene as Scene
 from .data import SceneObject as SceneObject
 from .data import Trajectory as Trajectory
 from .data import TriangleMesh as TriangleMesh
+from .data import VolumeMask as VolumeMask
 from .data import VoxelGrid as VoxelGrid
 from .data import Waveform as Waveform
 from .datasets import evaluate as evaluate
@@ -59,6 +60,7 @@ from .perception.classification import classifier as classifier
 from .perception.classification import classify as classify
 from .perception.segmentation import Candidates as Candidates
 from .perception.segmentation import Segmenter as Segmenter
+from .perception.segmentation import extend_mask as extend_mask
 from .perception.segmentation import segment as segment
 from .perception.segmentation import segment_instances as segment_instances
 from .perception.segmentation import segmenter as segmenter
@@ -66,5 +68,6 @@ from .simulation import add_noise as add_noise
 from .simulation import aperture_over as aperture_over
 from .simulation import check_coverage as check_coverage
 from .simulation import simulate as simulate
+from .viz.viewer import view as view
 
 __version__: str

@@ -185,7 +185,35 @@ def test_what_tests_nothing_is_refused(work):
     said = "no image to test on. Left out of mine, which knows can, handle, box, sphere: 2 {}"
     assert str(done.exception).endswith(said.format("in a pose of training (a_lego_duplo)"))
     done = run(work, "--object", "074-x_wide", weights=("blind",))
-    assert said.format("of no class that it knows (wide); add the object to `classes` and") in str(done.exception)
+    assert said.format("of no class that it knows (wide); state the class of an object of your own") in str(
+        done.exception
+    )
+
+
+def test_the_class_of_an_own_object_is_the_datasets(work):
+    info = work / "data/074-x_wide/robot_collected/0_0_0/exp1/experiment_info.json"
+    info.write_text(json.dumps({**INFO, "class": "can"}))
+    done = run(work, "--object", "074-x_wide", "--truth", "exact", "--mistakes", "0", weights=("blind",))
+    assert done.exit_code == 0, done.output
+    answers = rows(work, "answers")
+    assert {(row["object"], row["truth"], row["split"]) for row in answers} == {("wide", "can", "object-disjoint")}
+    info.write_text(json.dumps({**INFO, "class": 3}))
+    done = run(work, "--object", "074-x_wide", weights=("blind",))
+    assert done.exit_code == 1
+
+
+@pytest.mark.parametrize("physics", [" ", None, "rays"])
+def test_unknown_physics_of_the_images_is_told(work, physics):
+    for path in (work / "data").rglob("experiment_info.json"):
+        path.write_text(json.dumps({**INFO, "physics": physics}))
+    done = run(work, "--mistakes", "0")
+    assert done.exit_code == 0, done.output
+    text = (work / "out/classification.md").read_text()
+    told = physics if physics == "rays" else "simulated"
+    assert f"data (virtual rig, {told}; simulated, not real data)" in text
+    said = "mine: whether the physics of the test images is other than that of training is unknown"
+    assert said in text
+    assert said in done.output
 
 
 def test_it_goes_on_where_it_stopped_and_a_damaged_scene_stops_no_other(work):

@@ -24,7 +24,7 @@ class Bright:
         self.name = name
         self.above = 0.25 if name == "dim" else 0.5
         if name == "dim":
-            self.description = {"sha256": "0", "objects": {"training": ["spoon", "wide"], "validation": ["fork"]}}
+            self.description = {"sha256": "0", "objects": {"training": ["spoon", "074-X_wide"], "validation": ["fork"]}}
 
     def segment(self, picture, prompts):
         shown = picture.rgb.mean(axis=2) / 255 if picture.power is None else picture.power
@@ -48,6 +48,8 @@ def run(work, *options):
 
 
 def test_tables_pictures_and_every_mask_are_written(work):
+    info = work / "data/074-x_wide/robot_collected/0_0_0/exp1/experiment_info.json"
+    info.write_text(json.dumps({**INFO, "class": "sphere"}))
     done = run(work, "--method", "classical", "--method", "dim", "--seeds", "2", "--failures", "1")
     assert done.exit_code == 0, done.output
     out = work / "out"
@@ -64,6 +66,10 @@ def test_tables_pictures_and_every_mask_are_written(work):
     ):
         assert said in text
         assert said in done.output
+    with open(out / "los.csv", newline="") as file:
+        marked = {row["input"] for row in csv.DictReader(file) if row["precision [%]"].endswith("†")}
+    assert marked == {"camera"}
+    assert "† No result about the radar" in done.output
     page = (out / "index.html").read_text()
     assert "simulated, not real data" in page
     assert page.count("worst-0") >= 2
@@ -73,6 +79,7 @@ def test_tables_pictures_and_every_mask_are_written(work):
     seeing = [row for row in trials if not row["segmenter"].startswith("blind")]
     assert len(seeing) == 2 * 4 * 4 * 2  # segmenters, scenes, inputs, seeds
     assert len({row["segmenter"] for row in trials}) == 2 + 4
+    assert {(row["object"], row["class"]) for row in trials} == {("wide", "sphere"), ("a_lego_duplo", "box")}
     trials = seeing
     camera = {row["sight"]: float(row["recall"]) for row in trials if row["input"] == "camera"}
     assert camera["nlos"] == 1

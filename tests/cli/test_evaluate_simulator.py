@@ -1,6 +1,7 @@
 """`millisight evaluate simulator`: the table of a small dataset whose truth is known; what is wrong is said."""
 
 import csv
+import dataclasses
 import tomllib
 
 import numpy as np
@@ -155,8 +156,33 @@ def test_a_folder_without_pairs_is_an_error(tmp_path):
         (("--crop", "all"), InputError, "--crop is 'all'"),
         (("--crop", "12"), InputError, "--crop is '12'; expected two whole numbers such as 12,7"),
         (("--clouds", "xyz"), UnknownNameError, "point cloud format 'xyz'"),
+        (("--clutter", "foil"), UnknownNameError, "kind of clutter 'foil'"),
     ],
 )
 def test_options_that_cannot_be_right_are_refused(tmp_path, options, kind, said):
     with pytest.raises(kind, match=said):
         raise run(make(tmp_path / "data", names=("025_mug",)), tmp_path / "out", *options).exception
+
+
+def test_sheets_are_taken_off_before_images_are_compared(tmp_path, monkeypatch):
+    asked = []
+
+    def cut(image, *, frequency):
+        asked.append(frequency)
+        return dataclasses.replace(image, values=image.values * (image.grid.z < image.grid.z[3]))
+
+    monkeypatch.setattr("millisight.evaluation.tasks.simulator.without_sheets", cut)
+    root = make(tmp_path / "data", names=("025_mug",))
+    for sight in ("los", "nlos"):
+        folder = experiment_folder(root, "025_mug", (0, 0, 0), 1, sight)
+        there = combine(*parts(shift=(0.0, 0.08, -0.06)), ALPHA)
+        lid = np.zeros_like(there.values)
+        lid[..., 4] = 5
+        put(folder, "processed_image.pkl", dataclasses.replace(there, values=there.values + lid), SIMULATED)
+    found = {}
+    for clutter in ("none", "lid"):
+        assert run(root, tmp_path / clutter, "--clutter", clutter, "--pictures", "0").exit_code == 0
+        found[clutter] = [float(pair["F [%]"]) for pair in rows(tmp_path / clutter / "pairs.csv")]
+    assert max(found["none"]) < 90
+    assert min(found["lid"]) == 100
+    assert set(asked) == {79e9}

@@ -47,7 +47,10 @@ def test_it_tells_the_cost_makes_the_dataset_and_goes_on(recipe, tmp_path):
     assert first.exit_code == 0, first.output
     lines = first.stdout.splitlines()
     assert lines[:2] == ["quick: 2 objects (2 from the catalogue)", "jobs: 2, of which 0 are done"]
-    assert re.fullmatch(r"estimate: \d+ s on one core, \d+ s on \d+; \d+ MB, and \d+ MB of temporary files", lines[2])
+    told = (
+        r"estimate: \d+ s to \d+ s on one core, \d+ s to \d+ s on \d+, where nothing else runs; \d+ MB, and \d+ MB of "
+    )
+    assert re.fullmatch(told + "temporary files", lines[2])
     size = sum(entry.size for entry in read_manifest(out).entries.values())
     assert lines[3] == f"made 2 of 2 jobs; 0 were done before; 12 files, {size / 1e6:.1f} MB in {out}"
     again = run(recipe, "-o", out)

@@ -175,3 +175,49 @@ def test_every_object_gets_a_mask_of_its_own(tmp_path, here):
     restricted = here("pair.image.h5", "--instances", "--method", "classical", "-o", "by.h5", "--no-picture")
     assert restricted[0] == 0
     assert load_extras(tmp_path / "by.h5")["segmentation"]["method"] == "classical"
+
+
+def test_voxels_with_their_surface_and_three_views(tmp_path, here):
+    """One image and a folder; the surface is around the voxels, in metres."""
+    from millisight.meshes import load_mesh
+
+    ms.save(tmp_path / "mug.image.h5", image())
+    code, out, *_ = here("mug.image.h5", "--volume", "--method", "classical")
+    assert code == 0
+    kept = ms.load(tmp_path / "mug.volume.h5")
+    direct = ms.segment(image(), method="classical", rng=0, volume=True)
+    np.testing.assert_array_equal(kept.inside, direct.inside)
+    assert (
+        f"mug: {kept.inside.sum()} voxels, z 0.000 to 0.010 m, by classical; wrote mug.volume.h5 and mug.volume.ply"
+        in out
+    )
+    assert kept.inside[9:15, 11:23].any(axis=2).mean() > 0.95
+    assert load_extras(tmp_path / "mug.volume.h5")["segmentation"]["method"] == "classical"
+    surface = load_mesh(tmp_path / "mug.volume.ply", unit="m")
+    np.testing.assert_allclose(surface.bounds, direct.surface().bounds, atol=1e-12)
+    assert (tmp_path / "mug.volume.png").read_bytes().startswith(b"\x89PNG")
+    code, out, *_ = here(".", "--volume", "--method", "classical", "--no-picture", "-o", "out")
+    assert (code, sorted(path.name for path in (tmp_path / "out").iterdir())) == (
+        0,
+        ["mug.volume.h5", "mug.volume.ply"],
+    )
+    assert "pass one of them" in here("mug.image.h5", "--volume", "--instances")[3]
+    refused = here("mug.image.h5", "--volume", "--method", "classical", "-o", "mug.ply")[3]
+    assert "mug.ply is given for two outputs" in refused
+
+
+class Nothing:
+    name, needs_prompts = "nothing", False
+
+    def segment(self, picture, prompts):
+        return ms.Candidates(masks=np.zeros((1, *picture.shape), bool), scores=[1.0])
+
+
+def test_of_nothing_there_is_no_surface(tmp_path, here, monkeypatch):
+    monkeypatch.setattr("millisight.cli.segment.named_segmenter", lambda *_, **__: Nothing())
+    ms.save(tmp_path / "mug.image.h5", image())
+    assert "nothing found, by nothing; wrote an empty mask to mug.volume.h5, and no surface" in here(
+        "mug.image.h5", "--volume"
+    )[1]  # fmt: skip
+    assert not ms.load(tmp_path / "mug.volume.h5").inside.any()
+    assert not (tmp_path / "mug.volume.ply").exists()

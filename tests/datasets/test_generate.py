@@ -7,6 +7,7 @@ import pickle
 import signal
 import subprocess
 import sys
+import time
 from functools import partial
 
 import numpy as np
@@ -20,6 +21,7 @@ from helpers.small_jobs import failing, napping
 from millisight.core.errors import DeviceError, FileError, InputError, UnknownNameError
 from millisight.datasets import convert, read_manifest, verify
 from millisight.datasets.generation import Engine, RigJob, engine_of, plan_dataset, run_plan
+from millisight.datasets.generation import _cost as cost
 from millisight.datasets.generation import _generate as generate
 from millisight.datasets.generation._ledger import JOURNAL_NAME, Ledger
 from millisight.datasets.generation._simulator_job import SimulatorJob
@@ -331,9 +333,12 @@ def test_the_cost_is_told_before_and_grows_with_the_work():
 
     few, plan = costs()
     assert len(few) == JOBS
-    assert 0.1 < plan.slowness < 100
+    slow = plan.slowness
+    assert 0.1 < slow.low <= slow.median <= slow.high < 100
     total = plan.total(2)
-    assert total.core_seconds == pytest.approx(plan.slowness * sum(cost.seconds for cost in few.values()))
+    assert total.core_seconds == pytest.approx(slow.median * sum(cost.seconds for cost in few.values()))
+    assert total.low < slow.low / slow.median
+    assert total.high > slow.high / slow.median
     assert total.core_seconds / 2 <= total.wall <= total.core_seconds
     rig = small_recipe.table()["rig"]
     denser = {**rig, "world": {**rig["world"], "scan": {**rig["world"]["scan"], "row_spacing": 0.01}}}
@@ -342,6 +347,35 @@ def test_the_cost_is_told_before_and_grows_with_the_work():
     assert more[key].seconds > few[key].seconds
     kept, _ = costs(rig={**rig, "keep": "images"})
     assert kept[key].kept < few[key].kept
+
+
+def test_waiting_for_the_core_and_one_disturbed_probe_do_not_change_the_estimate(monkeypatch):
+    started = time.perf_counter()
+    assert cost.processor_seconds(lambda: time.sleep(0.2)) < 0.1
+    assert time.perf_counter() - started >= 0.2
+    probes = iter([2.0, 2.1, 1.9, 2.0, 50.0, 2.0, 2.0])
+    monkeypatch.setattr(cost, "processor_seconds", lambda work: next(probes))
+    found = cost.slowness()
+    assert next(probes, None) is None
+    assert (found.high / found.median, found.low / found.median) == pytest.approx((25, 0.95))
+
+
+def test_what_finished_jobs_took_corrects_what_is_left():
+    told = {"a": ("rig", 10.0), "b": ("rig", 20.0), "c": ("simulator", 10.0), "d": ("simulator", 10.0)}
+    remaining = cost.Remaining(told, slowness=2.0)
+    assert remaining.finish("a", 40.0) == (40, 40 + 4 * (20 + 10 + 10))  # four times as long, as far as is known
+    assert remaining.finish("c", 5.0) == (45, 45 + 80 + 5)  # each kind by its own
+    assert remaining.finish("b", None) == (125, 125 + 5)  # it failed: as long as it would have taken
+    assert remaining.finish("d", 7.2) == (133, 133)
+    assert cost.Remaining(told, slowness=2.0).finish("a", None) == (20, 20 + 80)
+
+
+def test_raw_text_is_read_whole_however_short_its_rows_are():
+    rig = small_recipe.table()["rig"]
+    long, short = (
+        plan_dataset(small_recipe.recipe(rig={**rig, "keep": keep}), "nowhere") for keep in ("raw", "images")
+    )
+    assert sum(cost.seconds for cost in long.costs) > 1.2 * sum(cost.seconds for cost in short.costs)
 
 
 def test_the_estimated_bytes_are_about_right(made):

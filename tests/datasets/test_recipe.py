@@ -14,7 +14,7 @@ from helpers import oracles, small_recipe
 from millisight.core import rotation_from_euler_deg
 from millisight.core.errors import FileError, FormatError, InputError
 from millisight.datasets import prepare_objects
-from millisight.datasets._generated_objects import lying_like
+from millisight.datasets._generated_objects import box_of, differ_in_size, lying_like
 from millisight.datasets.generation import RigJob, plan_dataset, read_recipe, recipe_from_table
 from millisight.datasets.generation._jobs import jobs_of, poses_of
 from millisight.datasets.generation._recipe import Objects, PoseSettings
@@ -304,6 +304,9 @@ def test_files_are_taken_from_beside_the_recipe(tmp_path):
     lock = things["lock"]
     assert (lock.folder, lock.source, lock.material) == ("000_lock", "file", "brass")
     assert lock.mesh.bounds == pytest.approx(build_mesh.bounds, abs=1e-6)
+    scans = [job for job in jobs_of(recipe, things) if isinstance(job, RigJob)]
+    stated = {(job.folder.split("/")[0], job.info.get("class")) for job in scans}
+    assert stated == {("000_lock", "other"), ("058_golf_ball", None), ("tripod_background", None)}
     lock.write(tmp_path)
     assert load_mesh(tmp_path / lock.path, unit="m").bounds == pytest.approx(build_mesh.bounds, abs=1e-6)
     with pytest.raises(FileError, match="files: .*gone.ply"):
@@ -323,6 +326,54 @@ def test_a_scan_is_turned_to_lie_as_the_catalogue_does(name):
     turned = lying_like(stood, shape)
     assert spread(turned)(shape) < 0.004
     assert np.abs(turned.bounds + turned.bounds[::-1]).max() < 1e-9
+
+
+def scanned_as(folder, ycb_id, mesh):
+    """A folder with a scan of that name."""
+    from trimesh import Trimesh
+
+    Trimesh(mesh.vertices, mesh.faces).export(folder / f"{ycb_id}.ply")
+    return folder
+
+
+def bricks(folder):
+    return prepare_objects(small_recipe.recipe(objects={"names": ["a_lego_duplo"]}), meshes=folder)["a_lego_duplo"]
+
+
+def test_a_scan_of_another_size_is_told_and_not_turned_to_fit(tmp_path, caplog):
+    other = build_object("b_lego_duplo").moved(translation=np.array([0.1, -0.2, 0.3]))
+    found = bricks(scanned_as(tmp_path, "073-a_lego_duplo", other))
+    assert found.source == "scan"
+    assert found.mesh.extent == pytest.approx(other.extent, abs=1e-6)  # standing, as it stood
+    assert np.abs(found.mesh.bounds.sum(axis=0)).max() < 1e-9
+    assert "073-a_lego_duplo.ply, taken for 073-a_lego_duplo, measures 31.8 x 31.8 x" in caplog.text
+    assert "it may be another object" in caplog.text
+    assert found.mesh.extent[2] > found.mesh.extent[0]
+
+
+def test_a_scan_of_its_own_size_is_turned_without_a_word(tmp_path, caplog):
+    shape = build_object("a_lego_duplo")
+    stood = shape.moved(rotation=rotation_from_euler_deg((90.0, 0.0, 30.0)))
+    found = bricks(scanned_as(tmp_path, "073-a_lego_duplo", stood))
+    assert found.mesh.extent == pytest.approx(shape.extent, abs=1e-3)
+    assert "another object" not in caplog.text
+
+
+def test_sizes_are_compared_by_the_longest_edge():
+    size = np.array([0.01, 0.05, 0.2])
+    assert not differ_in_size(size, size + np.array([0.015, 0.0, 0.019]))
+    assert differ_in_size(size, size + np.array([0.025, 0.0, 0.0]))
+    assert differ_in_size(size, 1000 * size)
+    sizes = {name: box_of(build_object(name))[1] for name in CATALOGUE if name.endswith("lego_duplo")}
+    unlike = [(a, b) for a in sizes for b in sizes if a < b and not np.allclose(sizes[a], sizes[b])]
+    assert len(unlike) == 19
+    assert all(differ_in_size(sizes[a], sizes[b]) for a, b in unlike)
+
+
+@pytest.mark.parametrize("name", ["a_toy_airplane", "hammer", "mug"])
+def test_real_scans_are_of_the_catalogues_sizes(name):
+    scan = load_mesh(find_scans(oracles.shared("ycb"))[name], unit="m")
+    assert not differ_in_size(box_of(scan)[1], box_of(build_object(name))[1])
 
 
 def test_real_scans_lie_as_the_catalogue_does():

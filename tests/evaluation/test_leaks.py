@@ -52,6 +52,12 @@ class TestSides:
             ("025-Mug", (0, 0, 30), CLOSED),  # spelled otherwise
             ("065-B cups", (0, 0, 30), CLOSED),
             ("065b_cups_b", (0, 0, 30), CLOSED),  # its folder in the published dataset
+            ("cups_b", (0, 0, 30), CLOSED),
+            ("MUG", (0, 0, 30), CLOSED),
+            ("025 mug", (0, 0, 30), CLOSED),
+            ("scans/025_mug.ply", (0, 0, 30), CLOSED),
+            ("025_mug/google_16k/nontextured.stl", (0, 0, 30), CLOSED),
+            ("000_025_mug", (0, 0, 30), CLOSED),  # a recipe's own file of that name
             ("mug", (0, 0, 91), SAME_POSE),
             ("mug", (0, 0, 92), CLOSED),
             ("fork", (0, 0, 0), CLOSED),
@@ -91,8 +97,24 @@ class TestChecks:
             InputError, match="images of the same physics as the test images, 'virtual rig: physical optics'"
         ):
             check_physics(training(physics="Virtual  rig: of last year"), ["", RIG])
+        for same in ("simulator of the paper: point reflectors", "published simulator"):
+            with pytest.raises(InputError, match="images of the same physics"):
+                check_physics(training(), [same])
         with pytest.raises(InputError, match="does not state the physics"):
             check_physics(training(physics=""), [""])
+
+    @pytest.mark.parametrize("blank", [None, "  ", 3, ["virtual rig"]])
+    def test_training_has_to_state_its_physics_in_words(self, blank):
+        with pytest.raises(InputError, match="does not state the physics of its images; train it again"):
+            training(physics=blank)
+
+    @pytest.mark.parametrize(("learned", "tested"), [("rays: mine", RIG), ("paper's simulator", "simulated")])
+    def test_physics_that_is_not_known_is_never_taken_for_another_one(self, learned, tested):
+        (note,) = plan_splits(training(physics=learned), [image(physics=tested), image(physics="")], CLASSES).notes
+        assert note.startswith("mine: whether the physics of the test images is other than that of training is unknown")
+        assert repr(learned) in note
+        assert repr(tested) in note
+        assert plan_splits(training(), [image(), image(physics="")], CLASSES).notes == ()
 
 
 class TestPlan:
@@ -153,6 +175,9 @@ class TestDescriptions:
         assert set(known.values()) == {"can", "box"}
         told = {"can": ["003_cracker_box"], "box": ["gear"], "other": ["fork"]}
         assert classes_of({"classes": told}, ("can", "box")) == {**known, "cracker_box": "can", "gear": "box"}
+        stated = {"000_My gear": "can", "gear": "can", "vase": "ball", "lemon": "box"}
+        found = classes_of({"classes": told}, ("can", "box"), stated)  # the classifier's own classes come first
+        assert found == {**known, "cracker_box": "can", "gear": "box", "my_gear": "can", "lemon": "box"}
         for wrong in (3, {"can": "gear"}):
             with pytest.raises(InputError, match="expected lists of objects' names by class"):
                 classes_of({"classes": wrong}, ("can",))
@@ -164,7 +189,7 @@ class TestDescriptions:
 def test_no_shipped_segmenter_saw_an_object_of_the_test_images():
     recipe = tomllib.loads((RECIPES / "unseen.toml").read_text())
     tested = {catalogue_name(name) for name in recipe["objects"]["names"]}
-    assert len(tested) == 40
+    assert len(tested) == 38
     shipped = sorted(WAVE_WEIGHTS.parent.glob("*.json"))
     assert shipped
     for path in shipped:

@@ -20,6 +20,7 @@ def capture():
 def test_a_scene_s_grid_stands_out_by_the_margin():
     grid = ms.grid_around(SCENE, 0.01)
     assert grid.bounds == pytest.approx(np.array([[-0.07, -0.05, -0.04], [0.07, 0.05, 0.04]]))
+    assert np.array_equal(ms.grid_around(SCENE.mesh, 0.01).bounds, grid.bounds)
     tight = ms.grid_around(SCENE, (0.01, 0.02, 0.04), margin=0.0)
     assert tight.shape == (11, 4, 2)
     assert tight.bounds[0] == pytest.approx([-0.05, -0.03, -0.02])
@@ -50,7 +51,7 @@ def test_what_cannot_be_is_named(capture):
         ((SCENE,), "a scene alone has no wavelength; pass spacing"),
         ((bare,), "does not say where its scene is"),
         ((SCENE, 2.0), "voxels 2 m wide leave at most two along each axis"),
-        (("mug", 0.01), "scene is of type str; expected Scene or Capture"),
+        (("mug", 0.01), "scene is of type str; expected Scene, TriangleMesh or Capture"),
         ((SCENE, 0), "spacing is 0 m"),
     ):
         with pytest.raises(InputError, match=message):

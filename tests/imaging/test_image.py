@@ -1,5 +1,7 @@
 """Grids, images and their combination."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -123,12 +125,123 @@ def test_impossible_windows_are_refused(window):
         window_pair(window)
 
 
-def test_xarray_carries_coordinates():
+def test_images_and_masks_are_arrays_to_numpy():
+    one = image(4)
+    inside = np.eye(4, 3) > 0
+    mask = ms.Mask(grid_xy=GRID.xy, inside=inside)
+    voxels = ms.VolumeMask(grid=GRID, inside=np.repeat(inside[..., None], 3, axis=2))
+    for record, array in ((one, one.values), (mask, mask.inside), (voxels, voxels.inside)):
+        assert np.asarray(record) is array  # no copy where none is needed
+        copied = np.array(record, copy=True)
+        copied[:] = 0
+        assert np.array_equal(np.asarray(record), array)
+        assert array.any()
+        with pytest.raises(ValueError, match="copy"):
+            np.asarray(record, dtype=np.complex64 if array.dtype != np.complex64 else np.complex128, copy=False)
+    assert np.asarray(one, dtype=np.complex128).dtype == np.complex128
+    assert np.array_equal(abs(one), np.abs(one.values))
+    assert np.array_equal(np.asarray(mask, dtype=float), inside.astype(float))
+
+
+def test_a_plain_array_becomes_an_image():
+    values = np.random.default_rng(0).normal(size=(4, 3, 2))
+    one = ms.SarImage.from_array(values, (0.01, 0.02, 0.04), center=(0.1, 0, -0.2), metadata={"source": "mine"})
+    assert one.grid.x == pytest.approx([0.085, 0.095, 0.105, 0.115])
+    assert one.grid.y == pytest.approx([-0.02, 0, 0.02])
+    assert one.grid.z == pytest.approx([-0.22, -0.18])
+    assert np.array_equal(one.values, values.astype(np.complex64))
+    assert one.metadata == {"source": "mine"}
+    flat = ms.SarImage.from_array(values[..., 0], 0.01)
+    assert flat.grid.shape == (4, 3, 1)
+    assert ms.SarImage.from_array(values + 1e-12j, 0.01).values.dtype == np.complex128
+
+
+def test_a_plain_array_is_segmented_at_its_place():
+    """A bright square, in an image of another program."""
+    values = np.full((40, 30, 4), 0.01)
+    values[8:14, 16:24] = 1.0
+    mask = ms.segment(ms.SarImage.from_array(values, 0.005), method="classical", rng=0)
+    assert mask.inside[8:14, 16:24].mean() > 0.8
+    assert mask.inside.sum() < 100
+
+
+@pytest.mark.parametrize(
+    ("values", "spacing", "message"),
+    [
+        (np.zeros(3), 0.01, r"values has shape \(3,\); expected \(X, Y, Z\)"),
+        (np.zeros((2, 0, 2)), 0.01, "no empty dimension"),
+        (np.full((2, 2, 2), np.nan), 0.01, "values has 8 values that are NaN"),
+        (np.zeros((2, 2, 2)), 0, "spacing is 0 m; expected more than 0 m"),
+        (np.zeros((2, 2, 2)), (1, 1), "spacing has 2 numbers; expected 3"),
+    ],
+)
+def test_arrays_that_are_no_image_are_refused(values, spacing, message):
+    with pytest.raises(InputError, match=message):
+        ms.SarImage.from_array(values, spacing)
+
+
+METADATA = {
+    "history": [{"step": "simulate", "model": "edge", "edge": None}, {"step": "form_image"}],
+    "placed": {"rotate_deg": [0.0, 90.0, 0.0]},
+    "seed": 2**40,
+    "count": 3,
+    "snr_db": 12.5,
+    "name": "Würfel",
+    "looks_like_json": "[1]",
+    "empty": "",
+    "two_sided": True,
+    "unit": None,
+}
+
+
+def test_xarray_carries_coordinates_and_flat_attributes():
     pytest.importorskip("xarray", reason="xarray is an extra")
-    array = image(4).to_xarray()
+    given = image(4)
+    array = ms.SarImage(grid=GRID, values=given.values, metadata=METADATA).to_xarray()
     assert array.dims == ("x", "y", "z")
     assert array.x.attrs["units"] == "m"
-    assert array.sel(x=0.01, y=0.0, z=0.0, method="nearest").item() == image(4).values[1, 0, 2]
+    assert array.sel(x=0.01, y=0.0, z=0.0, method="nearest").item() == given.values[1, 0, 2]
+    assert {type(value) for value in array.attrs.values()} == {str, int, float}
+    assert json.loads(array.attrs["history"]) == METADATA["history"]
+    assert (array.attrs["name"], array.attrs["snr_db"]) == ("Würfel", 12.5)
+
+
+@pytest.mark.parametrize("dtype", [np.complex64, np.complex128])
+@pytest.mark.parametrize("form", ["memory", "netcdf", "zarr", "zarr of complex values"])
+def test_what_is_saved_by_xarray_is_read_back(tmp_path, form, dtype):
+    xarray = pytest.importorskip("xarray", reason="xarray is an extra")
+    if "zarr" in form:
+        pytest.importorskip("zarr", reason="zarr is not installed: pip install zarr")
+    given = ms.SarImage(grid=GRID, values=np.asarray(image(4), dtype=dtype), metadata=METADATA)
+    data = given.to_xarray(parts="complex" not in form)
+    if form == "netcdf":
+        data.to_netcdf(tmp_path / "image.nc", engine="scipy")
+        with xarray.open_dataset(tmp_path / "image.nc", engine="scipy") as file:
+            data = file.load()
+    elif form != "memory":
+        data.to_zarr(tmp_path / "image.zarr", zarr_format=2)
+        with xarray.open_zarr(tmp_path / "image.zarr") as file:
+            data = file.load() if "complex" not in form else file["image"].load()
+    read = ms.SarImage.from_xarray(data)
+    assert read.values.dtype == dtype
+    assert np.array_equal(read.values, given.values)
+    assert all(np.array_equal(getattr(read.grid, name), getattr(GRID, name)) for name in "xyz")
+    assert read.metadata == METADATA
+    assert [type(read.metadata[name]) for name in ("count", "seed", "two_sided")] == [int, int, bool]
+
+
+def test_axes_of_xarray_may_be_in_any_order():
+    pytest.importorskip("xarray", reason="xarray is an extra")
+    data = image(4).to_xarray().transpose("z", "x", "y")
+    assert np.array_equal(ms.SarImage.from_xarray(data).values, image(4).values)
+
+
+def test_what_is_no_image_in_xarray_is_refused():
+    xarray = pytest.importorskip("xarray", reason="xarray is an extra")
+    whole = image(4).to_xarray(parts=True)
+    for wrong in (3, whole.drop_vars("imag"), whole.drop_vars("z"), xarray.DataArray(np.zeros((2, 2)))):
+        with pytest.raises(InputError, match="data is no image: .*expected an xarray.DataArray"):
+            ms.SarImage.from_xarray(wrong)
 
 
 def test_values_are_complex64_unless_they_come_as_a_complex128_array():

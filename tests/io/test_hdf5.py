@@ -45,6 +45,7 @@ def one_of_each():
         capture.radar.waveform, capture.radar.array, capture.radar, capture.trajectory, capture, grid, grid.xy,
         ms.SarImage(grid=grid, values=np.arange(6).reshape(3, 2, 1) * (1 + 2j), metadata={"ö": "µ"}),
         ms.Mask(grid_xy=grid.xy, inside=[[True, False]] * 3),
+        ms.VolumeMask(grid=grid, inside=[[[True], [False]]] * 3),
         ms.Instances(grid_xy=grid.xy, labels=[[1, 2], [1, 0], [0, 0]], scores=[3.0, 2.0]),
         ms.Prediction(probabilities=[0.25, 0.75], class_names=("can", "box")),
         scene.mesh, scene.objects[0].material, scene.objects[0], scene + scene.moved((1, 0, 0)), intrinsics, layers,
@@ -81,6 +82,15 @@ def test_complex128_values_are_kept_to_the_last_bit(tmp_path):
     kept = ms.load(tmp_path / "i.h5").values
     assert kept.dtype == np.complex128
     assert kept.tobytes() == values.tobytes()
+
+
+def test_axes_are_stated_as_the_record_has_them(tmp_path):
+    for record in one_of_each():
+        if isinstance(record, ms.Mask | ms.VolumeMask):
+            ms.save(tmp_path / f"{type(record).__name__}.h5", record)
+    for name, axes in (("Mask", "x, y"), ("VolumeMask", "x, y, z")):
+        with h5py.File(tmp_path / f"{name}.h5", "r") as file:
+            assert file["inside"].attrs["axes"] == axes
 
 
 def test_extras_come_back_bit_for_bit_beside_the_record(tmp_path):
@@ -169,6 +179,18 @@ def test_frames_stay_on_disk_until_asked_for(tmp_path):
     ms.save(tmp_path / "radar.h5", capture.radar)
     with pytest.raises(FormatError, match="holds a Radar; expected a Capture"), ms.open_capture(tmp_path / "radar.h5"):
         pass
+
+
+def test_the_kind_of_record_can_be_asked_for(tmp_path):
+    radar = ms.Radar.preset("iwr1443")
+    ms.save(tmp_path / "radar.h5", radar)
+    assert same(ms.load(tmp_path / "radar.h5", ms.Radar), radar)
+    assert same(ms.load(tmp_path / "radar.h5", kind=ms.Radar), radar)
+    with pytest.raises(FormatError, match=r"radar\.h5 holds a Radar; expected a SarImage"):
+        ms.load(tmp_path / "radar.h5", ms.SarImage)
+    for wrong in (int, "Radar", ms.Prompts):
+        with pytest.raises(InputError, match="kind is .*; expected one of AntennaArray, CameraFrame"):
+            ms.load(tmp_path / "radar.h5", wrong)
 
 
 def test_every_flipped_byte_is_noticed_or_harmless(tmp_path):

@@ -12,7 +12,7 @@ from helpers import oracles
 from helpers.closed_meshes import volume
 from millisight.core.errors import FileError, InputError, MeshError, UnknownNameError
 from millisight.data import MATERIALS, Scene, TriangleMesh
-from millisight.meshes import CATALOGUE, ObjectPart, build_object, build_parts, find_scans, load_mesh
+from millisight.meshes import CATALOGUE, ObjectPart, build_object, build_parts, find_scans, load_mesh, object_name
 from millisight.meshes import _shapes as shapes
 from millisight.meshes._catalogue import CatalogueObject
 
@@ -44,6 +44,48 @@ STANDING = {name for name in NAMES if name.endswith(("_cups", "_lego_duplo"))} |
 @pytest.fixture(scope="module")
 def meshes() -> dict[str, TriangleMesh]:
     return {name: build_object(name) for name in NAMES}
+
+
+def spellings(name):
+    """How folders and files spell an object: ours, the YCB set's, the published dataset's."""
+    entry = CATALOGUE[name]
+    number, rest = entry.ycb_id.split("_", 1)
+    number, letter = number.partition("-")[::2]
+    yield from (name, entry.ycb_id, entry.published or entry.ycb_id, f"{number}{letter}_{rest}")
+    if letter:
+        yield from (f"{number}{letter}_{rest}_{letter}", f"{number}-{letter}_{rest}", f"{rest}_{letter}")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_an_object_has_one_name_however_it_is_spelled(name):
+    found = dict.fromkeys(spellings(name))
+    assert len(found) >= 2
+    for one in found:
+        words = one.replace("_", " ")
+        for other in (one, one.replace("_", "-"), one.upper(), words, words.title().replace(" ", ""), one.lstrip("0")):
+            assert object_name(other) == name, other
+        for path in (f"{one}.ply", f"/data/scans/{one}.STL", f"{one}/google_16k/nontextured.stl"):
+            assert object_name(path) == name, path
+    assert object_name(f"{CATALOGUE[name].ycb_id}/robot_collected/0_0_0/exp1/los") == name
+
+
+@pytest.mark.parametrize(
+    ("spelled", "name"),
+    [
+        ("My Gear.stl", "my_gear"),
+        ("000_my-gear", "my_gear"),
+        ("mug/gear.ply", "gear"),  # a folder without a number is not the object's
+        ("gear/nontextured.stl", "gear"),
+        ("072-b_toy_airplane", "toy_airplane"),  # a loose part, which is not the airplane
+        ("065-k_cups", "cups"),
+        ("025_mug+058-golf_ball", "mug+golf_ball"),
+        ("чашка", "чашка"),
+        ("077", "077"),
+        ("", ""),
+    ],
+)
+def test_what_the_catalogue_does_not_know_keeps_its_name_and_gets_no_other_ones(spelled, name):
+    assert object_name(spelled) == name
 
 
 def oriented_extent(vertices: np.ndarray) -> np.ndarray:

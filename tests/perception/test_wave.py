@@ -175,7 +175,9 @@ def test_the_shipped_weights_are_small_and_saw_only_objects_for_training():
 def test_the_unseen_test_is_of_objects_that_are_kept_for_it():
     split = tomllib.loads((EXAMPLES / "objects.toml").read_text())
     recipe = tomllib.loads((EXAMPLES / "recipes/unseen.toml").read_text())
-    assert sorted(recipe["objects"]["names"]) == sorted(split["test"])
+    # Two are too tall for the published image grid.
+    too_tall = {"a_colored_wood_blocks", "a_toy_airplane"}
+    assert {*recipe["objects"]["names"]} == {*split["test"]} - too_tall
     trained = tomllib.loads((EXAMPLES / "training/segmenter.toml").read_text())["scenes"]
     assert sorted(trained["without"]) == sorted(split["development"] + split["test"])
 

@@ -165,6 +165,23 @@ class TestCards:
         assert (seen[[0, 0, -1, -1], [0, -1, 0, -1]] == 255).all()
         assert seen[60, 60, 0] > seen[-60, -60, 0] + 30  # the light comes from the upper left
 
+    def test_a_mask_is_drawn_at_its_place_with_facts(self):
+        inside = np.zeros((9, 5), bool)
+        inside[7, 1] = True
+        card = ms.Mask(grid_xy=GRID.xy, inside=inside)._repr_html_()
+        rows, columns = np.nonzero(thumbnail(card)[..., 0] == 255)
+        assert np.mean(columns) / 240 == pytest.approx(7.5 / 9, abs=0.01)
+        assert np.mean(rows) / 133 == pytest.approx(1 - 1.5 / 5, abs=0.01)
+        for fact in ("Mask, 9 x 5 pixels", "x -0.04 to 0.04 m, y 0 to 0.04 m", "1 pixels, 2.2 %"):
+            assert fact in card
+
+    def test_cards_ask_the_network_for_nothing(self):
+        mask = ms.Mask(grid_xy=GRID.xy, inside=np.eye(9, 5) > 0)
+        for record in (image(), capture(), wedge(), mask):
+            card = record._repr_html_()
+            assert re.findall(r'src="([^":]*:)', card) == ["data:"]
+            assert not re.search(r"https?:|href|url\(|<script|<link", card)
+
     def test_large_records_are_looked_at_in_part(self):
         """Every second voxel along x and y of 36 million, and no peak."""
         large = ms.VoxelGrid(x=np.arange(300.0), y=np.arange(300.0), z=np.arange(400.0))

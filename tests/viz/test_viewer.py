@@ -5,6 +5,7 @@ import dataclasses
 import re
 import socket
 import sys
+import threading
 import time
 import urllib.error
 import urllib.request
@@ -18,10 +19,10 @@ from typer.testing import CliRunner
 import millisight as ms
 from helpers.miniature import MUG
 from millisight.cli.app import app
-from millisight.core.errors import DamagedFileError, DeviceError, FileError, FormatError, InputError
+from millisight.core.errors import DamagedFileError, DeviceError, FileError, FormatError, InputError, UnknownNameError
 from millisight.viz import grid_box
 from millisight.viz._panels import mask_borders
-from millisight.viz.viewer import PaneGrid, ViewSettings, first_settings, gather, start
+from millisight.viz.viewer import PaneGrid, Viewer, ViewSettings, first_settings, gather, start
 from millisight.viz.viewer import _contents as contents_module
 from millisight.viz.viewer import _server as server_module
 from millisight.viz.viewer._layout import FOV, placed, rows_and_columns, start_camera
@@ -229,12 +230,13 @@ def test_what_is_around_goes_where_it_belongs(tmp_path):
         saved(near, "a.mask.h5", mask),
         saved(near, "odd.mask.h5", odd),
         saved(far, "scene.h5", ms.Scene.from_mesh("golf_ball", vertices=100)),
+        saved(near, "a.volume.h5", ms.VolumeMask(grid=GRID, inside=np.ones(GRID.shape, bool))),
     ]
     found = gather(files)
     a, b = found.exhibits
     assert (len(a.paths), len(b.paths)) == (1, 0)
     assert (len(a.masks), len(b.masks)) == (1, 0)
-    assert (len(a.meshes), len(b.meshes)) == (1, 1)
+    assert (len(a.meshes), len(b.meshes)) == (2, 2)  # the scene and the voxels' surface
     assert [note for note in found.notes if "odd.mask.h5" in note]
 
 
@@ -312,7 +314,7 @@ def test_what_is_not_ours_is_refused(tmp_path, monkeypatch, miniature):
         gather([saved(tmp_path, "radar.h5", ms.Radar.preset("iwr1443"))])
     with pytest.raises(InputError, match="only masks"):
         gather([saved(tmp_path, "mask.h5", ms.Mask(grid_xy=GRID.xy, inside=np.ones((7, 5), bool)))])
-    with pytest.raises(InputError, match="no file"):
+    with pytest.raises(InputError, match="nothing to show"):
         gather([])
     with pytest.raises(InputError, match="alpha"):
         gather([text], alpha=(0, 0))
@@ -320,6 +322,95 @@ def test_what_is_not_ours_is_refused(tmp_path, monkeypatch, miniature):
     monkeypatch.setattr(contents_module, "_LARGEST_PICKLE", 1000)
     with pytest.raises(FileError, match="millisight dataset convert"):
         gather([large])
+
+
+# From Python --------------------------------------------------------------------------------------------------------
+
+
+def test_records_are_gathered_as_their_files_are(tmp_path):
+    radar, path = ms.Radar.preset("mito-sim-24ghz"), ms.Trajectory.raster(size=(0.02, 0.02), step=0.01)
+    capture = ms.Capture(radar=radar, trajectory=path, frames=np.zeros((9, 1, 1, 256), np.complex64))
+    inside = np.zeros((7, 5), bool)
+    inside[2:4, 1:3] = True
+    mask, scene = ms.Mask(grid_xy=GRID.xy, inside=inside), ms.Scene.from_mesh("golf_ball", vertices=100)
+    voxels = ms.VolumeMask(grid=GRID, inside=np.repeat(inside[..., None], 3, axis=2))
+    records = [image(), mask, capture, scene, voxels, path]
+    (exhibit,) = gather(records).exhibits
+    files = [saved(tmp_path, f"{i}.h5", record) for i, record in enumerate(records)]
+    (other,) = gather(files).exhibits
+    assert exhibit.title == "SarImage 1"
+    assert np.array_equal(exhibit.levels.db, other.levels.db)
+    assert len(exhibit.masks) == len(other.masks) == 1
+    assert len(exhibit.meshes) == len(other.meshes) == 2
+    assert len(exhibit.paths) == len(other.paths) == 2
+    (mixed,) = gather([files[0], mask, scene.objects[0]]).exhibits
+    assert (mixed.title, len(mixed.masks), len(mixed.meshes)) == ("0", 1, 1)
+    assert [e.title for e in gather([image(1), image(2)]).exhibits] == ["SarImage 1", "SarImage 2"]
+    (pair,) = gather([simulated(1, "specular"), simulated(2, "edge")], alpha=(1, 3)).exhibits
+    assert pair.share == 0.75
+    (alone,) = gather([scene]).exhibits
+    assert (alone.title, alone.levels) == ("Scene", None)
+
+
+@pytest.mark.parametrize("wrong", [np.zeros((2, 2)), None, ms.Radar.preset("iwr1443"), GRID])
+def test_what_has_no_place_in_the_viewer_is_refused(wrong):
+    with pytest.raises(InputError, match=f"the viewer got {type(wrong).__name__}; expected SarImage, Mask"):
+        gather([image(), wrong])
+
+
+def test_view_serves_until_it_is_closed():
+    pytest.importorskip("viser", reason="needs viser: make setup")
+    viewer = ms.view(image(), browser=False, threshold_db=-3, slices=True)
+    try:
+        assert repr(viewer) == f"Viewer({viewer.url}, SarImage 1)"
+        assert (viewer.settings.threshold_db, viewer.settings.slices) == (-3, True)
+        assert urllib.request.urlopen(viewer.url, timeout=10).status == 200
+    finally:
+        url = viewer.url
+        viewer.close()
+    viewer.close()  # as often as one likes
+    assert repr(viewer) == "Viewer(closed, SarImage 1)"
+    with pytest.raises(urllib.error.URLError):
+        urllib.request.urlopen(url, timeout=10)
+
+
+def test_a_view_that_blocks_waits_until_it_is_closed(monkeypatch, capsys):
+    pytest.importorskip("viser", reason="needs viser: make setup")
+    waited = []
+
+    def interrupted(viewer):
+        waited.append(urllib.request.urlopen(viewer.url, timeout=10).status)
+        monkeypatch.setattr(viewer._wanted, "wait_for", _interrupt)
+        return whole(viewer)
+
+    def _interrupt(*_):
+        raise KeyboardInterrupt
+
+    whole = Viewer.wait
+    monkeypatch.setattr(Viewer, "wait", interrupted)
+    viewer = ms.view(image(), browser=False, block=True)
+    assert waited == [200]
+    assert repr(viewer).startswith("Viewer(closed")
+    assert re.search(r"viewer: http://127\.0\.0\.1:\d+, press Ctrl-C to stop", capsys.readouterr().err)
+
+
+def test_another_thread_can_end_the_wait():
+    pytest.importorskip("viser", reason="needs viser: make setup")
+    with ms.view(image(), browser=False) as viewer:
+        closing = threading.Timer(0.2, viewer.close)
+        closing.start()
+        viewer.wait()
+        closing.join()
+        assert "closed" in repr(viewer)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [({"treshold_db": -3}, "'treshold_db'"), ({"threshold_db": 3}, "above the maximum"), ({"alpha": (0, 0)}, "alpha")],
+)
+def test_a_view_refuses_what_it_cannot_set(settings, message):
+    with pytest.raises((InputError, UnknownNameError), match=message):
+        ms.view(image(), browser=False, **settings)
 
 
 # What is drawn -------------------------------------------------------------------------------------------------------

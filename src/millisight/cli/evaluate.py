@@ -59,6 +59,9 @@ def simulator(
         str, typer.Option("--align", help="Alignment: translation, or rigid (translation and rotation).")
     ] = "translation",
     crop: Crop = None,
+    clutter: Annotated[
+        str, typer.Option(help="lid: take lids and cloths off the measured images before they are compared; none.")
+    ] = "none",
     fit: Annotated[
         Path | None, typer.Option("--fit", metavar="FILE.toml", help="Write the best weights of each object.")
     ] = None,
@@ -86,6 +89,7 @@ def simulator(
         "within": length(within, option="--within"),
         "mode": mode,
         "crop": None if crop is None else slices(crop, option="--crop"),
+        "clutter": clutter,
         "fit": fit,
         "clouds": clouds,
         "pictures": pictures,
@@ -179,6 +183,14 @@ def classification(
             "whatever it saw."
         ),
     ] = "objects",
+    classes: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME,NAME,...",
+            help="Compare among these classes alone, and leave out objects of others: can,handle,box,sphere for the "
+            "paper's. [default: all that a classifier knows]",
+        ),
+    ] = None,
     as_published: Annotated[
         bool,
         typer.Option("--as-published", help="Classify in the masks beside the images, as the paper's table does."),
@@ -193,7 +205,7 @@ def classification(
     share poses, seeds or physics. Writes OUT/index.html, and each table as Markdown and CSV. Run it again to continue
     after an interruption. A scene that cannot be read does not stop the rest; the exit code is 1 if any failed.
 
-    Example: millisight evaluate classification classes -o named --weights both/classifier.onnx
+    Example: millisight evaluate classification unseen -o named --weights both/classifier.onnx
     """
     options = {
         "weights": weights or (),
@@ -203,6 +215,7 @@ def classification(
         "transform": transform,
         "crop": None if crop is None else slices(crop, option="--crop"),
         "split": split,
+        "classes": () if classes is None else [name.strip() for name in classes.split(",")],
         "as_published": as_published,
         "mistakes": mistakes,
     }

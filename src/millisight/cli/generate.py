@@ -79,10 +79,14 @@ def _summary(plan: "Plan", engine: "Engine") -> list[str]:
         f"{recipe.name}: {len(plan.things)} objects ({counts})",
         f"jobs: {len(plan.jobs)}, of which {len(plan.jobs) - len(plan.todo)} are done",
     ]
+
+    def between(seconds: float) -> str:
+        return " to ".join(dict.fromkeys(duration(factor * seconds) for factor in (total.low, total.high)))
+
     if total.jobs:
         lines.append(
-            f"estimate: {duration(total.core_seconds)} on one core, {duration(total.wall / engine.threads)} on "
-            f"{engine.cores}; {_size(total.kept)}, and {_size(total.spool)} of temporary files"
+            f"estimate: {between(total.core_seconds)} on one core, {between(total.wall / engine.threads)} on "
+            f"{engine.cores}, where nothing else runs; {_size(total.kept)}, and {_size(total.spool)} of temporary files"
         )
     return lines
 

@@ -18,6 +18,8 @@ MASK_SUFFIX = ".mask.h5"
 """Suffix of the masks that `millisight segment` writes."""
 INSTANCES_SUFFIX = ".instances.h5"
 """Suffix of what `millisight segment --instances` writes."""
+VOLUME_SUFFIX = ".volume.h5"
+"""Suffix of what `millisight segment --volume` writes."""
 
 _PUBLISHED = "processed_image"  # start of image file names in the published layout
 

@@ -10,6 +10,7 @@ from millisight.cli.console import check_outputs, say
 from millisight.cli.image_sources import (
     INSTANCES_SUFFIX,
     MASK_SUFFIX,
+    VOLUME_SUFFIX,
     ImageSource,
     check_single,
     image_sources,
@@ -19,8 +20,8 @@ from millisight.cli.image_sources import (
 from millisight.cli.options import Images, Multispectral, RadarChoice, SamDevice
 from millisight.core import check_readable, make_folder, printable
 from millisight.core.errors import FormatError, InputError
-from millisight.data import Instances, Prompts, SarImage
-from millisight.perception.segmentation import Segmented, Segmenter, find_mask, segment_instances
+from millisight.data import Instances, Prompts, SarImage, VolumeMask
+from millisight.perception.segmentation import Segmented, Segmenter, extend_mask, find_mask, segment_instances
 
 OtherBand = Annotated[
     Path | None,
@@ -58,6 +59,14 @@ def segment(
             "--instances",
             help="Find every object, and write one file with a mask for each (IMAGE.instances.h5) and a picture in "
             "colours. Take a carton's lid off before: `millisight image --clutter lid`.",
+        ),
+    ] = False,
+    volume: Annotated[
+        bool,
+        typer.Option(
+            "--volume",
+            help="Also find the depths of the object, and write a mask of voxels (IMAGE.volume.h5), its surface "
+            "(IMAGE.volume.ply) and a picture of three views, in place of the mask of pixels.",
         ),
     ] = False,
     method: Annotated[
@@ -117,7 +126,11 @@ def segment(
     Example: millisight segment MITO_Dataset/004_sugar_box --multispectral -o masks/
 
     Example: millisight segment carton.image.h5 --instances
+
+    Example: millisight segment mug.image.h5 --volume
     """
+    if instances and volume:
+        raise InputError("--instances gives masks of pixels, and --volume a mask of voxels; pass one of them")
     found = image_sources(images, radar=radar, condition=condition, multispectral=multispectral, other_band=other_band)
     check_single(found, prompts=prompts, other_band=other_band)
     given = None if prompts is None else _read_prompts(prompts)
@@ -127,17 +140,22 @@ def segment(
         if method is None
         else named_segmenter(method, **({"model": model, "device": device} if method == "sam" else {}))
     )
-    suffix = INSTANCES_SUFFIX if instances else MASK_SUFFIX
+    suffix = INSTANCES_SUFFIX if instances else VOLUME_SUFFIX if volume else MASK_SUFFIX
     share = None if largest is None else largest / 100
 
     def one(source: ImageSource, to: Path) -> None:
         drawn = None if no_picture else to.with_suffix(".png")
-        check_outputs(to, drawn, source=source.path)
+        check_outputs(to, drawn, to.with_suffix(".ply") if volume else None, source=source.path)
         if by is None or instances:
             several(source, to, drawn)
             return
-        segmented = mask_of(source, *source.images(), by, seed=seed, prompts=given, values=values, largest=share)
-        _write(to, segmented, source, by, seed=None if given is not None else seed, values=values)
+        image, other = source.images()
+        segmented = mask_of(source, image, other, by, seed=seed, prompts=given, values=values, largest=share)
+        drawn_by = None if given is not None else seed
+        if volume:
+            in_depth(source, to, drawn, image, segmented, _told(segmented, source, by, seed=drawn_by, values=values))
+            return
+        _write(to, segmented, source, by, seed=drawn_by, values=values)
         if drawn is not None:
             from millisight.viz import plot_segmentation, save_figure
 
@@ -154,6 +172,18 @@ def segment(
             from millisight.viz import plot_instances, save_figure
 
             save_figure(plot_instances(found, image=image, title=source.name), drawn)
+
+    def in_depth(
+        source: ImageSource, to: Path, drawn: Path | None, image: SarImage, segmented: Segmented, told: dict[str, Any]
+    ) -> None:
+        voxels = extend_mask(segmented.mask, image)
+        _write_volume(to, voxels, source, told)
+        if drawn is not None:
+            from millisight.perception import HIGH_BAND, without_sheets
+            from millisight.viz import plot_volume, save_figure
+
+            cleaned = without_sheets(image, frequency=HIGH_BAND)
+            save_figure(plot_volume(voxels, image=cleaned, title=source.name), drawn)
 
     if len(found) == 1 and not any(path.is_dir() for path in images):
         one(found[0], output or found[0].output(suffix))
@@ -199,12 +229,11 @@ def mask_of(
     return find_mask(by, picture, other=second, rng=seed, condition=source.condition, **options)
 
 
-def _write(to: Path, found: Segmented, source: ImageSource, by: Segmenter, *, seed: int | None, values: str) -> None:
-    """The mask, and in its file how it was made."""
-    from millisight.io import save
+def _told(found: Segmented, source: ImageSource, by: Segmenter, *, seed: int | None, values: str) -> dict[str, Any]:
+    """How a mask was made."""
     from millisight.io.mito import origin
 
-    provenance = {
+    return {
         "image": origin(source.path),
         "other_band": None if source.other is None else origin(source.other),
         "method": by.name,
@@ -214,7 +243,31 @@ def _write(to: Path, found: Segmented, source: ImageSource, by: Segmenter, *, se
         "values": values,
         **({"points": [], "positive": []} if found.prompts is None else found.prompts.plain),
     }
-    save(to, found.mask, extras={"segmentation": provenance})
+
+
+def _write_volume(to: Path, found: VolumeMask, source: ImageSource, told: dict[str, Any]) -> None:
+    """The voxels, in their file how they were made, and beside it their surface."""
+    from millisight.io import save
+    from millisight.meshes import write_mesh
+
+    save(to, found, extras={"segmentation": told})
+    if not found.inside.any():
+        say(f"{source.name}: nothing found, by {told['method']}; wrote an empty mask to {to}, and no surface")
+        return
+    surface = to.with_suffix(".ply")
+    write_mesh(surface, found.surface())
+    depths = found.grid.z[found.inside.any(axis=(0, 1))]
+    say(
+        f"{source.name}: {int(found.inside.sum())} voxels, z {depths[0]:.3f} to {depths[-1]:.3f} m, by "
+        f"{told['method']}; wrote {to} and {surface.name}"
+    )
+
+
+def _write(to: Path, found: Segmented, source: ImageSource, by: Segmenter, *, seed: int | None, values: str) -> None:
+    """The mask, and in its file how it was made."""
+    from millisight.io import save
+
+    save(to, found.mask, extras={"segmentation": _told(found, source, by, seed=seed, values=values)})
     prompted = "" if found.prompts is None else f" from {len(found.prompts.points)} prompts"
     share = f"{int(found.inside.sum())} pixels, {100 * found.inside.mean():.1f} %"
     if not found.inside.any():

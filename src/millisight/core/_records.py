@@ -241,8 +241,10 @@ def _frozen(value: Any) -> Any:
 
 
 def box(lower: np.ndarray, upper: np.ndarray) -> str:
-    """The box from (3,) `lower` to (3,) `upper` [m], in words."""
-    return ", ".join(f"{name} {a:.4g} to {b:.4g} m" for name, a, b in zip("xyz", lower, upper, strict=True))
+    """The box from (3,) `lower` to (3,) `upper` [m], in words; (2,) along x and y alone."""
+    return ", ".join(
+        f"{name} {a:.4g} to {b:.4g} m" for name, a, b in zip("xyz"[: len(lower)], lower, upper, strict=True)
+    )
 
 
 def with_step(metadata: Metadata, step: str, **settings: Any) -> dict[str, Any]:

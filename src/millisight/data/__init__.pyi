@@ -38,3 +38,4 @@ from ._scan import ScanRow as ScanRow
 from ._scene import Scene as Scene
 from ._scene import SceneObject as SceneObject
 from ._trajectory import Trajectory as Trajectory
+from ._volume_mask import VolumeMask as VolumeMask

@@ -61,13 +61,17 @@ class PixelGrid:
         put(self, x=_coordinates(self.x, "x"), y=_coordinates(self.y, "y"))
 
     def __repr__(self) -> str:
-        ends = ", ".join(f"{name} {c[0]:.4g} to {c[-1]:.4g} m" for name, c in (("x", self.x), ("y", self.y)))
-        return f"PixelGrid({len(self.x)} x {len(self.y)} pixels, {ends})"
+        return f"PixelGrid({len(self.x)} x {len(self.y)} pixels, {box(*self.bounds)})"
 
     @property
     def shape(self) -> tuple[int, int]:
         """(X, Y) pixels along each axis."""
         return len(self.x), len(self.y)
+
+    @property
+    def bounds(self) -> np.ndarray:
+        """(2, 2) first and last pixel centre along each axis [m]."""
+        return np.array([[a[0], a[-1]] for a in (self.x, self.y)]).T
 
 
 @record

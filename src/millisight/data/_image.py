@@ -1,12 +1,26 @@
 """The image: complex values on a voxel grid."""
 
+from collections.abc import Sequence
 from dataclasses import field
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from millisight.core import Metadata, check_known, checked_array, checked_metadata, checked_record, late, put, record
+from millisight.core import (
+    Metadata,
+    check_known,
+    check_shape,
+    checked_array,
+    checked_metadata,
+    checked_numbers,
+    checked_record,
+    late,
+    put,
+    record,
+)
 from millisight.core.errors import InputError
+from millisight.data._attributes import flat, unflat
 from millisight.data._grid import VoxelGrid
 
 _LARGEST = 1e15  # the sum of the squares of as many voxels as fit any memory is finite in float32
@@ -44,6 +58,53 @@ class SarImage:
     def __repr__(self) -> str:
         return f"SarImage({self.values.dtype} on {self.grid!r})"
 
+    @classmethod
+    def from_array(
+        cls,
+        values: ArrayLike,
+        spacing: float | Sequence[float] | np.ndarray,
+        *,
+        center: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
+        metadata: Metadata | None = None,
+    ) -> "SarImage":
+        """An image of a plain array, such as one of another imager, with regular voxels.
+
+        Parameters
+        ----------
+        values : (X, Y, Z), or (X, Y) for an image of one slice; complex, or real such as a magnitude
+        spacing : of the voxels along x, y and z, one number or three [m]
+        center : (3,) the middle of the image in the world frame [m]
+        metadata : provenance; what JSON can hold
+
+        Raises
+        ------
+        InputError
+            The array has other dimensions or holds NaN, or a spacing is not above 0.
+
+        Examples
+        --------
+        >>> SarImage.from_array(np.ones((5, 3)), 0.01)
+        SarImage(complex64 on VoxelGrid(5 x 3 x 1 voxels, x -0.02 to 0.02 m, y -0.01 to 0.01 m, z 0 to 0 m))
+        """
+        array = np.asarray(values)
+        array = array[..., np.newaxis] if array.ndim == 2 else array
+        check_shape(array.shape, name="values", shape=("X", "Y", "Z"))
+        steps = checked_numbers(spacing, name="spacing", count=3, repeat=True, unit="m", above=0)
+        middle = checked_numbers(center, name="center", count=3, unit="m")
+        axes: dict[str, np.ndarray] = {
+            name: at + step * (np.arange(count) - (count - 1) / 2)
+            for name, at, step, count in zip("xyz", middle, steps, array.shape, strict=True)
+        }
+        return cls(grid=VoxelGrid(**axes), values=array, metadata=metadata or {})
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
+        """The values (X, Y, Z), for `numpy.asarray(image)`; read-only unless copied."""
+        return np.array(self.values, dtype=dtype, copy=copy)
+
+    def __abs__(self) -> np.ndarray:
+        """The `magnitude`, (X, Y, Z)."""
+        return self.magnitude
+
     def plot(self, **settings: Any) -> Any:
         """Plot the mean of |I| along z, y and x.
 
@@ -65,7 +126,9 @@ class SarImage:
         """(X, Y, Z) float32 |I|; float64 of complex128 values."""
         return np.abs(self.values)
 
-    def project(self, axis: str = "z", *, reduce: str = "mean") -> np.ndarray:
+    def project(
+        self, axis: Literal["x", "y", "z"] | str = "z", *, reduce: Literal["mean", "max"] | str = "mean"
+    ) -> np.ndarray:
         """|I| seen along an axis: its "mean" (as published) or "max" over that axis, a 2-D array of floats.
 
         Raises
@@ -82,8 +145,21 @@ class SarImage:
         index = np.unravel_index(np.argmax(self.magnitude), self.values.shape)
         return np.array([axis[i] for axis, i in zip((self.grid.x, self.grid.y, self.grid.z), index, strict=True)])
 
-    def to_xarray(self) -> Any:
-        """The image as an `xarray.DataArray` with coordinates in metres.
+    def to_xarray(self, *, parts: bool = False) -> Any:
+        """The image for xarray, with coordinates in metres; `from_xarray` reads it back.
+
+        Attributes are flat, as netCDF and Zarr want them: texts and numbers of the metadata are attributes as they
+        are, all else, such as `history`, is JSON text. netCDF has no complex numbers: save the two parts there,
+        `image.to_xarray(parts=True).to_netcdf("image.nc")`.
+
+        Parameters
+        ----------
+        parts : give real and imaginary part, instead of complex values
+
+        Returns
+        -------
+        xarray.DataArray
+            (X, Y, Z) complex, by the name "image"; with `parts` an xarray.Dataset of "real" and "imag".
 
         Raises
         ------
@@ -98,6 +174,45 @@ class SarImage:
             name: xarray.Variable(name, axis, {"units": "m"})
             for name, axis in zip("xyz", (self.grid.x, self.grid.y, self.grid.z), strict=True)
         }
-        return xarray.DataArray(
-            self.values, dims=("x", "y", "z"), coords=coords, name="image", attrs=dict(self.metadata)
-        )
+        attributes = {name: flat(value) for name, value in self.metadata.items()}
+        if not parts:
+            return xarray.DataArray(self.values, dims=tuple("xyz"), coords=coords, name="image", attrs=attributes)
+        both = {"real": (tuple("xyz"), np.real(self.values)), "imag": (tuple("xyz"), np.imag(self.values))}
+        return xarray.Dataset(both, coords=coords, attrs=attributes)
+
+    @classmethod
+    def from_xarray(cls, data: Any) -> "SarImage":
+        """The image of what `to_xarray` gave, or of what was read from a file of it.
+
+        Parameters
+        ----------
+        data : xarray.DataArray (X, Y, Z) with coordinates x, y, z [m], or xarray.Dataset with such "real" and "imag"
+
+        Raises
+        ------
+        InputError
+            Coordinates or parts are missing, or cannot be those of an image.
+
+        Examples
+        --------
+        >>> image = SarImage.from_array(np.ones((5, 3)), 0.01, metadata={"history": [{"step": "made"}]})
+        >>> SarImage.from_xarray(image.to_xarray(parts=True)).metadata
+        {'history': [{'step': 'made'}]}
+        """
+        try:
+            missing = [name for name in "xyz" if name not in data.coords]  # for which xarray would count instead
+            if missing:
+                raise ValueError(f"it has no coordinates {' and '.join(missing)}")
+            x, y, z = (data.coords[name].values for name in "xyz")
+            if hasattr(data, "data_vars"):
+                real, imag = (data[name].transpose(*"xyz").values for name in ("real", "imag"))
+                values = real + 1j * imag
+            else:
+                values = data.transpose(*"xyz").values
+        except (AttributeError, KeyError, ValueError) as error:
+            raise InputError(
+                f"data is no image: {error}; expected an xarray.DataArray along x, y and z, or an xarray.Dataset with "
+                "real and imag, as to_xarray gives them"
+            ) from error
+        metadata = {str(name): unflat(value) for name, value in data.attrs.items()}
+        return cls(grid=VoxelGrid(x=x, y=y, z=z), values=values, metadata=metadata)

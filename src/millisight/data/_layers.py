@@ -48,6 +48,11 @@ class Layers:
             error=checked_number(self.error, name="error", unit="m", minimum=0),
         )
 
+    def __repr__(self) -> str:
+        thickness = 1e3 * float(self.thicknesses.sum())
+        indices = f"indices {self.indices.min():.4g} to {self.indices.max():.4g}"
+        return f"Layers({len(self.thicknesses)} of {thickness:.4g} mm together, {indices})"
+
     @property
     def nearest(self) -> float:
         """How far along the normal a scene behind the layers is from the moved antennas, at least [m]."""

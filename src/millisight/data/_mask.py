@@ -27,6 +27,10 @@ class Mask:
     def __repr__(self) -> str:
         return f"Mask({len(self.grid_xy.x)} x {len(self.grid_xy.y)} pixels, {100 * self.inside.mean():.1f} % inside)"
 
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
+        """`inside`, (X, Y) bool, for `numpy.asarray(mask)`; read-only unless copied."""
+        return np.array(self.inside, dtype=dtype, copy=copy)
+
     def plot(self, **settings: Any) -> Any:
         """Plot the mask, seen along z.
 
@@ -39,3 +43,6 @@ class Mask:
         matplotlib.figure.Figure
         """
         return late("millisight.viz", "plot_mask")(self, **settings)
+
+    def _repr_html_(self) -> str:
+        return late("millisight.viz", "html_card")(self)

@@ -77,6 +77,10 @@ class Material:
             put(self, correlation_length=length)
         checked_record(self.source, str, name="source")
 
+    def __repr__(self) -> str:
+        alpha = ", ".join(f"{weight:g}" for weight in self.alpha)
+        return f"Material({self.name}, |reflection| {abs(self.reflection):.3g}, alpha ({alpha}))"
+
     def _check_electric_figures(self) -> None:
         if (self.frequencies is None) != (self.permittivities is None):
             raise InputError("frequencies and permittivities belong together: give both, or neither")

@@ -1,8 +1,10 @@
 """Predictions: the probability of each class."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from millisight.core import checked_array, checked_number, put, record
+from millisight.core import check_known, checked_array, checked_number, put, record
 from millisight.core.errors import InputError
 
 NOT_SURE = "not sure"
@@ -52,6 +54,27 @@ class Prediction:
     def sure(self) -> bool:
         """Whether the confidence reaches the threshold."""
         return self.confidence >= self.threshold
+
+    def among(self, class_names: Sequence[str]) -> "Prediction":
+        """The same, where the object is known to be of one of some of the classes.
+
+        Parameters
+        ----------
+        class_names : at least one of the classes
+
+        Raises
+        ------
+        UnknownNameError
+            One is none of the classes.
+        InputError
+            There is none, or all have the probability 0.
+        """
+        for name in class_names:
+            check_known("class", name, self.class_names)
+        kept = np.array([self.probabilities[self.class_names.index(name)] for name in class_names])
+        if not kept.sum() > 0:
+            raise InputError(f"{', '.join(class_names) or 'no class'}: together of probability 0; name other classes")
+        return Prediction(probabilities=kept / kept.sum(), class_names=tuple(class_names), threshold=self.threshold)
 
     @property
     def answer(self) -> str:

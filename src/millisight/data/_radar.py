@@ -8,6 +8,7 @@ import numpy as np
 from millisight.core import (
     SPEED_OF_LIGHT,
     Registry,
+    box,
     checked_array,
     checked_integer,
     checked_number,
@@ -111,6 +112,11 @@ class AntennaArray:
             rx_positions=checked_array(self.rx_positions, name="rx_positions", shape=("R", 3), unit="m"),
         )
 
+    def __repr__(self) -> str:
+        both = np.concatenate([self.tx_positions, self.rx_positions])
+        size = f"{len(self.tx_positions)} TX x {len(self.rx_positions)} RX"
+        return f"AntennaArray({size}, {box(both.min(axis=0), both.max(axis=0))})"
+
     @classmethod
     def monostatic(cls) -> "AntennaArray":
         """One transmitter and one receiver, both at the radar's origin."""
@@ -139,6 +145,14 @@ class Radar:
         checked_record(self.waveform, Waveform, name="waveform")
         checked_record(self.array, AntennaArray, name="array")
         put(self, path_offset=checked_number(self.path_offset, name="path_offset", unit="m"))
+
+    def __repr__(self) -> str:
+        first, last = self.waveform.frequencies[[0, -1]] / 1e9
+        size = f"{len(self.array.tx_positions)} TX x {len(self.array.rx_positions)} RX"
+        return (
+            f"Radar({self.name}, {first:.4f} to {last:.4f} GHz in {self.waveform.samples_per_chirp} samples, {size}, "
+            f"path offset {self.path_offset:g} m)"
+        )
 
     @classmethod
     def preset(cls, name: str, *, rx_axis: str | None = None) -> "Radar":

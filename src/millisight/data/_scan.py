@@ -34,6 +34,9 @@ class CalibrationStep:
             checked_record(getattr(self, name), str, name=name)
         put(self, settings=dict(cast(Mapping[str, Any], checked_record(self.settings, Mapping, name="settings"))))
 
+    def __repr__(self) -> str:
+        return f"CalibrationStep({self.name}{', ' if self.settings else ''}{', '.join(self.settings)})"
+
 
 @record
 class RawCapture:
@@ -51,6 +54,10 @@ class RawCapture:
     def __post_init__(self) -> None:
         checked_record(self.capture, Capture, name="capture")
         put(self, calibration=_checked_steps(self.calibration))
+
+    def __repr__(self) -> str:
+        steps = ", ".join(step.name for step in self.calibration)
+        return f"RawCapture({self.capture!r}, to be calibrated by: {steps or 'nothing'})"
 
     def to_capture(self) -> Capture:
         """The capture, calibrated: see `millisight.calibration.calibrate`."""
@@ -90,6 +97,11 @@ class ScanRow:
         if self.missing is not None:
             name = f"missing of {self.source}"
             put(self, missing=checked_array(self.missing, name=name, shape=(len(times),), dtype=bool))
+
+    def __repr__(self) -> str:
+        lost = 0 if self.missing is None else int(self.missing.sum())
+        frames = f"{len(self.times)} frames{f', {lost} missing' if lost else ''}"
+        return f"ScanRow({self.source}, {frames}, {self.times[0]:.6g} to {self.times[-1]:.6g} s)"
 
 
 @record

@@ -5,10 +5,12 @@ from typing import Any, cast
 
 import numpy as np
 
-from millisight.core import checked_array, checked_record, late, put, record
+from millisight.core import box, checked_array, checked_record, late, put, record
 from millisight.core.errors import InputError
 from millisight.data._material import Material
 from millisight.data._mesh import TriangleMesh
+
+_NAMED = 3  # objects in the text of a scene
 
 
 @record
@@ -30,6 +32,9 @@ class SceneObject:
         checked_record(self.name, str, name="name")
         checked_record(self.mesh, TriangleMesh, name="mesh")
         checked_record(self.material, Material, name="material")
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.name}, {self.material.name}, {self.mesh!r})"
 
 
 @record
@@ -55,6 +60,13 @@ class Scene:
         if not objects:
             raise InputError("a scene without objects; expected at least one")
         put(self, objects=tuple(checked_record(o, SceneObject, name="a scene's object") for o in objects))
+
+    def __repr__(self) -> str:
+        named = [f"{o.name} of {o.material.name}" for o in self.objects[:_NAMED]]
+        if len(self.objects) > _NAMED:
+            named.append(f"{len(self.objects) - _NAMED} more")
+        lower, upper = np.transpose([o.mesh.bounds for o in self.objects], (1, 0, 2))
+        return f"Scene({', '.join(named)}; {box(lower.min(axis=0), upper.max(axis=0))})"
 
     @classmethod
     def from_mesh(

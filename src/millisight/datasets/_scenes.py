@@ -86,7 +86,16 @@ class SceneFiles(SceneSource):
         FileError, DamagedFileError
         """
         info = self._info()
-        return str(info.get("physics", "simulated")) if info.get("simulated") is True else ""
+        return _physics(info) if info.get("simulated") is True else ""
+
+    def shape_class(self) -> str:
+        """The object's class where `experiment_info.json` states it, as of a recipe's own mesh files; else "".
+
+        Raises
+        ------
+        FileError, DamagedFileError
+        """
+        return "" if self.info is None else self._info().get("class", "")
 
     @property
     def used(self) -> bool:
@@ -266,5 +275,11 @@ def _turn_extras(item: Item) -> Mapping[str, Any]:
 
 def _read_image(item: Item) -> tuple[SarImage, str]:
     image, extras = item.read_with_extras()
-    made_by = str(extras.get("physics", "simulated")) if extras.get("simulated") else ""
+    made_by = _physics(extras) if extras.get("simulated") else ""
     return expect(image, SarImage, item), made_by
+
+
+def _physics(held: Mapping[str, Any]) -> str:
+    """What a simulated file says of its physics; "simulated" where it says nothing."""
+    told = held.get("physics")
+    return ("" if told is None else str(told).strip()) or "simulated"

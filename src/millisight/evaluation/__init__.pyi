@@ -68,6 +68,9 @@ from ._truth import camera_mask_of as camera_mask_of
 from ._truth import camera_truth as camera_truth
 from ._truth import published_radar_from_camera as published_radar_from_camera
 from ._truth import radar_from_camera as radar_from_camera
+from ._volume import VolumeScores as VolumeScores
+from ._volume import score_volume as score_volume
+from ._volume import volume_truth as volume_truth
 from .tasks._classification_tables import PAPER as PAPER
 from .tasks._classification_tables import PARTS as PARTS
 from .tasks._classification_tables import of_papers_classes as of_papers_classes

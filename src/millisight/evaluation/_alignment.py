@@ -37,6 +37,12 @@ class Alignment(NamedTuple):
     iterations: int
     converged: bool
 
+    def __repr__(self) -> str:
+        shift = ", ".join(f"{1e3 * one:.3g}" for one in self.translation)
+        turn_deg = np.degrees(np.arccos(np.clip((np.trace(self.rotation) - 1) / 2, -1, 1)))
+        end = "" if self.converged else ", not converged"
+        return f"Alignment(by ({shift}) mm and {turn_deg:.3g} degrees, rms {1e3 * self.rms:.3g} mm{end})"
+
     def apply(self, points: np.ndarray) -> np.ndarray:
         """(N, 3) points where they are moved to [m]."""
         return points @ self.rotation.T + self.translation

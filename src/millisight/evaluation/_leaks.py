@@ -14,8 +14,9 @@ from numpy.typing import ArrayLike
 from millisight.core import checked_array, rotation_from_euler_deg
 from millisight.core.errors import InputError
 from millisight.evaluation._answers import CLOSED, DISJOINT, PUBLISHED, SPLITS
+from millisight.evaluation._physics import KINDS, UNKNOWN, Physics, physics_of
 from millisight.evaluation._sources import SceneSource, TestSplit
-from millisight.meshes import CATALOGUE, object_name
+from millisight.meshes import CATALOGUE, NO_SHAPE_CLASS, object_name
 
 WITHIN_DEG = 1.0
 """Poses nearer than this are the same pose."""
@@ -42,7 +43,7 @@ class Training(NamedTuple):
     validation: frozenset[str]
     rotations: Mapping[str, np.ndarray]
     seed: int
-    physics: str
+    physics: Physics
 
 
 def training_of(name: str, description: Mapping[str, Any]) -> Training:
@@ -56,12 +57,14 @@ def training_of(name: str, description: Mapping[str, Any]) -> Training:
     try:
         sides = {side: [str(one) for one in description["objects"][side]] for side in ("training", "validation")}
         poses = {str(one): list(turned) for one, turned in description["poses"].items()}
-        seed, physics = int(description["seed"]), str(description["physics"])
+        seed, physics = int(description["seed"]), physics_of(description["physics"])
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise InputError(
             f"the description of {name} does not state the objects, poses, seed and physics of its training "
             f"({error!r}), so test images may not be new to it; train it again"
         ) from error
+    if not physics.told:
+        raise InputError(f"the description of {name} does not state the physics of its images; train it again")
     unknown = sorted({*sides["training"], *sides["validation"]} - set(poses))
     if unknown:
         raise InputError(f"the description of {name} states no poses of {', '.join(unknown)}; train it again")
@@ -121,10 +124,12 @@ class SplitPlan(NamedTuple):
     ----------
     placed : (split, class) by scene
     left_out : scenes by the reason why they are in no table
+    notes : what could not be checked, for the tables
     """
 
     placed: dict[str, tuple[str, str]]
     left_out: dict[str, list[str]]
+    notes: tuple[str, ...] = ()
 
 
 def plan_splits(training: Training, images: Sequence[TestImage], classes: Mapping[str, str]) -> SplitPlan:
@@ -141,7 +146,7 @@ def plan_splits(training: Training, images: Sequence[TestImage], classes: Mappin
     InputError
         Images were made by the physics or with the seed of training.
     """
-    check_physics(training, {image.physics for image in images})
+    notes = check_physics(training, {image.physics for image in images})
     check_seeds(training, {seed for image in images for seed in image.seeds})
     placed: dict[str, tuple[str, str]] = {}
     left_out: dict[str, list[str]] = {}
@@ -151,7 +156,7 @@ def plan_splits(training: Training, images: Sequence[TestImage], classes: Mappin
             placed[image.scene] = side, classes[image.object]
         else:
             left_out.setdefault(side, []).append(image.scene)
-    return SplitPlan(placed, left_out)
+    return SplitPlan(placed, left_out, notes)
 
 
 def published_plan(
@@ -161,7 +166,7 @@ def published_plan(
     placed: dict[str, tuple[str, str]] = {}
     left_out: dict[str, list[str]] = {}
     for scene in scenes:
-        shape = split.classes.get(scene.folder, "")
+        shape = split.classes.get(scene.folder) or NO_SHAPE_CLASS
         if (scene.folder, scene.number, scene.sight) not in split.test:
             left_out.setdefault(NO_TEST, []).append(scene.name)
         elif shape not in class_names:
@@ -174,18 +179,23 @@ def published_plan(
         validation=split.validation - split.training,
         rotations={},
         seed=0,
-        physics="published simulator",
+        physics=physics_of("published simulator"),
     )
     return SplitPlan(placed, left_out), training
 
 
-def classes_of(description: Mapping[str, Any], class_names: Sequence[str]) -> dict[str, str]:
-    """The class of every object that is of one that the classifier knows: by the catalogue, or by its own `classes`.
+def classes_of(
+    description: Mapping[str, Any], class_names: Sequence[str], stated: Mapping[str, str] | None = None
+) -> dict[str, str]:
+    """The class of every object that is of one that the classifier knows.
+
+    By the catalogue; where the dataset states one, by that; where the classifier has `classes` of its own, by these.
 
     Parameters
     ----------
     description : of the weights; its `classes`, if any, are names of objects by class
     class_names : that the classifier knows
+    stated : classes that the dataset states, by object
 
     Raises
     ------
@@ -196,6 +206,7 @@ def classes_of(description: Mapping[str, Any], class_names: Sequence[str]) -> di
     if not isinstance(own, Mapping) or not all(isinstance(names, list | tuple) for names in own.values()):
         raise InputError(f"the description's classes are {own!r}; expected lists of objects' names by class")
     told = {name: entry.shape_class for name, entry in CATALOGUE.items()}
+    told |= {object_name(name): one for name, one in (stated or {}).items()}
     told |= {object_name(str(name)): str(one) for one, names in own.items() for name in names}
     return {name: one for name, one in told.items() if one in class_names}
 
@@ -217,22 +228,26 @@ def check_seeds(training: Training, seeds: Iterable[int]) -> None:
         )
 
 
-def check_physics(training: Training, tested: Iterable[str]) -> None:
-    """Refuse test images made by what made those of training ("" of real ones), or training that does not say."""
-    learned = _kind(training.physics)
-    if not learned:
-        raise InputError(f"the description of {training.name} does not state the physics of its images")
-    same = sorted({physics for physics in tested if _kind(physics) == learned})
+def check_physics(training: Training, tested: Iterable[str]) -> tuple[str, ...]:
+    """Refuse test images made by what made those of training; of which this cannot be told, say so in a note.
+
+    `tested` are in the words of the files; "" of real images, which no simulator made.
+    """
+    images = [physics_of(told) for told in sorted(set(tested) - {""})]
+    same = [one for one in images if one.is_that_of(training.physics)]
     if same:
         raise InputError(
-            f"{training.name} was trained on images of the same physics as the test images, {same[0]!r}: this is no "
-            "test on other physics; train on images of the simulator, or test on images of the rig"
+            f"{training.name} was trained on images of the same physics as the test images, {same[0].told!r}: this is "
+            "no test on other physics; train on images of the simulator, or test on images of the rig"
         )
-
-
-def _kind(physics: str) -> str:
-    """What comes before the details."""
-    return " ".join(physics.partition(":")[0].casefold().split())
+    unknown = [one.told for one in images if one.is_that_of(training.physics) is None]
+    if not unknown:
+        return ()
+    known = " and ".join(repr(kind) for kind in KINDS if kind != UNKNOWN)
+    return (
+        f"{training.name}: whether the physics of the test images is other than that of training is unknown. Training "
+        f"states {training.physics.told!r}, the images {', '.join(map(repr, unknown))}; {known} are known here.",
+    )
 
 
 def siblings(training: Training, names: Iterable[str]) -> dict[str, list[str]]:

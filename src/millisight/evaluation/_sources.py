@@ -81,7 +81,11 @@ class SceneSource(ABC):
 
     @abstractmethod
     def physics(self) -> str:
-        """What made its captures; "" where it is not marked as simulated."""
+        """What made its captures, never blank where it is marked as simulated; "" where it is not."""
+
+    def shape_class(self) -> str:
+        """The object's class that the dataset states; "" where it states none."""
+        return ""
 
     @abstractmethod
     def read(self, *, view: bool = True, **reading: Any) -> LabelledScene:

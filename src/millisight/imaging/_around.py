@@ -6,20 +6,23 @@ import numpy as np
 
 from millisight.core import checked_array, checked_number
 from millisight.core.errors import InputError
-from millisight.data import Capture, Scene, VoxelGrid
+from millisight.data import Capture, Scene, TriangleMesh, VoxelGrid
 
 _MARGIN = 0.02  # around the bounding box, on every side [m]
 
 
 def grid_around(
-    scene: Scene | Capture, spacing: float | tuple[float, float, float] | None = None, *, margin: float = _MARGIN
+    scene: Scene | TriangleMesh | Capture,
+    spacing: float | tuple[float, float, float] | None = None,
+    *,
+    margin: float = _MARGIN,
 ) -> VoxelGrid:
-    """A regular grid around a scene or the scene of a capture.
+    """A regular grid around a scene, a mesh, or the scene of a capture: what `millisight image` does without --grid.
 
     Parameters
     ----------
-    scene : a Scene, or a Capture with a known scene: simulated captures store the bounding box, descriptions may
-        state one, which gets no margin
+    scene : a Scene, a TriangleMesh, or a Capture with a known scene: simulated captures store the bounding box,
+        descriptions may state one, which gets no margin
     spacing : of the voxels, one number or three [m]; None: for a capture as its description states, or half a
         wavelength at the centre frequency, twice that in depth
     margin : distance of the grid beyond the scene on every side [m]
@@ -27,8 +30,8 @@ def grid_around(
     Raises
     ------
     InputError
-        The scene of the capture is unknown, as in real captures; a scene is given without spacing; or the spacing
-        leaves at most two voxels along each axis.
+        The scene of the capture is unknown, as in real captures; a scene or a mesh is given without spacing; or the
+        spacing leaves at most two voxels along each axis.
 
     Examples
     --------
@@ -36,12 +39,13 @@ def grid_around(
     (17, 17, 17)
     """
     margin = checked_number(margin, name="margin", unit="m", minimum=0)
-    if isinstance(scene, Scene):
+    if isinstance(scene, Scene | TriangleMesh):
+        bounds = scene.mesh.bounds if isinstance(scene, Scene) else scene.bounds
         if spacing is None:
             raise InputError("a scene alone has no wavelength; pass spacing, such as 0.002 [m], or a capture")
-        lower, upper, steps = scene.mesh.bounds[0] - margin, scene.mesh.bounds[1] + margin, spacing
+        lower, upper, steps = bounds[0] - margin, bounds[1] + margin, spacing
     elif not isinstance(scene, Capture):
-        raise InputError(f"scene is of type {type(scene).__name__}; expected Scene or Capture")
+        raise InputError(f"scene is of type {type(scene).__name__}; expected Scene, TriangleMesh or Capture")
     elif isinstance(stated := scene.metadata.get("image_grid"), Mapping):
         lower, upper, steps = stated["lower"], stated["upper"], stated["spacing"] if spacing is None else spacing
     else:

@@ -1,7 +1,7 @@
 """The door to the imagers: `form_image`."""
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -21,7 +21,8 @@ from millisight.imaging._fast import fast
 from millisight.imaging._refraction import check_behind
 from millisight.imaging._windows import Window, range_weights, window_pair
 
-METHODS = ("fast", "backprojection", "exact", "sparse")
+Method = Literal["fast", "backprojection", "exact", "sparse"]
+METHODS: tuple[str, ...] = get_args(Method)
 
 TOLERANCE = 0.005
 """Relative L2 error of an image, where none is asked for."""
@@ -37,11 +38,11 @@ def form_image(
     capture: Capture,
     grid: VoxelGrid,
     *,
-    method: str = "fast",
+    method: Method | str = "fast",
     window: Window = None,
     tolerance: float | None = None,
     oversampling: int | None = None,
-    device: str = "cpu",
+    device: Literal["cpu", "cuda"] | str = "cpu",
     progress: Callable[[int, int], None] | None = None,
 ) -> SarImage:
     """Form a 3-D image from the frames of a capture (paper Eq. 1, primer 4).

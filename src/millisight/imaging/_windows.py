@@ -1,6 +1,7 @@
 """Windows over range and aperture: lower sidelobes for a wider main lobe (primer 9)."""
 
 from collections.abc import Callable
+from typing import Literal
 
 import numpy as np
 
@@ -10,7 +11,8 @@ from millisight.core.errors import InputError
 WINDOWS: Registry[Callable[[np.ndarray], np.ndarray]] = Registry("window", "millisight.windows")
 """Windows by name: functions of (n,) places from -1 to 1, the ends, that return (n,) weights."""
 
-Window = str | tuple[str | None, str | None] | None
+WindowName = Literal["hann", "taylor"] | str
+Window = WindowName | tuple[WindowName | None, WindowName | None] | None
 
 
 def window_pair(window: Window) -> tuple[str | None, str | None]:

@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from dataclasses import fields
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, overload
 
 import numpy as np
 
@@ -26,6 +26,8 @@ from millisight.data import PHASE_SIGN, Capture
 from millisight.io._seal import chunk_extents, seal_holds, write_seal
 from millisight.io._sink import Sink
 
+T = TypeVar("T")
+
 SCHEMA_VERSION = 2  # 1 had no seal
 _PLACED_VERSION = 3  # of captures with antennas at their own places, or layers, which an older reader would pass over
 
@@ -33,12 +35,12 @@ RECORDS = {
     cls.__name__: cls
     for cls in (
         data.Waveform, data.AntennaArray, data.Radar, data.Trajectory, data.Layers, Capture, data.VoxelGrid,
-        data.PixelGrid, data.SarImage, data.Mask, data.Instances, data.Prediction, data.TriangleMesh, data.Material,
-        data.SceneObject, data.Scene, data.Intrinsics, data.CameraFrame, data.CameraMask,
+        data.PixelGrid, data.SarImage, data.Mask, data.VolumeMask, data.Instances, data.Prediction, data.TriangleMesh,
+        data.Material, data.SceneObject, data.Scene, data.Intrinsics, data.CameraFrame, data.CameraMask,
     )
 }  # fmt: skip
 
-# What a reader in another language needs to know of an array, by the field's name.
+# What a reader in another language needs to know of an array, by the field's name, or the record's and the field's.
 _ABOUT = {
     "times": {"unit": "s", "axes": "pose"},
     "positions": {"unit": "m", "axes": "pose, (x y z)", "frame": "world"},
@@ -50,6 +52,7 @@ _ABOUT = {
     "frames": {"axes": "pose, transmitter, receiver, sample", "phase_sign": PHASE_SIGN},
     "values": {"axes": "x, y, z", "frame": "world"},
     "inside": {"axes": "x, y", "frame": "world"},
+    "VolumeMask.inside": {"axes": "x, y, z", "frame": "world"},
     "labels": {"axes": "x, y", "frame": "world"},
     "scores": {"axes": "instance"},
     "x": {"unit": "m", "frame": "world"},
@@ -122,19 +125,39 @@ def save(
         write_seal(raw, extents)
 
 
-def load(path: str | os.PathLike[str]) -> Any:
+@overload
+def load(path: str | os.PathLike[str]) -> Any: ...
+
+
+@overload
+def load(path: str | os.PathLike[str], kind: type[T]) -> T: ...
+
+
+def load(path: str | os.PathLike[str], kind: type[Any] | None = None) -> Any:
     """Read a record from an HDF5 file of `save` into memory.
+
+    Parameters
+    ----------
+    path : the file
+    kind : the class of record that is expected, such as `ms.SarImage`: any other is refused before it is read, and
+        editors know what is returned; None: any
 
     Raises
     ------
     FileError
         There is no such file, or it cannot be opened.
     FormatError
-        It is not HDF5, was not written by millisight, or has a newer schema.
+        It is not HDF5, was not written by millisight, has a newer schema, or holds another record than `kind`.
     DamagedFileError
         It was written by millisight, but is truncated or corrupted.
+    InputError
+        `kind` is no record that files hold.
     """
+    if kind is not None and kind not in RECORDS.values():
+        raise InputError(f"kind is {kind!r}; expected one of {', '.join(sorted(RECORDS))}")
     with _opened(path) as file:
+        if kind is not None:
+            _expect(file, path, kind.__name__)
         return _read(file, path)
 
 
@@ -148,8 +171,7 @@ def open_capture(path: str | os.PathLike[str]) -> Iterator[Capture]:
         As `load`; FormatError also where the file holds another record.
     """
     with _opened(path) as file:
-        if _kind(file, path) != "Capture":
-            raise FormatError(f"{path} holds a {_kind(file, path)}; expected a Capture")
+        _expect(file, path, "Capture")
         yield _read(file, path, lazy=("frames",))
 
 
@@ -245,7 +267,8 @@ def _write(group: Any, record: Any, sink: Sink) -> None:
             plain = isinstance(value, int | float | complex | np.number) or _is_plain_text(value)
             group.attrs[field.name] = value if plain else _JSON + json.dumps(value)
             continue
-        for name, text in _ABOUT.get(field.name, {}).items():
+        own = f"{type(record).__name__}.{field.name}"
+        for name, text in _ABOUT.get(own, _ABOUT.get(field.name, {})).items():
             about[name] = text
 
 
@@ -344,6 +367,12 @@ def _kind(group: Any, path: str | os.PathLike[str]) -> str:
     if not isinstance(name, str):
         raise DamagedFileError(f"{path} is damaged at {group.name}: it names no record; make or copy it again")
     return name
+
+
+def _expect(group: Any, path: str | os.PathLike[str], kind: str) -> None:
+    """Raise `FormatError` unless a group holds a record of that kind."""
+    if _kind(group, path) != kind:
+        raise FormatError(f"{path} holds a {_kind(group, path)}; expected a {kind}")
 
 
 def _reason(error: BaseException) -> str:

@@ -8,9 +8,13 @@ from ._catalogue import find_scans as find_scans
 from ._catalogue import object_name as object_name
 from ._load import FORMATS as FORMATS
 from ._load import load_mesh as load_mesh
+from ._mask_surface import mask_surface as mask_surface
 from ._rays import LIFT as LIFT
 from ._rays import RayCaster as RayCaster
 from ._scenes import scene_from_mesh as scene_from_mesh
+from ._shape_classes import NO_SHAPE_CLASS as NO_SHAPE_CLASS
+from ._shape_classes import PAPER_CLASSES as PAPER_CLASSES
+from ._shape_classes import PUBLISHED_CLASSES as PUBLISHED_CLASSES
 from ._shape_classes import RANDOM_SHAPES as RANDOM_SHAPES
 from ._shape_classes import SHAPE_CLASSES as SHAPE_CLASSES
 from ._shape_classes import random_shape as random_shape
@@ -34,3 +38,4 @@ from ._shapes import stretched_parts as stretched_parts
 from ._shapes import strip as strip
 from ._shapes import tube as tube
 from ._shapes import union as union
+from ._write import write_mesh as write_mesh

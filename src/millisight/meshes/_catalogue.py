@@ -54,6 +54,9 @@ class ObjectPart(SceneObject):
     material : what it is made of
     """
 
+    def __repr__(self) -> str:  # a record would make its own
+        return SceneObject.__repr__(self)
+
 
 @record
 class CatalogueObject:
@@ -167,29 +170,57 @@ CATALOGUE: Mapping[str, CatalogueObject] = MappingProxyType({entry.name: entry f
 """Every object by its name, in the order of the YCB numbers."""
 
 
-def _spelled(name: str) -> str:
-    """Without case, and with one mark between words: folders spell one object 057_racquetball and 057-racquetball."""
-    return re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
+# Where the YCB downloads and the datasets made of them keep a mesh below the object's own folder; the best first.
+_FOLDERS = ("google_16k", "google_64k", "google_512k", "", "poisson", "tsdf")
+_FILES = ("nontextured.stl", "nontextured.ply", "textured.obj", "textured_simple.obj", "uniform.stl")
+_SUFFIXES = (".ply", ".stl", ".obj", ".off", ".glb")
+
+_NUMBER = re.compile(r"\d+(-?[a-z])?[-_ ](?=.)", re.IGNORECASE)
 
 
-_NAMES = {
-    _spelled(known): name
-    for name, entry in CATALOGUE.items()
-    for known in (name, entry.ycb_id, entry.published)
-    if known
-}
-_NUMBER = re.compile(r"\d+(-?[a-z])?[-_]")
+def _key(spelled: str) -> str:
+    """Letters and digits alone, without case and leading zeros: "057_racquetball" and "57-Racquetball" are the same."""
+    return re.sub(r"[\W_]+", "", spelled.casefold()).lstrip("0")
+
+
+def _spellings(entry: CatalogueObject) -> Iterator[str]:
+    yield from (entry.name, entry.ycb_id, entry.published)
+    number, letter = entry.number.partition("-")[::2]
+    if letter:  # as the published dataset spells those of a set: 065b_cups_b
+        of_set = f"{entry.ycb_id.partition('_')[2]}_{letter}"
+        yield from (of_set, f"{number}_{of_set}", f"{number}{letter}_{of_set}")
+    yield _NUMBER.sub("", entry.published, count=1)
+
+
+_NAMES = {_key(known): name for name, entry in CATALOGUE.items() for known in _spellings(entry) if known}
 
 
 def object_name(spelled: str) -> str:
     """One name for one object, however a folder or a file spells it: the catalogue's, else that without its number.
 
+    Case, and what stands between words, do not matter. Of a path counts the last part that the catalogue knows, of
+    folders by their number and name; the suffix of a mesh file is left out. Several objects are joined by "+".
+
     Examples
     --------
     >>> [object_name(folder) for folder in ("025_mug", "057-racquetball", "042_wrench", "074-x_wide", "thing")]
     ['mug', 'racquetball', 'adjustable_wrench', 'wide', 'thing']
+    >>> [object_name(path) for path in ("057_Racquetball.PLY", "025_mug/google_16k/nontextured.stl", "My Gear.stl")]
+    ['racquetball', 'mug', 'my_gear']
     """
-    return _NAMES.get(_spelled(spelled)) or _NUMBER.sub("", spelled, count=1) or spelled
+    if "+" in spelled:
+        return "+".join(object_name(one) for one in spelled.split("+") if one)
+    parts = re.split(r"[/\\]", spelled)
+    *folders, last = [one for one in parts if one.lower() not in (*_FOLDERS, *_FILES)] or [spelled]
+    stem = last[: last.rindex(".")] if last.lower().endswith(_SUFFIXES) else last
+    for one in (stem, *(folder for folder in reversed(folders) if folder[:1].isdigit())):
+        if _key(one) in _NAMES:
+            return _NAMES[_key(one)]
+    number = _NUMBER.match(stem)
+    if number and not number[1]:  # with a letter it is another one of a set than what has none
+        return object_name(stem[number.end() :])
+    rest = stem[number.end() :] if number else stem
+    return re.sub(r"[\W_]+", "_", rest.casefold()).strip("_") or spelled
 
 
 def build_object(name: str) -> TriangleMesh:
@@ -230,12 +261,6 @@ def build_parts(name: str) -> tuple[ObjectPart, ...]:
 def _entry(name: str) -> CatalogueObject:
     check_known("catalogue object", name, CATALOGUE)
     return CATALOGUE[name]
-
-
-# Where the YCB downloads and the datasets made of them keep a mesh below the object's own folder; the best first.
-_FOLDERS = ("google_16k", "google_64k", "google_512k", "", "poisson", "tsdf")
-_FILES = ("nontextured.stl", "nontextured.ply", "textured.obj", "textured_simple.obj", "uniform.stl")
-_SUFFIXES = (".ply", ".stl", ".obj", ".off", ".glb")
 
 
 def find_scans(folder: str | os.PathLike[str]) -> dict[str, Path]:

@@ -1,5 +1,7 @@
 """The classes of shapes, and shapes of each with proportions drawn at random: more than a catalogue holds.
 
+The paper names four classes; its published dataset has two more, cups and clamps, and objects of no class.
+
 These are meant for training: a network that has seen two cans knows these two. Sizes are those of a household, evenly
 drawn in their logarithms; no shape is drawn after any one object.
 """
@@ -14,13 +16,17 @@ from millisight.data import TriangleMesh
 from millisight.meshes._shapes import (
     FLAT,
     body,
+    curve,
     cylinder,
+    disc,
     fillet,
     mesh_of,
     outline,
     plate,
     revolve,
     rounded_block,
+    shell,
+    strip,
     tube,
     union,
 )
@@ -36,7 +42,7 @@ _NEARLY_A_CUBE = 0.25  # of the boxes
 
 
 def random_shape(shape_class: str, rng: np.random.Generator) -> TriangleMesh:
-    """A shape of a class, "can", "handle", "box" or "sphere", as it would lie on a table; its middle at the origin.
+    """A shape of a class of `PUBLISHED_CLASSES`, as it would lie on a table; its middle at the origin.
 
     Raises
     ------
@@ -146,13 +152,124 @@ def _rings(reach: float, thickness: float, rng: np.random.Generator) -> "list[Ma
 
 _HEADS = (_no_head, _blade, _bowl, _block_across, _rings)
 
+
+def _cup(rng: np.random.Generator) -> "Manifold":
+    """An open vessel with a wall and a floor, straight or wider at the top, with a handle now and then."""
+    height, radius = _between(rng, 45, 130), _between(rng, 45, 110) / 2
+    wall, foot = rng.uniform(1.5, 4), radius * rng.uniform(0.65, 1)
+    corner = rng.uniform(0.05, 0.3) * foot
+    side = [(0, wall / 2), (foot - corner, wall / 2), (foot, corner + wall / 2), (radius, height)]
+    if rng.random() < 0.4:
+        side.append((radius + rng.uniform(2, 6), height))
+    cup = shell(np.array(side), wall)
+    if rng.random() < 0.5:
+        low, high, out = height * rng.uniform(0.12, 0.3), height * rng.uniform(0.65, 0.9), rng.uniform(18, 35)
+        at = np.interp((low, high), (0, height), (foot, radius))
+        path = curve([(at[0] - 1, 0, low), (at.mean() + out, 0, (low + high) / 2), (at[1] - 1, 0, high)])
+        hollow = cylinder(min(foot, radius) - wall, 2 * height)
+        cup = union(cup, tube(path, [(rng.uniform(2.5, 5), rng.uniform(4, 9))], normal=(0, 1, 0)) - hollow)
+    return cup.rotate((0, 90, 0)) if rng.random() < 0.3 else cup
+
+
+def _clamp(rng: np.random.Generator) -> "Manifold":
+    """Two levers that cross at a pivot, jaws on one side and spread handles on the other; or a frame with a screw."""
+    length, high = _between(rng, 70, 240), rng.uniform(12, 40)
+    if rng.random() < 0.7:
+        jaw, grip, spread = 0.4 * length, 0.6 * length, length * rng.uniform(0.18, 0.38)
+        wide = length * rng.uniform(0.07, 0.13)
+        open_by, bulge = rng.uniform(0, 0.15) * length, length * rng.uniform(0.1, 0.2)
+        line = np.array([(-jaw, open_by / 2 + wide / 3), (-jaw / 2, bulge), (0, wide / 2), (grip, spread)])
+        lever = strip(curve(line, along=2), wide)
+        levers = plate(lever + lever.mirror((0, 1)) + disc(wide, (0, 0)), 0.7 * high)
+        return union(levers, cylinder(0.7 * wide, high))
+    deep, bar = length * rng.uniform(0.35, 0.7), length * rng.uniform(0.08, 0.14)
+    frame = plate(outline([(0, 0), (deep, 0), (deep, bar), (bar, bar), (bar, length - bar), (deep, length - bar),
+                           (deep, length), (0, length)]), rng.uniform(8, high))  # fmt: skip
+    thread, gap = rng.uniform(4, 8), length * rng.uniform(0.1, 0.6)
+    x, end = deep - bar, length + rng.uniform(0.1, 0.4) * length
+    screw = cylinder(thread, end - gap, axis="y", at=(x, (gap + end) / 2, 0))
+    turn = cylinder(0.7 * thread, rng.uniform(30, 60), axis="x", at=(x, end - thread, 0))
+    return union(frame, screw, turn)
+
+
+def _other(rng: np.random.Generator) -> "Manifold":
+    """What is of no class: a bottle, a dish, a ring, a bent bar, or several parts that meet at angles."""
+    return _OTHERS[rng.integers(len(_OTHERS))](rng)
+
+
+def _bottle(rng: np.random.Generator) -> "Manifold":
+    """On its side: a body of oval section, shoulders, and a neck."""
+    length, half = _between(rng, 140, 300), rng.uniform(22, 50)
+    flat, neck = rng.uniform(0.55, 1), rng.uniform(0.25, 0.5)
+    shoulder = length * rng.uniform(0.55, 0.75)
+    stations = [
+        (-length / 2, 0, 0, half, half * flat), (shoulder - length / 2, 0, 0, half, half * flat),
+        (shoulder - length / 2 + 0.14 * length, 0, 0, neck * half, neck * half * max(flat, 0.8)),
+        (length / 2, 0, 0, neck * half, neck * half * max(flat, 0.8)),
+    ]  # fmt: skip
+    return body(stations, exponent=rng.uniform(2, 3.5), rounding=(6, 2))
+
+
+def _dish(rng: np.random.Generator) -> "Manifold":
+    """A plate, a bowl or a lid: a thin sheet, wider than high, either side up."""
+    radius, height = _between(rng, 45, 130), _between(rng, 10, 70)
+    floor = radius * rng.uniform(0.3, 0.75)
+    bulge = (floor + (radius - floor) * rng.uniform(0.5, 0.9), height * rng.uniform(0.2, 0.6))
+    dish = shell(curve([(0, 2), (floor / 2, 1.5), (floor, 2.5), bulge, (radius, height)], along=2), rng.uniform(1.5, 4))
+    return dish.rotate((180, 0, 0)) if rng.random() < 0.3 else dish
+
+
+def _ring(rng: np.random.Generator) -> "Manifold":
+    """A rod bent to a closed ring, or to an arc."""
+    turn = np.linspace(0, 2 * np.pi * rng.choice([1.0, rng.uniform(0.25, 0.6)]), 60)
+    along, across = rng.uniform(30, 110), rng.uniform(30, 110)
+    points = np.column_stack([along * np.cos(turn), across * np.sin(turn), np.zeros(len(turn))])
+    closed = bool(turn[-1] > 6)
+    return tube(points[:-1] if closed else points, rng.uniform(5, 18), normal=FLAT, closed=closed)
+
+
+def _parts(rng: np.random.Generator) -> "Manifold":
+    """Two to four blocks, rods or balls, each at the side of one before."""
+    size = rng.uniform(25, 90, 3)
+    whole = rounded_block((size[0], size[1], size[2]), 2)
+    for _ in range(rng.integers(1, 4)):
+        along, across, high = rng.uniform(20, 80, 3)
+        lower, upper = np.array(whole.bounding_box()).reshape(2, 3)
+        place = rng.uniform(lower, upper)
+        axis = rng.integers(3)
+        place[axis] = (lower, upper)[rng.integers(2)][axis]
+        at = float(place[0]), float(place[1]), float(place[2])
+        choice = rng.integers(3)
+        if choice == 0:
+            part = rounded_block((along, across, high), 2, at=at)
+        elif choice == 1:
+            part = cylinder(across / 2, along, axis="xyz"[axis], at=at)
+        else:
+            part = revolve([(0, -across / 2), (across / 2, 0), (0, across / 2)]).translate(at)
+        whole = union(whole, part)
+    return whole
+
+
+_OTHERS = (_bottle, _dish, _ring, _parts)
+
+NO_SHAPE_CLASS = "other"
+
 RANDOM_SHAPES: dict[str, Callable[[np.random.Generator], "Manifold"]] = {
     "can": _can,
     "handle": _tool,
     "box": _box,
     "sphere": _ball,
+    "cup": _cup,
+    "clamp": _clamp,
+    NO_SHAPE_CLASS: _other,
 }
 """What draws each class."""
 
-SHAPE_CLASSES: tuple[str, ...] = (*RANDOM_SHAPES, "other")
+PAPER_CLASSES: tuple[str, ...] = ("can", "handle", "box", "sphere")
+"""That the paper's classifier tells apart."""
+
+PUBLISHED_CLASSES: tuple[str, ...] = tuple(RANDOM_SHAPES)
+"""Of the published dataset; "other" is its unnamed class."""
+
+SHAPE_CLASSES: tuple[str, ...] = (*PAPER_CLASSES, NO_SHAPE_CLASS)
 """The paper's classes, and what is of none of them."""

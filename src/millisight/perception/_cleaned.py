@@ -2,6 +2,8 @@
 
 from functools import lru_cache
 
+import numpy as np
+
 from millisight.data import SarImage
 from millisight.imaging import remove_sheets
 
@@ -23,3 +25,8 @@ def without_sheets(image: SarImage, *, frequency: float = HIGH_BAND) -> SarImage
     if any(step.get("step") == "remove_sheets" for step in image.metadata.get("history", ())):
         return image
     return remove_sheets(image, frequency=frequency).result
+
+
+def taken_db(cleaned: SarImage, image: SarImage) -> float:
+    """The maximum of an image without its sheets over that with them [dB]; 0 where none was taken."""
+    return float(20 * np.log10(max(cleaned.magnitude.max() / max(image.magnitude.max(), 1e-30), 1e-9)))

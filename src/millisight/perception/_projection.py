@@ -5,6 +5,8 @@ is transposed for display, so that a mask on the picture is a mask on the image'
 column.
 """
 
+from typing import Literal
+
 import numpy as np
 
 from millisight.core import PUBLISHED_COLORMAP, as_array, check_known, checked_colormap, checked_record
@@ -16,7 +18,11 @@ VALUES = ("mean", "max", "rms")
 
 
 def project(
-    image: SarImage, *, other_band: SarImage | None = None, values: str = "mean", colours: str = PUBLISHED_COLORMAP
+    image: SarImage,
+    *,
+    other_band: SarImage | None = None,
+    values: Literal["mean", "max", "rms"] | str = "mean",
+    colours: str = PUBLISHED_COLORMAP,
 ) -> Picture:
     """An image projected along z and coloured; as published, the mean of |I| with "jet" (paper section 6.1).
 

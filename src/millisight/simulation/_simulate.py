@@ -1,7 +1,7 @@
 """The paper's simulator: frames of a radar that looks at a mesh (primer 13)."""
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -23,11 +23,11 @@ def simulate(
     radar: Radar,
     trajectory: Trajectory,
     *,
-    model: str | ScatteringModel = "specular",
-    spreading: str = "none",
+    model: Literal["specular", "edge", "diffuse", "rough"] | str | ScatteringModel = "specular",
+    spreading: Literal["none", "1/d"] | str = "none",
     snr_db: float | None = None,
     rng: int | np.random.Generator | None = None,
-    device: str = "cpu",
+    device: Literal["cpu", "cuda"] | str = "cpu",
     progress: Callable[[int, int], None] | None = None,
     **parameters: Any,
 ) -> Capture:

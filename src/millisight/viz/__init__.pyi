@@ -31,6 +31,7 @@ from ._figures_perception import plot_table as plot_table
 from ._figures_training import plot_augmentations as plot_augmentations
 from ._figures_training import plot_examples as plot_examples
 from ._figures_training import plot_random_shapes as plot_random_shapes
+from ._figures_volume import plot_volume as plot_volume
 from ._images import plot_image as plot_image
 from ._images import plot_sheet as plot_sheet
 from ._images import plot_slices as plot_slices

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from millisight.core import box
-from millisight.data import Capture, Radar, SarImage, TriangleMesh, Waveform
+from millisight.data import Capture, Mask, Radar, SarImage, TriangleMesh, Waveform
 
 _MOST_VOXELS = 8_000_000  # of which the peak is looked for quickly
 
@@ -16,13 +16,17 @@ def facts_of(record: Any, *, quick: bool = False) -> list[tuple[str, str]]:
 
     Parameters
     ----------
-    record : Capture, SarImage or TriangleMesh; of others the kind alone is told
+    record : Capture, SarImage, Mask or TriangleMesh; of others the kind alone is told
     quick : leave out what takes long to find in a large record
     """
     if isinstance(record, Capture):
         return [*_of_capture(record), *_steps(record.metadata)]
     if isinstance(record, SarImage):
         return [*_of_image(record, quick), *_steps(record.metadata)]
+    if isinstance(record, Mask):
+        size = " x ".join(map(str, record.grid_xy.shape))
+        inside = f"{int(record.inside.sum())} pixels, {100 * record.inside.mean():.1f} %"
+        return [("record", f"Mask, {size} pixels"), ("grid", box(*record.grid_xy.bounds)), ("inside", inside)]
     if isinstance(record, TriangleMesh):
         size = f"{len(record.vertices)} vertices, {len(record.faces)} faces"
         return [("record", f"TriangleMesh, {size}"), ("box", box(*record.bounds))]

@@ -1,6 +1,7 @@
 """Figures of images: projections, slices, and many images side by side, all panels in one scale."""
 
 from collections.abc import Mapping, Sequence
+from typing import Literal
 
 import numpy as np
 from matplotlib.colors import Colormap
@@ -19,7 +20,7 @@ def plot_image(
     image: SarImage,
     *,
     mesh: TriangleMesh | None = None,
-    scale: str = "linear",
+    scale: Literal["linear", "db"] | str = "linear",
     dynamic_range_db: float = 30,
     colormap: str | Colormap | Sequence[str | Colormap | None] | None = None,
     title: str | None = None,
@@ -49,7 +50,7 @@ def plot_image(
     figure, rows, bars = _panels.place_panels([Panel.views_of(_panels.grid_box(image.grid))] * len(maps), title=title)
     for row, bar, colours in zip(rows, bars, maps, strict=True):
         for axes, axis in zip(row, PLANE, strict=True):
-            _panels.show_pixels(axes, *_coordinates(image.grid, axis), shades(image.project(axis)), shades, colours)
+            _panels.show_pixels(axes, *view_coordinates(image.grid, axis), shades(image.project(axis)), shades, colours)
             if mesh is not None:
                 _panels.draw_outline(axes, outlines[axis], axis)
             _panels.label_view(axes, axis)
@@ -63,7 +64,7 @@ def plot_slices(
     *,
     at: Sequence[float] | np.ndarray | None = None,
     mesh: TriangleMesh | None = None,
-    scale: str = "db",
+    scale: Literal["linear", "db"] | str = "db",
     dynamic_range_db: float = 30,
     colormap: str | Colormap | None = None,
     title: str | None = None,
@@ -94,7 +95,7 @@ def plot_slices(
     for axes, axis in zip(row, PLANE, strict=True):
         number = "xyz".index(axis)
         values = shades(magnitude.take(index[number], axis=number), magnitude.max())
-        _panels.show_pixels(axes, *_coordinates(image.grid, axis), values, shades, colours)
+        _panels.show_pixels(axes, *view_coordinates(image.grid, axis), values, shades, colours)
         right, up = (point[i] for i in PLANE[axis])
         axes.axvline(right, color="white", linewidth=0.5, linestyle=(0, (4, 4)), alpha=0.55)
         axes.axhline(up, color="white", linewidth=0.5, linestyle=(0, (4, 4)), alpha=0.55)
@@ -112,7 +113,7 @@ def plot_sheet(
     *,
     meshes: Mapping[str, TriangleMesh] | None = None,
     columns: int | None = None,
-    scale: str = "linear",
+    scale: Literal["linear", "db"] | str = "linear",
     dynamic_range_db: float = 30,
     colormap: str | Colormap | None = None,
     title: str | None = None,
@@ -172,7 +173,7 @@ def plot_sheet(
     return figure
 
 
-def _coordinates(grid: VoxelGrid, axis: str) -> tuple[np.ndarray, np.ndarray]:
+def view_coordinates(grid: VoxelGrid, axis: str) -> tuple[np.ndarray, np.ndarray]:
     """The grid's coordinates to the right and up in a view along `axis` [m]."""
     right, up = ("xyz"[i] for i in PLANE[axis])
     return getattr(grid, right), getattr(grid, up)

@@ -13,7 +13,7 @@ from matplotlib.patches import Patch
 
 from millisight.core import checked_colormap
 from millisight.core.errors import MillisightError
-from millisight.data import Capture, Mask, SarImage, Scene, TriangleMesh
+from millisight.data import Capture, Mask, PixelGrid, SarImage, Scene, TriangleMesh
 from millisight.viz._captures import range_profiles, where_something_is
 from millisight.viz._facts import facts_of
 from millisight.viz._figures import BLUE, GREEN, ORANGE, VERMILION, draw_mesh
@@ -85,7 +85,7 @@ def plot_mask(mask: Mask, *, title: str | None = None) -> Figure:
     return figure
 
 
-def html_card(record: SarImage | Capture | TriangleMesh) -> str:
+def html_card(record: SarImage | Mask | Capture | TriangleMesh) -> str:
     """A small picture of a record and a table of facts, as HTML, for notebooks.
 
     The picture is left out where there are no data to make it of, or where finding it would take long: of captures
@@ -93,7 +93,7 @@ def html_card(record: SarImage | Capture | TriangleMesh) -> str:
 
     Parameters
     ----------
-    record : SarImage, Capture or TriangleMesh
+    record : SarImage, Mask, Capture or TriangleMesh
     """
     picture = ""
     with suppress(MillisightError, OSError, MemoryError):
@@ -107,7 +107,7 @@ def html_card(record: SarImage | Capture | TriangleMesh) -> str:
         f'<tr><th style="text-align:left">{escape(name)}</th><td style="text-align:left">{escape(fact)}</td></tr>'
         for name, fact in facts_of(record, quick=True)
     )
-    return f'<div style="display:flex;gap:1em">{picture}<table>{rows}</table></div>'
+    return f'<div style="display:flex;gap:1em">{picture}<table style="align-self:flex-start">{rows}</table></div>'
 
 
 def _thumbnail(record: Any) -> "tuple[np.ndarray, float] | None":
@@ -115,8 +115,10 @@ def _thumbnail(record: Any) -> "tuple[np.ndarray, float] | None":
     if isinstance(record, SarImage):
         every = int(np.ceil(np.sqrt(record.grid.size / _MOST_VOXELS)))
         seen = np.abs(record.values[::every, ::every]).mean(axis=2)
-        width, height = Panel.around(borders(record.grid.x, 1e-3), borders(record.grid.y, 1e-3), least=0.02).size
-        return _coloured(Scale.checked("linear", 30)(seen).T[::-1]), width / height
+        return _coloured(Scale.checked("linear", 30)(seen).T[::-1]), _ratio(record.grid.xy)
+    if isinstance(record, Mask):
+        grey = np.where(record.inside.T[::-1], 255, 51).astype(np.uint8)  # as `plot_mask`
+        return np.repeat(grey[..., None], 3, axis=2), _ratio(record.grid_xy)
     if isinstance(record, TriangleMesh):
         faces = record.faces[:: -(-len(record.faces) // _MOST_FACES)]
         light = relief(TriangleMesh(vertices=record.vertices, faces=faces), "z", _PIXELS).T[::-1]
@@ -129,6 +131,12 @@ def _thumbnail(record: Any) -> "tuple[np.ndarray, float] | None":
     seen = profiles.magnitude[:, where_something_is(profiles, record)]
     scale = Scale.checked("db", 60)
     return _coloured(scale(seen)[::-1] / -scale.floor_db + 1), 1.5
+
+
+def _ratio(grid: PixelGrid) -> float:
+    """How much wider than high the picture of a grid is."""
+    width, height = Panel.around(borders(grid.x, 1e-3), borders(grid.y, 1e-3), least=0.02).size
+    return width / height
 
 
 def _coloured(shares: np.ndarray) -> np.ndarray:

@@ -132,12 +132,30 @@ def test_empty_scenes_count_where_nothing_is_found():
     assert worst(trials, 3) == []
 
 
+def test_the_cameras_precision_is_marked_where_the_truth_is_of_the_same_photo():
+    trials = [trial("s", "z", given, 0, 0.6, sight=sight) for given in (CAMERA, HIGH) for sight in ("los", "nlos")]
+
+    def cells(sight, **truth):
+        table = median_table(trials, sight, data="by hand", **truth)
+        column = table.columns.index("precision [%]")
+        return [row[column] for row in table.rows if row[0] == "z"], "\n".join(table.notes)
+
+    told = "50.0 (50.0 to 50.0)"
+    found, notes = cells("los", from_photo=True)
+    assert found == [f"{told} †", told]
+    assert "has a precision of 100 % by construction" in notes
+    for sight, truth in (("los", {}), ("nlos", {"from_photo": True})):
+        found, notes = cells(sight, **truth)
+        assert found == [told, told]
+        assert "†" not in notes
+
+
 def test_every_trial_is_a_row_for_other_programs():
     trials = [trial("s", "a", HIGH, 2, 0.5, failure="nothing, at all")]
-    table = trial_table(trials, data="by hand")
+    table = trial_table(trials, {"s": "box"}, data="by hand")
     (row,) = table.rows
-    assert dict(zip(table.columns, row, strict=True))["f1"] == 0.5
-    assert row[5] == 2
+    named = dict(zip(table.columns, row, strict=True))
+    assert (named["class"], named["seed"], named["f1"]) == ("box", 2, 0.5)
     assert '"nothing, at all"' in table.csv()
 
 

@@ -4,25 +4,32 @@ The rig's optics cost, for each row of the aperture, a pass over all patches, an
 times the sheets that a wave may cross. Patches are about ten a square wavelength, and no fewer than faces.
 """
 
+import math
 import time
-from collections.abc import Iterable, Mapping
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Mapping
+from statistics import median
 from typing import NamedTuple
 
 import numpy as np
 
 from millisight.data import Radar, Scene, Trajectory, VoxelGrid
 from millisight.datasets.generation._recipe import Simulator
+from millisight.io.mito import FRAMES
 from millisight.rig.virtual import ScanSettings, VirtualRig, World, WorldLayout, WorldObject, build_layout, optics_of
 
-# Measured on one core of an AMD EPYC (Zen 5, 2.6 GHz), see benchmarks/test_generate.py [s].
-_JOB = 1.0  # building the world, and files
-_ROW, _ROW_PATCH = 0.03, 5e-6
-_PATCH, _SHEET_PATCH = 1.6e-8, 6e-9
+# Processor time of one core of an AMD EPYC (Zen 5, 2.6 GHz), see benchmarks/test_generate.py [s].
+_JOB = 0.4  # building the world, and files
+_ROW, _ROW_PATCH = 0.012, 2e-6
+_PATCH, _SHEET_PATCH = 6.5e-9, 2.5e-9
 _PATCHES = 10.0  # a square wavelength
-_FRAME = {"77_ghz": 0.4e-3, "24_ghz": 6e-3}  # noise, and the raw file written and read
-_PICTURE = 1.6
-_PAIR, _CHANNEL, _VOXEL = 1.7e-9, 8e-5, 1e-6  # imaging: direct, or factorised
-_VERTEX_PAIR, _VERTEX = 6e-9, 2e-4  # the simulator: a vertex seen from a position, and resampling
+_FRAME = {"77_ghz": 0.16e-3, "24_ghz": 6.3e-3}  # noise, and the raw file written and read
+_PICTURE = 0.65
+_PAIR, _CHANNEL, _VOXEL = 0.7e-9, 3.3e-5, 0.4e-6  # imaging: direct, or factorised
+_VERTEX_PAIR, _VERTEX = 2.5e-9, 0.8e-4  # the simulator: a vertex seen from a position, and resampling
+
+_PROBES = 7
+_FIGURES = (0.6, 1.6)  # what whole recipes may take over what these figures say, times the slowness; 0.8 and 1.26 did
 
 _IMAGE_BYTES = 8  # a voxel
 _PICTURE_BYTES = {"los": 11_000_000, "nlos": 1_600_000}
@@ -44,16 +51,21 @@ class Total(NamedTuple):
     core_seconds: float  # sum
     kept: float  # sum, in bytes
     spool: float  # most bytes on disk besides, with so many workers
-    wall: float  # how long they take with so many workers [s]
+    wall: float  # how long they take with so many workers, each on a core that is free [s]
+    low: float = 1.0  # the times are likely to be between so many
+    high: float = 1.0  # and so many times these
 
 
-def total(costs: Iterable[Cost], workers: int) -> Total:
-    """The cost of jobs that as many workers share, each of one core."""
-    costs = list(costs)
+def total(costs: Iterable[Cost], workers: int, slowness: "Slowness") -> Total:
+    """The cost of jobs that as many workers share, each of one core; the range is that of the probes and figures."""
+    costs = [cost._replace(seconds=cost.seconds * slowness.median) for cost in costs]
     seconds = sum(cost.seconds for cost in costs)
     longest = max((cost.seconds for cost in costs), default=0.0)
     spool = sum(sorted((cost.spool for cost in costs), reverse=True)[:workers])
-    return Total(len(costs), seconds, sum(cost.kept for cost in costs), spool, max(seconds / workers, longest))
+    low, high = (factor * end / slowness.median for factor, end in zip(_FIGURES, slowness[1:], strict=True))
+    return Total(
+        len(costs), seconds, sum(cost.kept for cost in costs), spool, max(seconds / workers, longest), low, high
+    )
 
 
 def rig_cost(stage: WorldLayout, grids: Mapping[str, VoxelGrid], *, keep: str, camera: bool) -> Cost:
@@ -66,7 +78,8 @@ def rig_cost(stage: WorldLayout, grids: Mapping[str, VoxelGrid], *, keep: str, c
         receivers = len(radar.radar.array.rx_positions)
         moving = world.arm.duration(world.scan.size[1]) / radar.frame_period + 2
         grid, frames = grids[radar.name], rows * moving
-        seconds += rows * row_seconds(stage, radar.radar, moving) + frames * _FRAME[radar.name]
+        seconds += rows * row_seconds(stage, radar.radar, moving)
+        seconds += rows * _written(moving, radar.name, keep) * _FRAME[radar.name]
         seconds += _imaging_seconds(frames * receivers, grid)
         kept += grid.size * _IMAGE_BYTES + np.prod(grid.shape[:2]) + frames * _PLACE_BYTES
         if keep == "captures":
@@ -76,6 +89,12 @@ def rig_cost(stage: WorldLayout, grids: Mapping[str, VoxelGrid], *, keep: str, c
         seconds += _PICTURE
         kept += _PICTURE_BYTES[world.sight]
     return Cost(seconds, kept + (raw if keep == "raw" else 0), 2 * raw)
+
+
+def _written(frames: float, radar: str, keep: str) -> float:
+    """Frames in the files of a row of so many: the published ones at 24 GHz are filled up."""
+    whole = FRAMES["24_ghz", "normal"]
+    return math.ceil(frames / whole) * whole if keep == "raw" and radar == "24_ghz" else frames
 
 
 def row_seconds(stage: WorldLayout, radar: Radar, frames: float) -> float:
@@ -103,8 +122,20 @@ def _imaging_seconds(channels: float, grid: VoxelGrid) -> float:
     return min(direct, 1.0 + channels * _CHANNEL + grid.size * _VOXEL)
 
 
-def slowness() -> float:
-    """How much longer than on the machine of the figures a small row of echoes takes here, by one core."""
+class Slowness(NamedTuple):
+    """How much longer work takes one core here than on the machine of the figures."""
+
+    median: float = 1.0  # of probes
+    low: float = 1.0  # least of them
+    high: float = 1.0  # largest of them
+
+
+def slowness() -> Slowness:
+    """The processor time of a small row of echoes, several times, over that on the machine of the figures.
+
+    Processor time does not count how long other programs have the core; that they share its caches and clock still
+    shows, by a factor of 1.5 on a busy machine, and is told by the range.
+    """
     import numba
 
     world = World(objects=(WorldObject(object="golf_ball", at=(0.1, 0.1)),), scan=ScanSettings(size=(0.2, 0.2)))
@@ -116,8 +147,51 @@ def slowness() -> float:
     numba.set_num_threads(1)
     try:
         optics(settings, row)  # it may compile
-        started = time.perf_counter()
-        optics(settings, row)
-        return (time.perf_counter() - started) / row_seconds(stage, settings.radar, frames)
+        probes = [processor_seconds(lambda: optics(settings, row)) for _ in range(_PROBES)]
     finally:
         numba.set_num_threads(threads)
+    told = row_seconds(stage, settings.radar, frames)
+    return Slowness(median(probes) / told, min(probes) / told, max(probes) / told)
+
+
+def processor_seconds(work: Callable[[], object]) -> float:
+    """Processor time of this process for some work, all threads together."""
+    started = time.process_time()
+    work()
+    return time.process_time() - started
+
+
+class Remaining:
+    """Core-seconds of jobs that are done and of those to do, which finished jobs of their kind correct.
+
+    Parameters
+    ----------
+    told : kind and estimated core-seconds of each job, by name
+    slowness : by which these are multiplied until a job is done
+    """
+
+    def __init__(self, told: Mapping[str, tuple[str, float]], slowness: float):
+        self._left = dict(told)
+        self._slowness = slowness
+        self._done = 0.0
+        self._told: defaultdict[str, float] = defaultdict(float)
+        self._took: defaultdict[str, float] = defaultdict(float)
+
+    def finish(self, job: str, took: float | None) -> tuple[int, int]:
+        """Core-seconds done, and in all, once this job took so many; None: it failed, and nobody knows."""
+        kind, told = self._left.pop(job)
+        if took is None:
+            self._done += told * self._ratio(kind)
+        else:
+            self._told[kind] += told
+            self._took[kind] += took
+            self._done += took
+        done = max(1, math.ceil(self._done))
+        return done, done + math.ceil(sum(told * self._ratio(kind) for kind, told in self._left.values()))
+
+    def _ratio(self, kind: str) -> float:
+        """What was taken over what was told: of jobs of the kind, else of all, else as probed."""
+        if self._told[kind]:
+            return self._took[kind] / self._told[kind]
+        told = sum(self._told.values())
+        return sum(self._took.values()) / told if told else self._slowness

@@ -7,6 +7,7 @@ import os
 import secrets
 import shutil
 import tempfile
+import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from functools import partial
@@ -18,7 +19,7 @@ from millisight.core import make_folder, printable, record, write_text
 from millisight.core.errors import FileError, InputError
 from millisight.datasets import DatasetObject, Manifest, ManifestEntry, checksum, prepare_objects
 from millisight.datasets.generation._card import write_card
-from millisight.datasets.generation._cost import Cost, Total, slowness, total
+from millisight.datasets.generation._cost import Cost, Remaining, Slowness, Total, slowness, total
 from millisight.datasets.generation._engine import Engine
 from millisight.datasets.generation._jobs import Job, jobs_of
 from millisight.datasets.generation._ledger import JOB_NAME, Ledger, job_source
@@ -50,7 +51,7 @@ class Plan:
     todo : those that are not done already
     costs : of these
     texts : of all jobs' descriptions, by key
-    slowness : of this machine, see `cost.slowness`; 1 where it was not measured
+    slowness : Slowness of this machine; all 1 where it was not measured
     """
 
     recipe: Recipe
@@ -60,12 +61,12 @@ class Plan:
     todo: tuple[Job, ...]
     costs: tuple[Cost, ...]
     texts: Mapping[str, str]
-    slowness: float
+    slowness: Slowness
     ledger: Ledger
 
     def total(self, workers: int) -> Total:
-        """Total cost for a number of workers with one core each."""
-        return total([cost._replace(seconds=cost.seconds * self.slowness) for cost in self.costs], workers)
+        """Total cost for a number of workers with one core each, with the range in which the times are likely to be."""
+        return total(self.costs, workers, self.slowness)
 
 
 @record
@@ -120,7 +121,7 @@ def plan_dataset(
         raise InputError(f"{recipe.source}: cannot be generated: {'; '.join(problems[:_SHOWN])}{more}")
     return Plan(
         recipe=recipe, out=out, things=things, jobs=jobs, todo=todo, costs=costs, texts=texts, ledger=ledger,
-        slowness=slowness() if any(isinstance(job, RigJob) for job in todo) else 1.0,
+        slowness=slowness() if any(isinstance(job, RigJob) for job in todo) else Slowness(),
     )  # fmt: skip
 
 
@@ -151,7 +152,8 @@ def run_plan(plan: Plan, engine: Engine, *, progress: Progress | None = None) ->
     ----------
     plan : as `plan_dataset` in the dataset's own folder
     engine : runs the jobs
-    progress : called with (core-seconds done, core-seconds in all), both estimated
+    progress : called with (core-seconds done, core-seconds in all): those done as measured, the others estimated,
+        and corrected by what finished jobs of their kind took
 
     Raises
     ------
@@ -160,9 +162,9 @@ def run_plan(plan: Plan, engine: Engine, *, progress: Progress | None = None) ->
     """
     check_room(plan, engine.workers)
     failures: dict[str, str] = {}
-    costs = {job.key: max(1, round(cost.seconds)) for job, cost in zip(plan.todo, plan.costs, strict=True)}
+    costs = {job.key: cost.seconds for job, cost in zip(plan.todo, plan.costs, strict=True)}
+    remaining = Remaining({job.key: (_kind_of(job), costs[job.key]) for job in plan.todo}, plan.slowness.median)
     expensive_first = sorted(plan.todo, key=lambda job: (-costs[job.key], job.key))
-    done = 0
     with plan.ledger.writing():
         shutil.rmtree(plan.out / _PARTIAL_NAME, ignore_errors=True)
         make_folder(plan.out / _PARTIAL_NAME)
@@ -175,13 +177,14 @@ def run_plan(plan: Plan, engine: Engine, *, progress: Progress | None = None) ->
                 with closing(engine.run(made, [(job, plan.texts[job.key]) for job in jobs])) as outcomes:
                     for outcome in outcomes:
                         job = jobs[outcome.number]
+                        entries, took = outcome.result or ((), None)
                         if outcome.failure:
                             failures[job.key] = outcome.failure
                         else:
-                            plan.ledger.add(outcome.result)
-                        done += costs[job.key]
+                            plan.ledger.add(entries)
+                        count = remaining.finish(job.key, took)
                         if progress is not None:
-                            progress(done, sum(costs.values()))
+                            progress(*count)
         finally:
             shutil.rmtree(plan.out / _PARTIAL_NAME, ignore_errors=True)
             manifest = _closed(plan)
@@ -225,6 +228,11 @@ def _is_empty(job: Job) -> bool:
     return isinstance(job, RigJob) and not job.world.objects
 
 
+def _kind_of(job: Job) -> str:
+    """Jobs of one kind err alike in what they are estimated to take."""
+    return f"{type(job).__name__} {job.radars if isinstance(job, RigJob) else job.radar}"
+
+
 def _description_of(job: Job) -> str:
     """The path of a job's description, relative to the dataset."""
     return f"{job.truth}/{JOB_NAME}"
@@ -264,8 +272,9 @@ def _sha256(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def _make(root: Path, version: str, item: tuple[Job, str]) -> tuple[ManifestEntry, ...]:
-    """Do one job, wherever this is: its files to their places, and what they are."""
+def _make(root: Path, version: str, item: tuple[Job, str]) -> tuple[tuple[ManifestEntry, ...], float]:
+    """Do one job, wherever this is: its files to their places; what they are, and the processor time it took [s]."""
+    started = time.process_time()
     job, text = item
     if version != _version():
         raise InputError(f"this worker has millisight {_version()}, the run {version}; install the same everywhere")
@@ -284,7 +293,7 @@ def _make(root: Path, version: str, item: tuple[Job, str]) -> tuple[ManifestEntr
         _place(stage, root, job.owned, [path for path in paths if path.endswith(INFO_NAME)])
     finally:
         shutil.rmtree(stage, ignore_errors=True)
-    return entries
+    return entries, time.process_time() - started
 
 
 def _place(stage: Path, root: Path, folders: Sequence[str], files: Sequence[str]) -> None:

@@ -8,6 +8,7 @@ import dataclasses
 import hashlib
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -46,6 +47,12 @@ class RecipeObject(NamedTuple):
     number: int  # of the pose among the object's
     things: tuple[DatasetObject, ...]  # one, or several
     poses: tuple[Pose, ...]  # of each
+
+    @property
+    def stated(self) -> dict[str, str]:
+        """What `experiment_info.json` states of a single mesh file; the catalogue has the classes of its objects."""
+        (thing, *others) = self.things
+        return {"class": thing.shape_class} if thing.source == "file" and not others else {}
 
     @property
     def sources(self) -> dict[str, str]:
@@ -169,6 +176,7 @@ class _Scans:
             yield self._job(
                 folder, world, background, conditions, condition=condition, objects=objects, camera=i == 0,
                 first=i == 0 and (sight == "los" or "los" not in conditions), sources=subject.sources,
+                stated=subject.stated,
                 empty={radar: _empty_folder(0, background) for radar in self._subtracted if radar in _folders(world)},
             )  # fmt: skip
 
@@ -198,6 +206,7 @@ class _Scans:
         self, folder: str, world: World, background: str, conditions: dict[str, str], *,
         condition: str, objects: tuple[WorldObject, ...], camera: bool, first: bool, sources: Mapping[str, str],
         empty: Mapping[str, str], image_folder: str | None = None, keep: str | None = None,
+        stated: Mapping[str, str] = MappingProxyType({}),
     ) -> RigJob:  # fmt: skip
         hiding = condition.split("+")
         carton, cloth = self._covers(world, folder, alone=not objects)
@@ -210,7 +219,7 @@ class _Scans:
         )
         # One for all scans of an experiment, whose radars it speaks of.
         info = experiment_info(dataclasses.replace(self._worlds[0][background], radars=tuple(self._radars)))
-        info |= {"simulated": True, "physics": PHYSICS, "conditions": conditions}
+        info |= {"simulated": True, "physics": PHYSICS, "conditions": conditions, **stated}
         return RigJob(
             folder=folder, world=world, info=info, voxels=self._rig.image, keep=keep or self._rig.keep, camera=camera,
             first=first, sources=sources, empty=empty, image_folder=image_folder, beyond=self._beyond(folder),

@@ -28,7 +28,7 @@ from millisight.core.errors import InputError, UnknownNameError
 from millisight.data import material_named
 from millisight.datasets.generation._covers import Covers
 from millisight.io.mito import RADARS
-from millisight.meshes import CATALOGUE, CATEGORIES, SHAPE_CLASSES
+from millisight.meshes import CATALOGUE, CATEGORIES, PUBLISHED_CLASSES, SHAPE_CLASSES
 from millisight.simulation import SCATTERING_MODELS
 
 KEEPS = ("raw", "captures", "images")
@@ -111,7 +111,7 @@ class MeshFile:
     def __post_init__(self) -> None:
         checked_record(self.path, str, name="path")
         material_named(self.material)
-        check_known("class", self.shape_class, SHAPE_CLASSES)
+        check_known("class", self.shape_class, PUBLISHED_CLASSES)
 
     @property
     def name(self) -> str:

@@ -5,6 +5,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
+from millisight.core import check_known
 from millisight.core.errors import InputError
 from millisight.evaluation._answers import Variant
 from millisight.evaluation._leaks import (
@@ -52,10 +53,11 @@ def candidates_of(
     physics: Mapping[str, str],
     origins: Mapping[str, Origin],
     split: TestSplit | None = None,
+    classes: Sequence[str] = (),
 ) -> list[Candidate]:
     """The classifiers, each with the scenes that test it; an error if training and test share what they must not.
 
-    With a `split` the scenes that it tests, whatever a classifier saw.
+    With a `split` the scenes that it tests, whatever a classifier saw; with `classes` those of objects of these.
     """
     scenes = tuple(scenes)
     try:
@@ -63,11 +65,15 @@ def candidates_of(
     except ImportError as error:
         raise InputError(str(error)) from error
     images = [TestImage(one.name, one.object, one.angles, physics[one.name], origins[one.name].seeds) for one in scenes]
+    stated = {one.object: shape for one in scenes if (shape := one.shape_class())}
     candidates = []
     for path, by, variant in zip(weights, loaded, _variants(weights, loaded), strict=True):
+        for name in classes:
+            check_known(f"class of {variant.name}", name, by.class_names)
+        known = tuple(classes) or by.class_names
         released = variant.network == RELEASED
         if split is not None:
-            splits, training = published_plan(split, [one for one in scenes if not physics[one.name]], by.class_names)
+            splits, training = published_plan(split, [one for one in scenes if not physics[one.name]], known)
             training = training if released else training_of(variant.name, by.description)
         elif released:
             raise InputError(
@@ -75,8 +81,8 @@ def candidates_of(
             )
         else:
             training = training_of(variant.name, by.description)
-            splits = plan_splits(training, images, classes_of(by.description, by.class_names))
-        candidates.append(Candidate(path, checksum_of(by), variant, by.class_names, training, splits))
+            splits = plan_splits(training, images, classes_of(by.description, known, stated))
+        candidates.append(Candidate(path, checksum_of(by), variant, known, training, splits))
     return candidates
 
 
@@ -103,7 +109,10 @@ def why_none(candidates: Sequence[Candidate], scenes: Mapping[str, SceneSource])
         )
         told.append(f"{one.training.name}, which knows {', '.join(one.class_names)}: {', '.join(left_out)}")
     if any(NO_CLASS in one.splits.left_out for one in candidates):
-        told[-1] += "; add the object to `classes` and `tests` of the training recipe to state its class"
+        told[-1] += (
+            "; state the class of an object of your own in the recipe of the dataset, `class` of [[files]], or in "
+            "`classes` and `tests` of the training recipe"
+        )
     return f"Left out of {'; of '.join(told)}"
 
 

@@ -35,11 +35,10 @@ from millisight.evaluation._answers import (
 from millisight.evaluation._leaks import LEFT_OUT, SplitPlan, Training, siblings
 from millisight.evaluation._statistics import wilson_interval
 from millisight.evaluation._tables import Cell, Table, table_of
+from millisight.meshes import PAPER_CLASSES
 
 Rows = list[tuple[Cell, ...]]
 
-PAPER_CLASSES = ("can", "handle", "box", "sphere")
-"""Of the paper's Table 3. Which classes there are, `millisight.meshes.SHAPE_CLASSES` and each classifier say."""
 PARTS = {"edge": "edge only", "specular": "specular only", "both": "both"}
 PAPER_IMAGES = {"los": 18, "nlos": 16, "overall": 34}
 PAPER = {
@@ -52,7 +51,8 @@ PAPER = {
 _SAW = {
     PUBLISHED: "the images are the test of the authors' split; their own network was trained on meshes of most of the "
     "objects, and the first table lists what others saw",
-    CLOSED: "the classifier was trained on these objects, in other poses and with other physics",
+    CLOSED: "the classifier was trained on these objects, in other poses; with other physics, unless a note at the "
+    "classifiers says that this is unknown",
     DISJOINT: "none of these objects was used in training or validation of the classifier",
 }
 _INTERVALS = (
@@ -115,7 +115,8 @@ def classifier_table(
         counts = [len(some) for some in (*tests.values(), *(placed.left_out.get(why, []) for why in LEFT_OUT))]
         seen = (len(training.training), len(training.validation))
         kinds = (variant.network, PARTS.get(variant.parts, variant.parts))
-        rows.append((variant.name, *kinds, training.physics, str(training.seed), *seen, *counts))
+        near += placed.notes
+        rows.append((variant.name, *kinds, str(training.physics), str(training.seed), *seen, *counts))
         for name, others in siblings(training, {objects[scene] for scene in tests[DISJOINT]}).items():
             near.append(f"{variant.name} was trained on siblings of {name}: {', '.join(others)}.")
     columns = "classifier|network|trained on|physics of training|seed|objects in training|in validation|" + "|".join(

@@ -1,7 +1,7 @@
 """Tables of segmenters: medians with bootstrap intervals, and paired differences, beside the paper's figures."""
 
 import statistics
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -32,6 +32,13 @@ PAPER_MASKS: dict[str, dict[str, dict[str, float]]] = {
     for sight, rows in _PAPER.items()
 }
 """The paper's Table 2 by sight, input and metric: medians [%] of real captures, by Segment Anything."""
+
+
+_SAME_PHOTO = (
+    "† No result about the radar. In line of sight the masks of the camera rows and the true one are of the same "
+    "photo, moved alike: any mask within the object has a precision of 100 % by construction, however wrong the "
+    "transform from camera to radar. The other figures of these rows, too, compare two masks of one photo."
+)
 
 
 class TableRow(NamedTuple):
@@ -110,7 +117,9 @@ def difference(
     )
 
 
-def median_table(trials: Sequence[MaskTrial], sight: str, *, data: str, notes: Sequence[str] = ()) -> Table:
+def median_table(
+    trials: Sequence[MaskTrial], sight: str, *, data: str, notes: Sequence[str] = (), from_photo: bool = False
+) -> Table:
     """The paper's table for one sight: medians of every metric, in brackets their 95 % intervals; the paper's below.
 
     Parameters
@@ -119,15 +128,20 @@ def median_table(trials: Sequence[MaskTrial], sight: str, *, data: str, notes: S
     sight : "los" or "nlos"
     data : what the data are, for the title
     notes : texts below it
+    from_photo : the truth is the camera's mask of the object in line of sight; there the camera's precision is marked,
+        since both masks are of one photo
     """
     rows: list[tuple[str | float | None, ...]] = []
+    same_photo = False
     for row in rows_of([one for one in trials if one.sight == sight]):
         mine = [one for one in trials if (one.method, one.input, one.sight) == (*row, sight)]
         values, cells = medians(one.scores for one in mine), []
         for name in METRICS:
             low, high = interval_of_median(by_scene(trials, row, sight, name))
             show = METRICS[name].show
-            cells.append(f"{show(values[name])} ({show(low)} to {show(high)})")
+            marked = from_photo and (row.input, sight, name) == (CAMERA, "los", "precision")
+            same_photo |= marked
+            cells.append(f"{show(values[name])} ({show(low)} to {show(high)}){' †' if marked else ''}")
         scenes = len({one.scene for one in mine})
         rows.append((row.method, row.input, *cells, scenes, sum(bool(one.failure) for one in mine)))
     for given in INPUTS:
@@ -141,6 +155,7 @@ def median_table(trials: Sequence[MaskTrial], sight: str, *, data: str, notes: S
         rows,
         f"Medians over scenes{prompts}; in brackets 95 % bootstrap "
         "intervals, over scenes resampled with all their seeds. Where no mask was found, an empty mask is scored.",
+        *((_SAME_PHOTO,) if same_photo else ()),
         *notes,
         place="summary",
     )
@@ -201,11 +216,11 @@ def empty_table(trials: Sequence[MaskTrial], *, data: str) -> Table:
     )
 
 
-def trial_table(trials: Sequence[MaskTrial], *, data: str) -> Table:
-    """Every single mask, for other programs: shares from 0 to 1, lengths in metres."""
-    columns = ("scene", "object", "sight", "segmenter", "input", "seed", *METRICS, "failure")
+def trial_table(trials: Sequence[MaskTrial], classes: Mapping[str, str], *, data: str) -> Table:
+    """Every single mask, for other programs: shares from 0 to 1, lengths in metres. `classes` are by scene."""
+    columns = ("scene", "object", "class", "sight", "segmenter", "input", "seed", *METRICS, "failure")
     rows = (
-        (one.scene, one.object, one.sight, one.method, one.input, one.seed,
+        (one.scene, one.object, classes.get(one.scene, ""), one.sight, one.method, one.input, one.seed,
          *(one.scores[name] for name in METRICS), one.failure)
         for one in trials
     )  # fmt: skip

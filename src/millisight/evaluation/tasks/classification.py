@@ -26,6 +26,7 @@ from millisight.evaluation.tasks._classification_tables import (
     variants_of,
     worst,
 )
+from millisight.meshes import object_name
 from millisight.perception.segmentation import segment
 
 _FORMAT = 3
@@ -100,6 +101,7 @@ class ClassificationTask(Task):
     truth, transform, crop : as of the task "segmentation"
     split : "objects", by what each classifier saw of them; "published", the test images of the authors' newest split,
         or the name of one of their splits
+    classes : the answers are among these, and objects of other classes are left out; none: all that a classifier knows
     as_published : classify in the masks that the dataset has beside its images, as the paper's table does; no mask is
         compared with the camera's
     mistakes : number of mistakes of each classifier to plot
@@ -116,6 +118,7 @@ class ClassificationTask(Task):
     transform: str | None = None
     crop: tuple[int, int] | None = None
     split: str = OBJECTS
+    classes: Sequence[str] = ()
     as_published: bool = False
     mistakes: int = 12
 
@@ -125,6 +128,7 @@ class ClassificationTask(Task):
             self,
             weights=tuple(dict.fromkeys(str(Path(one).resolve()) for one in weights)),
             crop=None if self.crop is None else tuple(self.crop),
+            classes=(self.classes,) if isinstance(self.classes, str) else tuple(self.classes),
         )
         checked_integer(self.seed, name="seed", minimum=0)
         checked_integer(self.mistakes, name="mistakes", minimum=0)
@@ -137,7 +141,7 @@ class ClassificationTask(Task):
         origins = data.origins()
         weights = [str(one) for one in self.weights] or [None]
         split = None if self.split == OBJECTS else data.split(self.split)
-        candidates = candidates_of(weights, scenes.values(), found.physics, origins, split)
+        candidates = candidates_of(weights, scenes.values(), found.physics, origins, split, self.classes)
         shared = {"format": _FORMAT, "segmenter": segmenter, "method": self.method, "seed": self.seed,
                   "reading": found.reading, "as_published": self.as_published}  # fmt: skip
         items = []
@@ -192,7 +196,7 @@ class ClassificationTask(Task):
                 variant=one.variant,
                 split=split,
                 masks=said["masks"],
-                prediction=None if said["prediction"] is None else Prediction(**said["prediction"]),
+                prediction=self._prediction(said["prediction"]),
                 failure=said["failure"],
                 iou=said["iou"],
             )
@@ -200,6 +204,10 @@ class ClassificationTask(Task):
             for name, (split, truth) in one.splits.placed.items()
             for said in results.get(one.part(name), ())
         ]
+
+    def _prediction(self, said: Mapping[str, Any] | None) -> Prediction | None:
+        prediction = None if said is None else Prediction(**said)
+        return prediction.among(self.classes) if prediction and self.classes else prediction
 
     def describe(self, planned: EvaluationSet, rows: Sequence[ClassifierAnswer]) -> tuple[str, str]:
         """What the data are, and the introduction of the page."""
@@ -318,7 +326,8 @@ def _seen(method: str, tested: set[str]) -> str:
     sides = getattr(by, "description", {}).get("objects")
     if sides is None:
         return by.name
-    seen = sorted(tested & {name for names in sides.values() for name in names})
+    learned = {object_name(str(name)) for names in sides.values() for name in names}
+    seen = sorted(one for one in tested if object_name(one) in learned)
     told = f"; of the tested objects its network was trained on {len(seen)}: {', '.join(seen)}" if seen else ""
     return f"{by.name}{told or ', whose network was trained on none of the tested objects'}"
 

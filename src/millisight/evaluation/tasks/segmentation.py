@@ -18,6 +18,7 @@ from millisight.evaluation.tasks._segmentation_tables import (
     trial_table,
     worst,
 )
+from millisight.meshes import CATALOGUE, object_name
 
 _FORMAT = 4
 
@@ -105,7 +106,13 @@ class SegmentationTask(Task):
                 source = _SegmenterSource(scene, method, options, checksum, seeds, found.reading, blind)
                 name = f"{scene.name}, {method}"
                 items.append(EvaluationItem(name=name, source=source, parts=parts, paths=scene.paths))
-        return EvaluationSet(items=tuple(items), data=found.data, context=found.simulated)
+        catalogue = {name: entry.shape_class for name, entry in CATALOGUE.items()}
+        classes = {
+            scene.name: scene.shape_class() or catalogue.get(scene.object, "")
+            for scene in data.scenes
+            if scene.name in found.physics
+        }
+        return EvaluationSet(items=tuple(items), data=found.data, context=(found.simulated, classes))
 
     @staticmethod
     def run(item: EvaluationItem) -> Mapping[str, Any]:
@@ -136,13 +143,16 @@ class SegmentationTask(Task):
 
     def tables(self, planned: EvaluationSet, rows: Sequence[MaskTrial]) -> dict[str, Table]:
         """Medians of each sight, paired differences, and every mask."""
-        data, notes = planned.data, self._notes(rows, simulated=planned.context)
+        simulated, classes = planned.context
+        data, notes = planned.data, self._notes(rows, simulated=simulated)
         there = {one.sight for one in rows}
+        seen = [sight for sight in SIGHTS if sight in there]
+        photo = self.truth == "camera"
         return {
-            **{sight: median_table(rows, sight, data=data, notes=notes) for sight in SIGHTS if sight in there},
+            **{sight: median_table(rows, sight, data=data, notes=notes, from_photo=photo) for sight in seen},
             **({EMPTY: empty_table(rows, data=data)} if EMPTY in there else {}),
             "differences": difference_table(rows, data=data),
-            "trials": trial_table(rows, data=data),
+            "trials": trial_table(rows, classes, data=data),
         }
 
     def figures(self, planned: EvaluationSet, rows: Sequence[MaskTrial]) -> Iterator[ReportFigure]:
@@ -213,8 +223,8 @@ def _seen(by: Any, tested: set[str]) -> str:
     sides = told.get("objects")
     if sides is None:
         return f"{by.name}: the training objects of its network are not known."
-    seen = {name for names in sides.values() for name in names}
-    both = sorted(tested & seen)
+    seen = {object_name(str(name)) for names in sides.values() for name in names}
+    both = sorted({one for one in tested if object_name(one) in seen})
     name = f"{by.name} (weights {told['sha256'][:8]})"
     if both:
         return f"{name}: NOT a fair test, its network saw {len(both)} of the tested objects: {', '.join(both)}."

@@ -6,11 +6,11 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from millisight.core import check_writable, checked_integer, make_folder, put, record, write_text
+from millisight.core import check_known, check_writable, checked_integer, make_folder, put, record, write_text
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.data import PointCloud, SarImage
 from millisight.evaluation._point_cloud import CLOUD_SUFFIXES, FScore, write_point_cloud
-from millisight.evaluation._scenes import SIGHTS
+from millisight.evaluation._scenes import LOW, SIGHTS
 from millisight.evaluation._simulator import (
     CloudSettings,
     SimulatorComparison,
@@ -32,6 +32,7 @@ from millisight.evaluation.tasks._simulator_tables import (
 )
 from millisight.imaging import combine
 from millisight.io.mito import checked_radar
+from millisight.perception import HIGH_BAND, LOW_BAND, without_sheets
 
 _FORMAT = 1
 
@@ -44,10 +45,14 @@ class _PairSource(NamedTuple):
     band: str
     settings: CloudSettings
     crop: tuple[int, int] | None
+    clutter: str
 
     def measured(self) -> tuple[SarImage, str]:
-        """The measured image without the slices that are left out, and what made it."""
-        return self.scene.read_image(self.band, crop=self.crop)
+        """The measured image without the slices and the sheets that are left out, and what made it."""
+        image, made_by = self.scene.read_image(self.band, crop=self.crop)
+        if self.clutter == "none":
+            return image, made_by
+        return without_sheets(image, frequency=LOW_BAND if self.band == LOW else HIGH_BAND), made_by
 
     def clouds(self, weights: tuple[float, float]) -> tuple[SarImage, SarImage, np.ndarray, np.ndarray]:
         """Measured and combined image, and their points, the latter moved onto the former [m]."""
@@ -78,6 +83,7 @@ class SimulatorTask(Task):
     mode : of the alignment, "translation" or "rigid"
     crop : number of the lowest and of the highest slices of measured 77 GHz images to leave out; None: as published of
         the published dataset, and none of others
+    clutter : "lid" to take sheets off the measured images (`remove_sheets`) before they are compared; "none"
     fit : TOML file for the weights that fit each object best; None: none
     clouds : "ply" or "pcd", to write the compared clouds; None: not
     pictures : number of best and worst pairs to plot
@@ -96,6 +102,7 @@ class SimulatorTask(Task):
     within: float = 0.01
     mode: str = "translation"
     crop: tuple[int, int] | None = None
+    clutter: str = "none"
     fit: Path | str | None = None
     clouds: str | None = None
     pictures: int = 3
@@ -104,6 +111,7 @@ class SimulatorTask(Task):
         if self.clouds is not None and f".{self.clouds.lstrip('.')}" not in CLOUD_SUFFIXES:
             raise UnknownNameError("point cloud format", self.clouds, CLOUD_SUFFIXES)
         checked_integer(self.pictures, name="pictures", minimum=0)
+        check_known("kind of clutter", self.clutter, ("lid", "none"))
         put(self, radar=checked_radar(self.radar))
         if self.crop is not None:
             put(self, crop=tuple(self.crop))
@@ -125,7 +133,8 @@ class SimulatorTask(Task):
         settings = self.settings
         plain = {"format": _FORMAT, "threshold": settings.threshold, "relative": settings.relative,
                  "within": settings.within, "mode": settings.mode, "flat": settings.flat, "weights": settings.weights,
-                 "band": band, "crop": self.crop, "thresholds": THRESHOLDS, "distances": DISTANCES}  # fmt: skip
+                 "band": band, "crop": self.crop, "clutter": self.clutter,
+                 "thresholds": THRESHOLDS, "distances": DISTANCES}  # fmt: skip
         items, alone, otherwise = [], [], []
         for scene in data.scenes:
             if band not in scene.bands:
@@ -140,7 +149,7 @@ class SimulatorTask(Task):
             items.append(
                 EvaluationItem(
                     name=scene.name,
-                    source=_PairSource(scene, simulation, band, settings, self.crop),
+                    source=_PairSource(scene, simulation, band, settings, self.crop, self.clutter),
                     parts={scene.name.replace("/", "."): plain},
                     paths=(*scene.paths, *simulation.paths),
                 )

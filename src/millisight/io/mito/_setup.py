@@ -65,6 +65,8 @@ def read_info(path: str | os.PathLike[str]) -> dict[str, Any]:
             raise DamagedFileError(f"{name} has no text {key!r}; expected 'aperture size', 'rx offset', 'background'")
         if known is not None and info[key] not in known:
             raise DamagedFileError(f"{name}: {key!r} is {info[key]!r}; expected {' or '.join(map(repr, known))}")
+    if not isinstance(info.get("class", ""), str):
+        raise DamagedFileError(f"{name}: 'class' is {info['class']!r}; expected the name of a class, or no such key")
     periods = info.get("frame period", {})
     if not isinstance(periods, dict) or not all(_is_period(value) for value in periods.values()):
         raise DamagedFileError(

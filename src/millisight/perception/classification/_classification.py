@@ -3,7 +3,7 @@
 import os
 from collections.abc import Mapping
 from functools import lru_cache
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Literal, Protocol, runtime_checkable
 
 from millisight.core import Registry
 from millisight.core.errors import InputError
@@ -47,6 +47,8 @@ class Classifier(Protocol):
         ...
 
 
+Method = Literal["network", "released"]
+
 TORCH_SUFFIXES = (".h5", ".pt", ".pth")
 """Of weights that torch saved."""
 
@@ -56,7 +58,7 @@ CLASSIFIERS: Registry[Any] = Registry(
 """What makes a `Classifier`, by name: a class, or a function with the options as its arguments."""
 
 
-def classifier(method: str = "network", **options: Any) -> Classifier:
+def classifier(method: Method | str = "network", **options: Any) -> Classifier:
     """Create a classifier by name, with options.
 
     Parameters
@@ -82,7 +84,7 @@ def classify(
     mask: Mask,
     *,
     other_band: SarImage | None = None,
-    method: str | Classifier = "network",
+    method: Method | str | Classifier = "network",
     weights: str | os.PathLike[str] | None = None,
 ) -> Prediction:
     """Classify the object under a mask.

@@ -23,6 +23,7 @@ from millisight.perception import (
     projected_levels,
     read_description,
     resampling_weights,
+    taken_db,
     without_sheets,
 )
 from millisight.perception.classification._classification import CLASSIFIERS
@@ -40,6 +41,7 @@ MAGNITUDE = CLASSIFIER_CHANNELS.index("magnitude")
 _CLIPPED = 0.8  # of the maximum
 _LEAST = 1e-30  # power above 0
 _QUARTERS = 4
+_LEAST_TAKEN_DB = -0.1
 
 
 def classifier_input(image: SarImage, mask: Mask, *, other_band: SarImage | None = None) -> np.ndarray:
@@ -147,6 +149,11 @@ def _slices(power: np.ndarray, z: np.ndarray) -> np.ndarray:
     return np.moveaxis(power @ resampling_weights(z, depths).T, -1, 0)
 
 
+def sheet_was_brightest(taken: float) -> bool:
+    """Whether the brightest voxel went with the sheets, by the maximum without them over that with them [dB]."""
+    return taken < _LEAST_TAKEN_DB
+
+
 CLASSIFIER_WEIGHTS = Path(__file__).with_name("weights") / "classifier.onnx"
 """Shipped; its description lies beside it as .json."""
 
@@ -193,6 +200,8 @@ class NetworkClassifier:
     def classify(self, image: SarImage, mask: Mask, *, other_band: SarImage | None = None) -> Prediction:
         """The calibrated probability of each class, the mean over the image's eight symmetries, sheets taken off.
 
+        What was under a sheet has a calibration of its own.
+
         Parameters
         ----------
         image : of 77 GHz, as a rule
@@ -206,14 +215,17 @@ class NetworkClassifier:
         """
         if other_band is not None:
             other_band = without_sheets(other_band, frequency=LOW_BAND) if len(self.bands) > 1 else None
-        channels = classifier_input(without_sheets(image, frequency=HIGH_BAND), mask, other_band=other_band)
+        cleaned = without_sheets(image, frequency=HIGH_BAND)
+        channels = classifier_input(cleaned, mask, other_band=other_band)
         (logits,) = self._session.run(None, {self._session.get_inputs()[0].name: square_symmetries(channels)})
-        scaled = logits.mean(axis=0, dtype=np.float64) / self.description["temperature"]
+        covered = sheet_was_brightest(taken_db(cleaned, image))
+        how = self.description.get("calibration", {}).get("covered" if covered else "open", self.description)
+        scaled = logits.mean(axis=0, dtype=np.float64) / how["temperature"]
         probabilities = np.exp(scaled - scaled.max())
         return Prediction(
             probabilities=probabilities / probabilities.sum(),
             class_names=self.class_names,
-            threshold=self.description["threshold"],
+            threshold=how["threshold"],
         )
 
 
@@ -229,8 +241,12 @@ def _description(path: Path) -> dict[str, Any]:
         or not isinstance(held["name"], str)
     ):  # fmt: skip
         raise DamagedFileError(f"{printable(path)}: classes are {names!r} and bands {bands!r}; expected lists of names")
-    for key, most in (("temperature", np.inf), ("threshold", 1)):
-        value = held[key]
-        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value <= most:
-            raise DamagedFileError(f"{printable(path)}: {key} is {value!r}; expected a number above 0")
+    apart = held.get("calibration", {})
+    if not isinstance(apart, dict) or not all(isinstance(how, dict) for how in apart.values()):
+        raise DamagedFileError(f"{printable(path)}: calibration is {apart!r}; expected tables of numbers")
+    for how in (held, *apart.values()):
+        for key, most in (("temperature", np.inf), ("threshold", 1)):
+            value = how.get(key)
+            if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value <= most:
+                raise DamagedFileError(f"{printable(path)}: {key} is {value!r}; expected a number above 0")
     return held

@@ -1,13 +1,17 @@
 """The segmenter protocol, segmenters by name, the rule that chooses a mask, and `segment`."""
 
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Literal, Protocol, overload, runtime_checkable
 
 import numpy as np
 
 from millisight.core import Registry, check_known, checked_array, checked_number, put, record
 from millisight.core.errors import InputError
-from millisight.data import Mask, Picture, Prompts, SarImage
+from millisight.data import Mask, Picture, Prompts, SarImage, VolumeMask
 from millisight.perception import LOS, NLOS, RETRY, RETRY_COUNT, Thresholds, power_prompts, project, seed_or_generator
+from millisight.perception.segmentation._volume import extend_mask
+
+Method = Literal["wave", "classical", "sam"]
+Condition = Literal["los", "nlos"]
 
 LARGEST_SHARE = 0.2
 """As published: a mask over more of the picture than this is no object's."""
@@ -79,7 +83,7 @@ SEGMENTERS: Registry[Any] = Registry("segmenter", "millisight.segmenters", packa
 """What makes a `Segmenter`, by name: a class, or a function with the options as its arguments."""
 
 
-def segmenter(name: str, **options: Any) -> Segmenter:
+def segmenter(name: Method | str, **options: Any) -> Segmenter:
     """The segmenter of that name: "wave", "classical", "sam", or a plug-in's.
 
     Parameters
@@ -180,7 +184,7 @@ def find_mask(
     other: Picture | None = None,
     prompts: Prompts | None = None,
     rng: int | np.random.Generator | None = None,
-    condition: str = "los",
+    condition: Condition | str = "los",
     largest: float | None = None,
 ) -> Segmented:
     """Find the object's mask on a picture, by the paper's rules.
@@ -241,15 +245,42 @@ def find_mask(
     )
 
 
+@overload
+def segment(
+    image: SarImage,
+    *,
+    other_band: SarImage | None = ...,
+    method: Method | str | Segmenter = ...,
+    prompts: Prompts | None = ...,
+    rng: int | np.random.Generator | None = ...,
+    condition: Condition | str = ...,
+    volume: Literal[False] = ...,
+) -> Mask: ...
+
+
+@overload
+def segment(
+    image: SarImage,
+    *,
+    other_band: SarImage | None = ...,
+    method: Method | str | Segmenter = ...,
+    prompts: Prompts | None = ...,
+    rng: int | np.random.Generator | None = ...,
+    condition: Condition | str = ...,
+    volume: Literal[True],
+) -> VolumeMask: ...
+
+
 def segment(
     image: SarImage,
     *,
     other_band: SarImage | None = None,
-    method: str | Segmenter = "wave",
+    method: Method | str | Segmenter = "wave",
     prompts: Prompts | None = None,
     rng: int | np.random.Generator | None = None,
-    condition: str = "los",
-) -> Mask:
+    condition: Condition | str = "los",
+    volume: bool = False,
+) -> Mask | VolumeMask:
     """Segment the object in an image, by the rules of `find_mask` (paper section 6.1).
 
     Parameters
@@ -261,11 +292,12 @@ def segment(
     prompts : used as they are; None: drawn from power, if the segmenter needs them
     rng : seed or generator for random prompts; required where prompts are drawn
     condition : "los" or "nlos", the thresholds for drawing
+    volume : also find the depths of the object, by `extend_mask`
 
     Returns
     -------
     Mask
-        On the image's grid seen along z.
+        On the image's grid seen along z; with `volume` a VolumeMask on the image's grid.
 
     Raises
     ------
@@ -278,4 +310,5 @@ def segment(
     by = segmenter(method) if isinstance(method, str) else _checked(method)
     picture = project(image, other_band=other_band)
     other = None if other_band is None else project(other_band)
-    return find_mask(by, picture, other=other, prompts=prompts, rng=rng, condition=condition).mask
+    mask = find_mask(by, picture, other=other, prompts=prompts, rng=rng, condition=condition).mask
+    return extend_mask(mask, image) if volume else mask

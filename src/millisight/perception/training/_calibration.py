@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 _SURE = 0.95  # of the answers that are given should be right: on validation
+_FEWEST = 100  # answers that a calibration of their own takes
 
 
 def cross_entropy(logits: np.ndarray, labels: np.ndarray) -> np.ndarray:
@@ -33,6 +34,24 @@ def best_threshold(logits: np.ndarray, labels: np.ndarray) -> float:
     share = np.cumsum(right[order]) / np.arange(1, len(order) + 1)
     enough = np.flatnonzero(share >= _SURE)
     return round(float(confidence[order[enough[-1]]] if len(enough) else confidence.max()), 4)
+
+
+def calibration_of(logits: np.ndarray, labels: np.ndarray, covered: np.ndarray) -> dict[str, dict[str, float]]:
+    """Temperature and threshold of the answers about "covered" and about "open" objects, each where there are many.
+
+    Parameters
+    ----------
+    logits : (N, C)
+    labels : (N,) indices of the right classes
+    covered : (N,) bool, whether the brightest of the image was a sheet's
+    """
+    found = {}
+    for name, some in (("open", ~covered), ("covered", covered)):
+        if some.sum() >= _FEWEST:
+            temperature = best_temperature(logits[some], labels[some])
+            threshold = best_threshold(logits[some] / temperature, labels[some])
+            found[name] = {"temperature": temperature, "threshold": threshold}
+    return found
 
 
 def answer_scores(logits: np.ndarray, labels: np.ndarray) -> dict[str, float]:

@@ -10,16 +10,23 @@ import numpy as np
 
 from millisight.core import check_known, checked_integer, checked_number, checked_record, printable, put, record
 from millisight.core.errors import InputError, UnknownNameError
-from millisight.meshes import CATALOGUE, RANDOM_SHAPES, object_name
+from millisight.meshes import CATALOGUE, PAPER_CLASSES, object_name
 from millisight.perception.classification import (
     CLASSIFIER_CHANNELS,
     CLASSIFIER_SIDE,
     masked_channels,
+    sheet_was_brightest,
     square_symmetries,
 )
 from millisight.perception.training import _augmentation as augmentation
-from millisight.perception.training._bands import DEPTH
-from millisight.perception.training._calibration import answer_scores, best_temperature, best_threshold, cross_entropy
+from millisight.perception.training._bands import BANDS, DEPTH
+from millisight.perception.training._calibration import (
+    answer_scores,
+    best_temperature,
+    best_threshold,
+    calibration_of,
+    cross_entropy,
+)
 from millisight.perception.training._loop import Schedule, run
 from millisight.perception.training._scenes import (
     RANDOM_OBJECTS,
@@ -119,7 +126,7 @@ class ClassifierRecipe:
             examples=checked_integer(self.examples, name="examples", minimum=self.batch),
             whole=dataclasses.replace(self.whole, empty=0.0, several=0.0, parts=self.parts),
         )
-        _check_classes(self.objects)
+        _check_classes(self.objects, self.drawn)
         for shape in self.objects if self.drawn else ():
             if shape not in _RANDOM:
                 raise InputError(
@@ -140,7 +147,7 @@ class ClassifierRecipe:
         """Names of the objects of each class, whether trained with or not."""
         return self.classes or {
             shape: tuple(name for name, entry in CATALOGUE.items() if entry.shape_class == shape)
-            for shape in RANDOM_SHAPES
+            for shape in PAPER_CLASSES
         }
 
     @property
@@ -202,13 +209,14 @@ def _side(number: int) -> str:
     return "validation" if number % _HELD_EVERY == 1 else "training"
 
 
-def _check_classes(objects: Mapping[str, Sequence[str]]) -> None:
+def _check_classes(objects: Mapping[str, Sequence[str]], drawn: int) -> None:
     if len(objects) < 2:
         raise InputError(f"classes are {list(objects)}; expected at least two")
     for shape, names in objects.items():
-        if not names:
+        if not names and not drawn:
             raise InputError(
-                f"no object is left for the class {shape!r}; name some in classes, or fewer in without and tests"
+                f"no object is left for the class {shape!r}; name some in classes, or fewer in without and tests, or "
+                "have shapes drawn at random"
             )
     every = [name for names in objects.values() for name in names]
     for name in every:
@@ -232,9 +240,13 @@ class ClassifierLesson:
     def __init__(self, recipe: ClassifierRecipe, scenes: TrainingScenes):
         self.recipe, self.scenes, self.seed = recipe, scenes, recipe.schedule.seed
         held = held_back(
-            scenes, lambda one, rng: (example_of(one.whole, rng), one.label), views=_HELD_VIEWS, seed=self.seed
+            scenes,
+            lambda one, rng: (example_of(one.whole, rng), one.label, sheet_was_brightest(one.whole.taken_db[BANDS[0]])),
+            views=_HELD_VIEWS,
+            seed=self.seed,
         )
-        self.held, self.labels = [channels for channels, _ in held], np.array([label for _, label in held])
+        self.held = [channels for channels, *_ in held]
+        self.labels, self.covered = (np.array([one[i] for one in held]) for i in (1, 2))
         rng, some = np.random.default_rng([self.seed, _POOL_SEED]), scenes["training"]
         self.pool = [
             ClassifierExample(example_of(some[i].whole, rng).astype(np.float16), some[i].label)
@@ -286,6 +298,7 @@ class ClassifierLesson:
             "channels": list(CLASSIFIER_CHANNELS),
             "temperature": temperature,
             "threshold": best_threshold(logits / temperature, self.labels),
+            "calibration": calibration_of(logits, self.labels, self.covered),
             "validation": answer_scores(logits / temperature, self.labels),
             "objects": {
                 side: sorted({one.name for one in some} - set(RANDOM_OBJECTS)) for side, some in scenes.items()

@@ -24,12 +24,13 @@ from millisight.perception.training._whole import WholeScene, WholeSettings
 if TYPE_CHECKING:
     from torch import Tensor, nn
 
-CUTS = tuple(round(0.2 + 0.05 * i, 2) for i in range(13))
+CUTS = tuple(round(0.1 + 0.05 * i, 2) for i in range(15))
 """Probabilities at which a mask might begin; the best by mean F2 on the validation scenes is taken."""
 EXAMPLE_SIDE = 80
 """Pixels of an example along x and y."""
 
 _RECALL = 2  # beta of F2: a part of the object that is missed counts more than a rim that is not the object's
+_MISSED = 0.03  # of the objects may be taken for nothing
 _VIEWS = 1  # examples of each validation scene
 _HELD_EVERY = 6  # random shape of each class is for validation
 _AT_ONCE = 16  # examples that are judged together
@@ -156,13 +157,15 @@ class SegmenterLesson:
         by_cut = {f"mean F{beta} by cut": self._f_by_cut(network, beta) for beta in (1, _RECALL)}
         last = by_cut[f"mean F{_RECALL} by cut"]
         cut = max(last, key=lambda cut: (last[cut], -cut))
+        least, refused = self._refused(network, cut)
         return {
             "channels": list(WAVE_CHANNELS),
             "spacing": SPACING,
             "floor_db": FLOOR_DB,
             "cut": cut,
+            "least": least,
             "validation": {name: {f"{c:g}": round(f, 4) for c, f in values.items()} for name, values in by_cut.items()}
-            | self._refused(network, cut),
+            | refused,
             "objects": {side: list(names) for side, names in self.recipe.scenes.objects.items()},
             "scenes": {side: len(some) for side, some in self.scenes.items()},
         }
@@ -176,18 +179,19 @@ class SegmenterLesson:
                 scores.append([_f_score((logit > np.log(cut / (1 - cut))) & valid, truth, beta) for cut in CUTS])
         return dict(zip(CUTS, np.mean(scores, axis=0).tolist(), strict=True))
 
-    def _refused(self, network: "nn.Module", cut: float) -> dict[str, float]:
-        """In how many scenes nothing is found, since `presence` lies below the cut."""
+    def _refused(self, network: "nn.Module", cut: float) -> tuple[float, dict[str, float]]:
+        """The `presence` below which nothing is found, and in how many scenes that is so."""
         found: dict[bool, list[float]] = {True: [], False: []}
         for example, logit in self._judged(network):
             inner = logit[example.weight > 0]
             found[bool((example.inside > 0.5).any())].append(presence(1 / (1 + np.exp(-inner))))
         empty, full = np.array(found[False]), np.array(found[True])
-        refused = round(float((empty < cut).mean()), 4) if len(empty) else 0.0
-        return {
+        least = round(max(cut, float(np.quantile(full, _MISSED))), 4) if len(empty) else cut
+        refused = round(float((empty < least).mean()), 4) if len(empty) else 0.0
+        return least, {
             "empty scenes": len(empty),
             "empty scenes refused": refused,
-            "other scenes refused": round(float((full < cut).mean()), 4),
+            "other scenes refused": round(float((full < least).mean()), 4),
         }
 
     def _judged(self, network: "nn.Module") -> "Iterator[tuple[SegmenterExample, np.ndarray]]":

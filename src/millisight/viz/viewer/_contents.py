@@ -9,7 +9,7 @@ import numpy as np
 
 from millisight.core import check_readable, checked_numbers, checked_record, printable, put, record
 from millisight.core.errors import DamagedFileError, FileError, FormatError, InputError
-from millisight.data import Capture, Mask, SarImage, Scene, TriangleMesh, VoxelGrid
+from millisight.data import Capture, Mask, SarImage, Scene, SceneObject, Trajectory, TriangleMesh, VolumeMask, VoxelGrid
 from millisight.io import load, load_extras, mito, open_capture, provenance
 from millisight.meshes import FORMATS, load_mesh
 from millisight.viz import grid_box
@@ -17,6 +17,7 @@ from millisight.viz.viewer._levels import MOST_VOXELS, Levels, levels_of, mixed_
 
 _LARGEST_PICKLE = 1 << 30  # [bytes]: a pickle can only be read whole
 _HDF5 = b"\x89HDF\r\n\x1a\n"
+_SHOWN = "SarImage, Mask, VolumeMask, Capture, Trajectory, TriangleMesh, SceneObject and Scene"
 _MODELS = {"_specular": "specular", "_edges": "edge"}
 
 
@@ -73,13 +74,13 @@ class _Found(NamedTuple):
 
 
 def gather(
-    paths: Sequence[str | os.PathLike[str]],
+    shown: Sequence[Any],
     *,
     combine: bool = True,
     alpha: tuple[float, float] = (0.5, 0.5),
     unit: str | None = None,
 ) -> Contents:
-    """Read files for the viewer, and group those that belong together.
+    """Take records and read files for the viewer, and group those that belong together.
 
     Images in HDF5 that have more than 32 million voxels are read in slabs and looked at in blocks. A mask goes over
     the image in its folder, or else over every image with its pixels. A capture goes around the images made of it, or
@@ -87,8 +88,8 @@ def gather(
 
     Parameters
     ----------
-    paths : files: images, captures, trajectories, masks, meshes, scenes in HDF5; images and masks as pickles of the
-        published layout; mesh files
+    shown : records: images, captures, trajectories, masks, meshes, scenes; and paths of files: such records in HDF5,
+        images and masks as pickles of the published layout, mesh files
     combine : make one exhibit of the specular and the edge image of a simulation
     alpha : their weights at first (paper Eq. 8)
     unit : of mesh files whose unit is not clear
@@ -98,17 +99,20 @@ def gather(
     FileError, FormatError, DamagedFileError, MeshError
         A file cannot be read, or holds nothing to look at.
     InputError
-        Nothing was given, or the weights cannot be right.
+        Nothing was given, or a record that has no place in the viewer, or the weights cannot be right.
     """
     a1, a2 = checked_numbers(alpha, name="alpha", count=2, minimum=0)
     if not a1 + a2 > 0:
         raise InputError("alpha is (0, 0); expected at least one weight above zero")
     share = a2 / (a1 + a2)
     found = _Found([], [], [], [], [])
-    for path in paths:
-        _read(check_readable(path), found)
-    if not paths:
-        raise InputError("no file to show; expected at least one")
+    for number, one in enumerate(shown, start=1):
+        if isinstance(one, str | os.PathLike):
+            _read(check_readable(one), found)
+        elif not _add(Path(f"{type(one).__name__} {number}"), one, found):
+            raise InputError(f"the viewer got {type(one).__name__}; expected {_SHOWN}, or a file's path")
+    if not shown:
+        raise InputError("nothing to show; expected at least one record or file")
     notes: list[str] = []
     groups = _pairs(found.images) if combine else [(image,) for image in found.images]
     masks = _masks_of(found, notes)
@@ -137,7 +141,8 @@ def gather(
         if not found.meshes and not found.mesh_files and not found.paths:
             raise InputError("only masks were given; pass the images that they belong to as well")
         meshes = (*found.meshes, *(_placed(path, {}, unit) for path in found.mesh_files))
-        title = " + ".join(printable(Path(path).name) for path in paths)
+        names = [Path(one).name if isinstance(one, str | os.PathLike) else type(one).__name__ for one in shown]
+        title = " + ".join(map(printable, names))
         exhibits = [Exhibit(title=title, levels=None, meshes=meshes, paths=tuple(p for p, _ in found.paths))]
     for image, exhibit in zip((g[0] for g in groups), exhibits, strict=False):
         if exhibit.levels is not None and exhibit.levels.block != (1, 1, 1):
@@ -174,22 +179,32 @@ def _read_hdf5(path: Path, found: _Found) -> None:
     kind = provenance(path)["record"]
     if kind == "Capture":
         with open_capture(path) as capture:
-            found.paths.append((capture.trajectory.positions, capture.metadata))
-    elif kind == "Trajectory":
-        found.paths.append((load(path).positions, {}))
+            _add(path, capture, found)
     elif kind == "SarImage":
         found.images.append(_hdf5_image(path))
-    elif kind == "Mask":
-        found.masks.append((path, load(path)))
-    elif kind == "TriangleMesh":
-        found.meshes.append(load(path))
-    elif kind in ("Scene", "SceneObject"):
-        found.meshes.append(load(path).mesh)
+    elif not _add(path, load(path), found):
+        raise FormatError(f"{printable(path)} holds a {kind}; the viewer shows {_SHOWN}")
+
+
+def _add(path: Path, record: Any, found: _Found) -> bool:
+    """Put a record where it belongs in `found`; False: it belongs nowhere. `path` names it, whether a file or not."""
+    if isinstance(record, SarImage):
+        found.images.append(_Image(path, record.grid, record.metadata, record, None, None))
+    elif isinstance(record, Mask):
+        found.masks.append((path, record))
+    elif isinstance(record, Capture):
+        found.paths.append((record.trajectory.positions, record.metadata))
+    elif isinstance(record, Trajectory):
+        found.paths.append((record.positions, {}))
+    elif isinstance(record, TriangleMesh):
+        found.meshes.append(record)
+    elif isinstance(record, VolumeMask):
+        found.meshes.append(record.surface())
+    elif isinstance(record, Scene | SceneObject):
+        found.meshes.append(record.mesh)
     else:
-        raise FormatError(
-            f"{printable(path)} holds a {kind}; the viewer shows SarImage, Mask, Capture, Trajectory, TriangleMesh, "
-            "SceneObject and Scene"
-        )
+        return False
+    return True
 
 
 def _hdf5_image(path: Path) -> _Image:
@@ -224,11 +239,7 @@ def _read_pickle(path: Path, found: _Found) -> None:
     if isinstance(published.record, SarImage):
         image = published.record
         found.images.append(_Image(path, image.grid, image.metadata, image, None, _antennas(published.extras)))
-    elif isinstance(published.record, Mask):
-        found.masks.append((path, published.record))
-    elif isinstance(published.record, Capture):
-        found.paths.append((published.record.trajectory.positions, published.record.metadata))
-    else:
+    elif not _add(path, published.record, found):
         raise FormatError(
             f"{printable(path)} holds a {type(published.record).__name__}; of the published dataset the viewer shows "
             "processed_image*.pkl and radar_masks*.pkl"

@@ -72,7 +72,7 @@ class Viewer:
         """Change settings by name; the scene follows, and skips what was changed again before it was drawn."""
         with self._wanted:
             self.settings = dataclasses.replace(self.settings, **settings)
-            self._wanted.notify()
+            self._wanted.notify_all()
 
     def _paint(self) -> None:
         """Draw what was asked for last, over and over."""
@@ -144,11 +144,25 @@ class Viewer:
         with atomic_path(path) as temporary:
             temporary.write_bytes(picture)
 
+    def __repr__(self) -> str:
+        shown = ", ".join(exhibit.title for exhibit in self.panes.contents.exhibits)
+        return f"Viewer({'closed' if self._ended else self.url}, {shown})"
+
+    def wait(self) -> None:
+        """Wait until it is closed; Ctrl-C closes it."""
+        try:
+            with self._wanted:
+                self._wanted.wait_for(lambda: self._ended)
+        except KeyboardInterrupt:
+            self.close()
+
     def close(self) -> None:
-        """Stop drawing and serving."""
+        """Stop drawing and serving; once it is closed, nothing."""
         with self._wanted:
+            if self._ended:
+                return
             self._ended = True
-            self._wanted.notify()
+            self._wanted.notify_all()
         self._painter.join(timeout=5)
         self.server.stop()
 
