@@ -285,3 +285,17 @@ def test_levels_tell_decibels_below_the_maximum():
     expected = [1, 1 - 10 / FLOOR_DB, 0, 0]
     np.testing.assert_allclose(power_levels(power), expected, atol=1e-6)
     assert not power_levels(np.zeros(3)).any()
+
+
+def test_what_is_lost_with_the_other_band_is_looked_for_without_it(wave, scene, monkeypatch):
+    asked = []
+
+    def probability(picture, prompts=None):
+        asked.append(picture.other_band is None)
+        return np.full(picture.image.grid.shape[:2], 0.9 if picture.other_band is None else 0.1)
+
+    image, other = images(scene)
+    monkeypatch.setattr(wave, "probability", probability)
+    found = wave.segment(project(image, other_band=other))
+    assert asked == [False, True]
+    assert found.masks[0].all()

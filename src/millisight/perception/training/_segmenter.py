@@ -30,7 +30,7 @@ EXAMPLE_SIDE = 80
 """Pixels of an example along x and y."""
 
 _RECALL = 2  # beta of F2: a part of the object that is missed counts more than a rim that is not the object's
-_MISSED = 0.03  # of the objects may be taken for nothing
+_MISSED = 0.01  # of the objects may be taken for nothing
 _VIEWS = 1  # examples of each validation scene
 _HELD_EVERY = 6  # random shape of each class is for validation
 _AT_ONCE = 16  # examples that are judged together
