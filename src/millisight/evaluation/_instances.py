@@ -5,10 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from millisight.core import checked_number, checked_record
-from millisight.core.errors import InputError
-from millisight.data import Instances, grid_difference
-
-_SAME_PLACE = 1e-6  # [m]
+from millisight.data import Instances
+from millisight.evaluation._metrics import check_same_grid
 
 
 class InstanceScores(NamedTuple):
@@ -50,9 +48,7 @@ def score_instances(found: Instances, truth: Instances, *, threshold: float = 0.
     checked_record(found, Instances, name="found")
     checked_record(truth, Instances, name="truth")
     threshold = checked_number(threshold, name="threshold", above=0)
-    differs = grid_difference(found.grid_xy, truth.grid_xy, within=_SAME_PLACE)
-    if differs:
-        raise InputError(f"the instances lie on different grids, along {differs}; make both on one grid")
+    check_same_grid(found.grid_xy, truth.grid_xy, of="instances")
     shared = np.zeros((len(found) + 1, len(truth) + 1))
     np.add.at(shared, (found.labels.ravel(), truth.labels.ravel()), 1)
     sizes = shared.sum(axis=1)[1:, None], shared.sum(axis=0)[None, 1:]

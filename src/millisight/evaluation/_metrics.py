@@ -15,7 +15,7 @@ import numpy as np
 
 from millisight.core import Registry, check_known, checked_record, record
 from millisight.core.errors import InputError
-from millisight.data import Mask, grid_difference
+from millisight.data import Mask, PixelGrid, VolumeMask, VoxelGrid, grid_difference
 
 UNITS = {"%": 100.0, "mm": 1000.0, "": 1.0}
 """What a value is multiplied by where it is printed: shares in percent, lengths [m] in millimetres."""
@@ -77,23 +77,23 @@ def mask_metric(name: str, heading: str, **options: Any) -> Callable[[Callable[[
     return add
 
 
-def _ratio(part: int, whole: int, predicted: Mask, truth: Mask) -> float:
+def _ratio(part: int, whole: int, predicted: Mask | VolumeMask, truth: Mask | VolumeMask) -> float:
     """part / whole; of nothing, 1 where both masks are empty, and 0 otherwise."""
     return part / whole if whole else float(not predicted.inside.any() and not truth.inside.any())
 
 
-def _hits(predicted: Mask, truth: Mask) -> int:
+def _hits(predicted: Mask | VolumeMask, truth: Mask | VolumeMask) -> int:
     return int((predicted.inside & truth.inside).sum())
 
 
 @mask_metric("precision", "precision")
-def precision(predicted: Mask, truth: Mask) -> float:
+def precision(predicted: Mask | VolumeMask, truth: Mask | VolumeMask) -> float:
     """TP / (TP + FP): of the predicted pixels, those of the object."""
     return _ratio(_hits(predicted, truth), int(predicted.inside.sum()), predicted, truth)
 
 
 @mask_metric("recall", "recall", paired=True)
-def recall(predicted: Mask, truth: Mask) -> float:
+def recall(predicted: Mask | VolumeMask, truth: Mask | VolumeMask) -> float:
     """TP / (TP + FN): of the object's pixels, those that are predicted."""
     return precision(truth, predicted)
 
@@ -106,7 +106,7 @@ def f1(predicted: Mask, truth: Mask) -> float:
 
 
 @mask_metric("iou", "IoU")
-def iou(predicted: Mask, truth: Mask) -> float:
+def iou(predicted: Mask | VolumeMask, truth: Mask | VolumeMask) -> float:
     """TP / (TP + FP + FN): pixels of both masks over pixels of either."""
     either = int((predicted.inside | truth.inside).sum())
     return _ratio(_hits(predicted, truth), either, predicted, truth)
@@ -139,7 +139,9 @@ def score_mask(predicted: Mask, truth: Mask) -> MaskScores:
     InputError
         The masks lie on different grids, or a metric of a plug-in is not finite.
     """
-    _check_same_grid(checked_record(predicted, Mask, name="predicted"), checked_record(truth, Mask, name="truth"))
+    checked_record(predicted, Mask, name="predicted")
+    checked_record(truth, Mask, name="truth")
+    check_same_grid(predicted.grid_xy, truth.grid_xy)
     scores = MaskScores({name: float(METRICS[name].compute(predicted, truth)) for name in METRICS})
     for name, value in scores.items():
         if not np.isfinite(value):
@@ -161,7 +163,8 @@ def medians(scores: Iterable[MaskScores]) -> MaskScores:
     return MaskScores({name: float(np.median([one[name] for one in some])) for name in some[0]})
 
 
-def _check_same_grid(a: Mask, b: Mask) -> None:
-    differs = grid_difference(a.grid_xy, b.grid_xy, within=_SAME_PLACE)
+def check_same_grid(found: PixelGrid | VoxelGrid, truth: PixelGrid | VoxelGrid, *, of: str = "masks") -> None:
+    """Two `of` what is compared must lie on one grid; `InputError` otherwise, which tells the axis that differs."""
+    differs = grid_difference(found, truth, within=_SAME_PLACE)
     if differs:
-        raise InputError(f"the masks lie on different grids, along {differs}; make both on one grid")
+        raise InputError(f"the {of} lie on different grids, along {differs}; make both on one grid")

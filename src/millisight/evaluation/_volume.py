@@ -7,10 +7,9 @@ import numpy as np
 
 from millisight.core import check_known, checked_number, checked_record
 from millisight.core.errors import InputError
-from millisight.data import TriangleMesh, VolumeMask, VoxelGrid, grid_difference
+from millisight.data import TriangleMesh, VolumeMask, VoxelGrid
+from millisight.evaluation._metrics import check_same_grid, iou, precision, recall
 from millisight.meshes import RayCaster
-
-_SAME_PLACE = 1e-6  # [m]
 
 
 class VolumeScores(NamedTuple):
@@ -42,14 +41,8 @@ def score_volume(found: VolumeMask, truth: VolumeMask) -> VolumeScores:
     """
     checked_record(found, VolumeMask, name="found")
     checked_record(truth, VolumeMask, name="truth")
-    differs = grid_difference(found.grid, truth.grid, within=_SAME_PLACE)
-    if differs:
-        raise InputError(f"the masks lie on different grids, along {differs}; make both on one grid")
-    hits, of_found, of_truth = (int(m.sum()) for m in (found.inside & truth.inside, found.inside, truth.inside))
-    undefined = float(of_found == of_truth == 0)
-    return VolumeScores(
-        *(hits / total if total else undefined for total in (of_found + of_truth - hits, of_found, of_truth))
-    )
+    check_same_grid(found.grid, truth.grid)
+    return VolumeScores(iou(found, truth), precision(found, truth), recall(found, truth))
 
 
 def volume_truth(
