@@ -140,18 +140,17 @@ def classification(roots: Sequence[Path], cache: Path, classes: Sequence[str]) -
     for masks in ("predicted", "true"):
         for sight in (*SIGHTS, None):
             mine = [one for one in rows if one.masks == masks and sight in (None, one.sight)]
-            if not mine:
+            every = accuracy(mine)
+            if every is None:
                 continue
-            sure = [one for one in mine if one.prediction is not None and one.prediction.sure]
-            right = share(sum(one.right for one in mine), len(mine))
-            told = share(sum(one.right for one in sure), len(sure)) if sure else "none sure"
-            most = max(Counter(one.truth for one in mine).values())
-            blind = f"{100 * most / len(mine):.0f} %"
-            objects = len({one.object for one in mine})
-            interval = accuracy(mine)
-            low, high = interval.by_object if interval and interval.by_object else (np.nan, np.nan)
-            right += f" [{100 * low:.0f} to {100 * high:.0f}]"
-            lines.append((masks, SIGHTS.get(sight or "", "all"), objects, right, told, blind))
+            right = share(every.right, every.images)
+            if every.by_object is not None:
+                low, high = every.by_object
+                right += f" [{100 * low:.0f} to {100 * high:.0f}]"
+            sure = accuracy([one for one in mine if one.prediction is not None and one.prediction.sure])
+            told = share(sure.right, sure.images) if sure else "none sure"
+            blind = f"{100 * max(Counter(one.truth for one in mine).values()) / every.images:.0f} %"
+            lines.append((masks, SIGHTS.get(sight or "", "all"), every.objects, right, told, blind))
     header = ("masks", "sight", "objects", "right", "right where sure", "blind: always the most frequent class")
     answers = [one for one in rows if one.masks == "predicted"]
     found = confusion(answers)

@@ -173,6 +173,15 @@ def trajectory(places: np.ndarray) -> ms.Trajectory:
     return ms.Trajectory(times=np.arange(float(len(places))), positions=places)
 
 
+def kept_scan(name: str, band: str, folder: Path) -> dict[str, Any]:
+    """What `scan` gives, kept in the folder."""
+    kept = folder / f"{name}-{band}.npz"
+    if not kept.exists():
+        np.savez(kept, **scan(name, band))
+    with np.load(kept) as data:
+        return dict(data)
+
+
 def best_f1(image: ms.SarImage, mask: np.ndarray) -> float:
     """Of the threshold that suits the mask best [%]."""
     order = np.argsort(image.project(), axis=None)[::-1]
@@ -182,11 +191,7 @@ def best_f1(image: ms.SarImage, mask: np.ndarray) -> float:
 
 def measure(name: str, band: str, folder: Path) -> tuple[list[float], list[ms.SarImage]]:
     """F1 in sight, hidden, cleaned image, cleaned frames, and change in sight; and the images of the first four."""
-    kept = folder / f"{name}-{band}.npz"
-    if not kept.exists():
-        np.savez(kept, **scan(name, band))
-    with np.load(kept) as data:
-        found = dict(data)
+    found = kept_scan(name, band, folder)
     grid = ms.VoxelGrid(x=found["x"], y=found["y"], z=found["z"])
     captures = [
         ms.Capture(radar=radar(band), trajectory=trajectory(found["places"]), frames=found[condition])

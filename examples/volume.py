@@ -13,7 +13,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from sheets import SCENES, layout_of, radar, scan, trajectory
+from sheets import SCENES, kept_scan, layout_of, radar, trajectory
 
 import millisight as ms
 from millisight.evaluation import score_volume, volume_truth
@@ -46,11 +46,7 @@ def extruded(mask: ms.Mask, grid: ms.VoxelGrid, *, third: bool) -> ms.VolumeMask
 
 def measure(name: str, folder: Path) -> dict[str, dict[str, list[float]]]:
     """By condition and truth: IoU, precision and recall, IoU of the baselines, and IoU with the true mask of pixels."""
-    kept = folder / f"{name}-{BAND}.npz"
-    if not kept.exists():
-        np.savez(kept, **scan(name, BAND))
-    with np.load(kept) as data:
-        held = dict(data)
+    held = kept_scan(name, BAND, folder)
     grid = ms.VoxelGrid(x=held["x"], y=held["y"], z=held["z"])
     outline, measured = ms.Mask(grid_xy=grid.xy, inside=held["mask"]), {}
     for condition in ("open", "hidden"):
