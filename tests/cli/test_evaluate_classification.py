@@ -153,6 +153,18 @@ def test_known_and_new_objects_stand_in_tables_of_their_own(work):
     assert not (work / "out/object-closed-pairs.csv").exists()
 
 
+def test_answers_are_among_the_classes_that_are_asked_for(work):
+    done = run(work, "--truth", "exact", "--classes", "box, sphere", weights=("oracle", "constant"))
+    assert done.exit_code == 0, done.output
+    answers = [row for row in rows(work, "answers") if row["masks"] == "true"]
+    assert {row["object"] for row in answers} == {"a_lego_duplo"}  # the other is a can
+    assert {row["answer"] for row in answers} == {"box"}
+    assert {round(float(row["p(sphere)"]), 9) for row in answers if row["classifier"] == "mine, edge"} == {0.333333333}
+    # In a mask that is as wide as deep the oracle is certain of a can: of neither class, and wrong.
+    (ruled_out,) = {(row["answer"], row["right"], row["failure"]) for row in rows(work, "answers") if row["failure"]}
+    assert ruled_out == ("no mask", "0", "box, sphere: together of probability 0; name other classes")
+
+
 def test_images_in_poses_of_training_are_left_out_and_counted(work):
     done = run(work, "--mistakes", "0", weights=("posed",))
     assert done.exit_code == 0, done.output
@@ -262,6 +274,7 @@ def test_simulated_and_other_scenes_are_not_thrown_together(work):
         (("--crop", "1"), "two whole numbers such as 12,7"),
         (("--object", "cup"), "unknown object 'cup'"),
         (("--method", "magic"), "unknown segmenter 'magic'"),
+        (("--classes", "can,teapot"), "unknown class of mine 'teapot'"),
     ],
 )
 def test_what_is_wrong_is_said_before_the_work(work, options, said):

@@ -12,10 +12,11 @@ import pytest
 
 from helpers.whole_scenes import PLAIN
 from millisight.core.errors import DamagedFileError, FormatError, InputError, UnknownNameError
+from millisight.data import Mask, SarImage, VoxelGrid
 from millisight.meshes import CATALOGUE, PUBLISHED_CLASSES
 from millisight.perception.classification import CLASSIFIER_CHANNELS, CLASSIFIER_WEIGHTS, NetworkClassifier
 from millisight.perception.training import ClassifierRecipe, Schedule, TrainingScene, make_scenes, train
-from millisight.perception.training._calibration import best_temperature, best_threshold, cross_entropy
+from millisight.perception.training._calibration import best_temperature, best_threshold, calibration_of, cross_entropy
 from millisight.perception.training._classifier import balanced, example_of
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -133,6 +134,35 @@ def test_from_the_threshold_on_answers_are_right():
     assert best_threshold(logits, np.zeros(6, int)) == pytest.approx(0.6)
     assert best_threshold(logits, np.array([0, 0, 0, 1, 1, 1])) == pytest.approx(0.9)
     assert best_threshold(logits, np.array([1, 1, 1, 1, 1, 1])) == pytest.approx(0.99)
+
+
+def test_what_lay_under_sheets_is_calibrated_apart():
+    rng = np.random.default_rng(1)
+    covered = np.arange(400) < 200
+    labels = rng.integers(0, 2, 400)
+    right = np.where(covered, rng.random(400) < 0.7, rng.random(400) < 0.95)
+    logits = 2.0 * (np.eye(2)[np.where(right, labels, 1 - labels)])
+    apart = calibration_of(logits, labels, covered)
+    assert set(apart) == {"open", "covered"}
+    assert apart["covered"]["temperature"] > 1.5 * apart["open"]["temperature"]
+    assert set(calibration_of(logits, labels, np.arange(400) < 99)) == {"open"}  # too few for one of their own
+
+
+def test_an_image_whose_lid_was_brightest_has_the_calibration_of_such(monkeypatch):
+    pytest.importorskip("onnxruntime")
+    grid = VoxelGrid(x=0.004 * np.arange(30), y=0.004 * np.arange(30), z=0.0125 * np.arange(6))
+    values = np.zeros(grid.shape, np.complex64)
+    values[10:20, 10:20, 2] = 1
+    lid = values.copy()
+    lid[..., 5] = 3
+    mask = Mask(grid_xy=grid.xy, inside=abs(values).max(axis=2) > 0)
+    plain, under = SarImage(grid=grid, values=values), SarImage(grid=grid, values=lid)
+    monkeypatch.setattr("millisight.perception.classification._network.without_sheets", lambda image, **_: plain)
+    by = NetworkClassifier()
+    thresholds = {kind: by.description["calibration"][kind]["threshold"] for kind in ("open", "covered")}
+    assert thresholds["open"] != thresholds["covered"]
+    assert by.classify(plain, mask).threshold == thresholds["open"]
+    assert by.classify(under, mask).threshold == thresholds["covered"]
 
 
 def test_weights_are_the_same_again_and_resumed_and_run_without_torch(examples, recipe, tmp_path):

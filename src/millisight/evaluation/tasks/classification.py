@@ -196,8 +196,7 @@ class ClassificationTask(Task):
                 variant=one.variant,
                 split=split,
                 masks=said["masks"],
-                prediction=self._prediction(said["prediction"]),
-                failure=said["failure"],
+                **self._answer(said),
                 iou=said["iou"],
             )
             for one in candidates
@@ -205,9 +204,15 @@ class ClassificationTask(Task):
             for said in results.get(one.part(name), ())
         ]
 
-    def _prediction(self, said: Mapping[str, Any] | None) -> Prediction | None:
-        prediction = None if said is None else Prediction(**said)
-        return prediction.among(self.classes) if prediction and self.classes else prediction
+    def _answer(self, said: Mapping[str, Any]) -> dict[str, Any]:
+        """The prediction among the task's classes, or why there is none, as of a `ClassifierAnswer`."""
+        if said["prediction"] is None:
+            return {"prediction": None, "failure": said["failure"]}
+        prediction = Prediction(**said["prediction"])
+        try:
+            return {"prediction": prediction.among(self.classes) if self.classes else prediction}
+        except InputError as error:  # it rules all of them out, and is wrong whichever it is
+            return {"prediction": None, "failure": str(error)}
 
     def describe(self, planned: EvaluationSet, rows: Sequence[ClassifierAnswer]) -> tuple[str, str]:
         """What the data are, and the introduction of the page."""
