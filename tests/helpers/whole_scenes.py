@@ -31,4 +31,4 @@ def object_parts(name="dice", seed=2, **settings):
 def whole_scene(*parts, seed=1, **settings):
     """A scene of objects, without sheets unless `settings` say so."""
     made = WholeSettings(**{"views": 1, "empty": 0.0, "several": 0.0, "covered": 0.0, **settings})
-    return compose(parts or (object_parts(),), [drawn_sheet] * 2, made, np.random.default_rng(seed))
+    return compose(parts or (object_parts(),), [drawn_sheet] * 3, made, np.random.default_rng(seed))

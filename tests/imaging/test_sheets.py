@@ -205,13 +205,25 @@ def test_one_slice_and_one_pose(path):
     assert isinstance(remove_sheets(capture), SheetRemoval)
 
 
-def test_what_ends_within_the_scene_is_left_and_told(path):
+def test_what_ends_within_the_scene_is_left_and_told_unless_a_lid_is_known_to_be_there(path, spots):
     """A lid of 11 cm in an image of 20 cm may as well be an object's top; in an image of 12 cm it is a lid."""
     sides = [(axis, sign * -0.055, sign) for axis in (0, 1) for sign in (1, -1)]
-    sheet = mirror(RADAR, path, -0.2, sides=sides) + points(RADAR, path, strength=0.002)
-    whole = remove_sheets(image_of(sheet, path), frequency=FREQUENCY, clutter="lid")
+    lid, under = mirror(RADAR, path, -0.2, sides=sides), points(RADAR, path, strength=0.002)
+    sheet, scene = lid + under, image_of(lid + under, path)
+    whole = remove_sheets(scene, frequency=FREQUENCY)
     assert whole.sheets == ()
     assert whole.reason
+    known = remove_sheets(scene, frequency=FREQUENCY, clutter="lid")
+    (one,) = known.sheets
+    assert abs(one.height + 0.2) < 0.005
+    truth, alone = image_of(under, path).values, image_of(lid, path).values
+    assert left_of(known.result.values, truth, alone) < 0.15
+    # What its maximum lost is told.
+    ratio = known.result.magnitude.max() / scene.magnitude.max()
+    assert known.result.metadata["history"][-1]["taken_db"] == pytest.approx(20 * np.log10(ratio), abs=0.01)
+    # Something smaller than any lid is none, even then.
+    spot = remove_sheets(image_of(points(RADAR, path, disc(0.02, -0.2)), path), frequency=FREQUENCY, clutter="lid")
+    assert spot.sheets == ()
     grid = ms.VoxelGrid.regular((-0.06, -0.06, -0.28), (0.06, 0.06, -0.15), (0.0025, 0.0025, 0.01))
     (one,) = remove_sheets(image_of(sheet, path, grid), frequency=FREQUENCY, clutter="lid").sheets
     assert one.border > 0.3

@@ -126,6 +126,12 @@ def test_who_needs_no_prompts_gets_none_but_for_the_retry():
     assert len(retried.asked[1].points) == 10
 
 
+def test_where_a_lid_is_known_to_lie_pictures_say_so():
+    picture, by = project(image()), Told([0.1], needs_prompts=False)
+    assert not find_mask(by, picture).picture.covered
+    assert find_mask(by, picture, condition="nlos").picture.covered
+
+
 def test_conditions_decide_what_is_dark():
     values = np.full(GRID.shape, 0.03, complex)
     values[50:100, 60:120] = 1

@@ -92,6 +92,26 @@ def test_an_example_follows_from_its_generator_and_from_the_parts(examples, reci
     assert 10 < sum(shown) < 30  # of some there is no other band
 
 
+def test_masks_that_the_segmenter_finds_are_learned_from(recipe, examples):
+    pytest.importorskip("onnxruntime")
+    asked = []
+
+    def by(scene, *, both):
+        asked.append(both)
+        return None if len(asked) % 2 else np.roll(scene.objects > 0, 3, axis=0)
+
+    scene = examples["training"][0].whole
+    made = [example_of(scene, np.random.default_rng(seed), by) for seed in range(40)]
+    assert 15 < len(asked) < 35
+    assert set(asked) == {False, True}
+    assert len({one[0].tobytes() for one in made}) > 30
+    lesson = dataclasses.replace(recipe, masks="shipped").lesson(examples)
+    again = dataclasses.replace(recipe, masks="shipped").lesson(examples)
+    assert all((a.channels == b.channels).all() for a, b in zip(lesson.pool, again.pool, strict=True))
+    plain = recipe.lesson(examples)
+    assert any((a.channels != b.channels).any() for a, b in zip(lesson.pool, plain.pool, strict=True))
+
+
 def test_every_class_has_its_turn_and_so_has_every_scene():
     drawn = [
         TrainingScene(name, label, np.zeros(3), None)
@@ -155,14 +175,21 @@ def test_an_image_whose_lid_was_brightest_has_the_calibration_of_such(monkeypatc
     values[10:20, 10:20, 2] = 1
     lid = values.copy()
     lid[..., 5] = 3
+    taken = {"history": [{"step": "remove_sheets", "taken_db": -9.5}]}
     mask = Mask(grid_xy=grid.xy, inside=abs(values).max(axis=2) > 0)
     plain, under = SarImage(grid=grid, values=values), SarImage(grid=grid, values=lid)
-    monkeypatch.setattr("millisight.perception.classification._network.without_sheets", lambda image, **_: plain)
+    cleaned = SarImage(grid=grid, values=values, metadata=taken)
+    where = "millisight.perception.classification._network.without_sheets"
+    monkeypatch.setattr(where, lambda image, **_: cleaned if image is under else image)
     by = NetworkClassifier()
     thresholds = {kind: by.description["calibration"][kind]["threshold"] for kind in ("open", "covered")}
     assert thresholds["open"] != thresholds["covered"]
     assert by.classify(plain, mask).threshold == thresholds["open"]
     assert by.classify(under, mask).threshold == thresholds["covered"]
+    # The same where the lid was taken off before, from the image or from the frames.
+    assert by.classify(cleaned, mask).threshold == thresholds["covered"]
+    frames = SarImage(grid=grid, values=values, metadata={"history": [{"step": "remove_sheets"}]})
+    assert by.classify(frames, mask).threshold == thresholds["covered"]
 
 
 def test_weights_are_the_same_again_and_resumed_and_run_without_torch(examples, recipe, tmp_path):

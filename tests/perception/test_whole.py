@@ -118,3 +118,12 @@ def test_a_simulated_sheet_is_one_that_is_found(tmp_path):
     # It lies where it says it does, to a fraction of the range resolution of 3.7 cm.
     assert one.height == pytest.approx(z[sheet.level], abs=0.012)
     assert np.linalg.norm(found.result.values) < 0.35 * np.linalg.norm(values)
+
+
+def test_a_stand_is_small_and_level(tmp_path):
+    stand = cached_sheet(1, seed=18, folder=tmp_path, kind="stand")
+    assert (abs(stand.reach) < 0.0176).all()
+    seen = abs(stand.images["77_ghz"]).max(axis=2)
+    x = SPACING * (np.arange(len(seen)) - len(seen) // 2)
+    lit = np.flatnonzero(seen.max(axis=1) > 0.5)
+    assert abs(x[lit[-1]] - x[lit[0]] - 2 * stand.reach[1]) < 0.008

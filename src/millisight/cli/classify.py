@@ -95,6 +95,8 @@ def classify(
         raise InputError("--mask and --method cannot be combined: pass a mask, or a method to find one")
     found = image_sources(images, radar=radar, condition=condition, multispectral=multispectral, other_band=other_band)
     check_single(found, mask=None if mask is None or mask.is_dir() else mask, other_band=other_band)
+    from millisight.perception.classification import classify as classify_object
+
     classifier = _classifier(weights)
     by = named_segmenter(method or _DEFAULT_METHOD)
     notes: set[str] = set()
@@ -118,7 +120,7 @@ def classify(
                 "seed": None if segmented.prompts is None else seed,
             }
         try:
-            prediction = classifier.classify(image, inside, other_band=other)
+            prediction = classify_object(image, inside, other_band=other, method=classifier, condition=source.condition)
         except InputError as error:
             raise error if path is None else InputError(f"with the mask of {path}: {error}") from error
         if other is None and len(classifier.bands) > 1:

@@ -176,13 +176,14 @@ def segment(
     def in_depth(
         source: ImageSource, to: Path, drawn: Path | None, image: SarImage, segmented: Segmented, told: dict[str, Any]
     ) -> None:
-        voxels = extend_mask(segmented.mask, image)
+        from millisight.perception import HIGH_BAND, without_sheets
+
+        cleaned = without_sheets(image, frequency=HIGH_BAND, covered=segmented.picture.covered)
+        voxels = extend_mask(segmented.mask, cleaned)
         _write_volume(to, voxels, source, told)
         if drawn is not None:
-            from millisight.perception import HIGH_BAND, without_sheets
             from millisight.viz import plot_volume, save_figure
 
-            cleaned = without_sheets(image, frequency=HIGH_BAND)
             save_figure(plot_volume(voxels, image=cleaned, title=source.name), drawn)
 
     if len(found) == 1 and not any(path.is_dir() for path in images):

@@ -19,6 +19,7 @@ class Picture:
     grid_xy : PixelGrid, positions of the pixels; None: a photo
     image : the projected image; None: a photo
     other_band : the same scene at the radar's other frequency, on its own grid, or None
+    covered : whether a lid or a cloth is known to lie over the scene
     """
 
     rgb: np.ndarray
@@ -26,6 +27,7 @@ class Picture:
     grid_xy: PixelGrid | None = None
     image: SarImage | None = None
     other_band: SarImage | None = None
+    covered: bool = False
 
     def __post_init__(self) -> None:
         rgb = checked_array(self.rgb, name="rgb", shape=("A", "B", 3), dtype=np.uint8)

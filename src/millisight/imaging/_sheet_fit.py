@@ -39,6 +39,7 @@ _LEAST_SCALE = 0.03  # and at least this share of the sheet's amplitude
 _OUTSIDE = 0.2  # of an axis, at either end
 _INSIDE = 0.1  # weight of cells away from the border before anything is fitted: objects are there
 _BRIGHTER = 2.5  # than the sheet: something else
+_LID_LEVEL, _LID_EDGE = 0.95, 0.5  # quantile of a lid's amplitude, and the share of it at its edges
 _SUPPORT = 0.3  # of the sheet's amplitude: where it is seen
 
 
@@ -86,6 +87,7 @@ class SheetFit(NamedTuple):
     knots : of the two axes
     support : (X, Y) bool, where the sheet is seen
     weights : (X, Y) how well each cell agrees with it, 0 to 1
+    window : (X, Y) bool, cells in which it was fitted, and beyond which it is not taken to go on
     profile : (C,) its mean echo there
     explained : median share of the energy of the support's cells that is the sheet's
     """
@@ -95,18 +97,27 @@ class SheetFit(NamedTuple):
     knots: tuple[np.ndarray, np.ndarray]
     support: np.ndarray
     weights: np.ndarray
+    window: np.ndarray
     profile: np.ndarray
     explained: float
 
 
-def fit_sheet(cells: Cells, wave_number: float, *, ripples: bool) -> SheetFit | None:
+def fit_sheet(
+    cells: Cells, wave_number: float, *, ripples: bool, window: tuple[slice, slice] | None = None
+) -> SheetFit | None:
     """The sheet that most of the cells agree on, or None where nothing there is coherent.
 
     Parameters
     ----------
+    cells : Cells
     wave_number : k at the band's centre [rad/m], by which the phase of the steepest sheet is known
     ripples : whether the cells show the ripples of an aperture's edges
+    window : cells to look at, of which the sheet reaches the border; None: all
     """
+    window = window or (slice(None), slice(None))
+    within = np.zeros(cells.counts.shape, dtype=bool)
+    within[window] = True
+    cells = cells._replace(counts=np.where(within, cells.counts, 0))
     looked_at = cells.counts > 0
     raw = cells.values(None) * looked_at[..., None]
     if not raw.any():
@@ -114,7 +125,8 @@ def fit_sheet(cells: Cells, wave_number: float, *, ripples: bool) -> SheetFit | 
     zone = float(np.sqrt(np.pi * _DISTANCE / wave_number))  # sqrt(wavelength distance / 2)
     basis = _principal(raw)
     phase = _linear_phase(raw @ basis.conj(), cells, wave_number)
-    outside = _near_border(looked_at.shape)
+    outside = np.zeros(looked_at.shape, dtype=bool)
+    outside[window] = _near_border(looked_at[window].shape)
     for last in (False,) * _ROUNDS + (True,):
         flat = cells.values(phase) * looked_at[..., None] @ basis.conj()
         weights, level = _first_weights(flat, cells, zone, outside)
@@ -144,9 +156,31 @@ def fit_sheet(cells: Cells, wave_number: float, *, ripples: bool) -> SheetFit | 
         knots=knots,
         support=support,
         weights=weights,
+        window=within,
         profile=(smooth[support] * weights[support, None]).sum(axis=0) @ basis.T / weights[support].sum(),
         explained=float(np.median(1 - missed / energy)),
     )
+
+
+def lid_window(cells: Cells, wave_number: float) -> tuple[slice, slice] | None:
+    """The box around the largest place that echoes like one level or tilted mirror, to look for a lid in; or None."""
+    from scipy.ndimage import find_objects, label
+
+    looked_at = cells.counts > 0
+    raw = cells.values(None) * looked_at[..., None]
+    if not raw.any():
+        return None
+    zone = float(np.sqrt(np.pi * _DISTANCE / wave_number))
+    basis = _principal(raw)
+    phase = _linear_phase(raw @ basis.conj(), cells, wave_number)
+    flat = cells.values(phase) * looked_at[..., None] @ basis.conj()
+    strength = np.linalg.norm(_local(flat, looked_at.astype(np.float32), cells, zone), axis=2)
+    parts, count = label(strength > _LID_EDGE * np.quantile(strength, _LID_LEVEL))  # pyright: ignore[reportGeneralTypeIssues]
+    if not count:
+        return None
+    largest = int(np.bincount(parts.ravel())[1:].argmax())
+    box = find_objects(parts)[largest]
+    return (box[0], box[1])
 
 
 def agreement(misfit: np.ndarray, support: np.ndarray, level: float) -> np.ndarray:

@@ -65,6 +65,7 @@ class FrameScene:
         turn = self._turn(fit.phase)
         smooth, flat, weights = self._smooth(fit) * turn.conj(), self._echoes * turn.conj(), fit.weights[self._into]
         echo = rippled(flat, smooth, weights, self._total, self._spread, factors=False) * turn
+        echo *= fit.window[self._into][..., None]
         self._echoes -= echo
         self._taken += echo
         return float((np.abs(echo) ** 2).sum()) / self._power
@@ -75,6 +76,10 @@ class FrameScene:
         turn = np.angle((samples[:, 1:] * samples[:, :-1].conj()).sum()) if samples.shape[1] > 1 else 0.0
         step = float(self._frequencies[1] - self._frequencies[0]) if samples.shape[1] > 1 else 1.0
         return self._level + float(turn) * SPEED_OF_LIGHT / (4 * np.pi * step)
+
+    def told(self) -> dict[str, float]:
+        """Nothing: what the maximum of an image loses is not known before there is one."""
+        return {}
 
     def cleaned(self, metadata: Mapping[str, Any]) -> Capture:
         shape = (len(self._places), self._tx.shape[1], self._rx.shape[1], len(self._frequencies))

@@ -46,12 +46,18 @@ class ImageScene:
         flat = self._values * turn.conj()
         weights = self._spread(fit.weights)
         echo = rippled(flat, smooth, weights, total_of_grid, spread_on_grid, factors=True) * turn
+        echo *= self._spread(fit.window)[..., None]
         self._values -= echo
         return float((np.abs(echo) ** 2).sum()) / self._power
 
     def height(self, fit: SheetFit) -> float:
         """z of the strongest echo of a sheet [m], between slices by a parabola."""
         return _peak(np.abs(fit.profile), self._image.grid.z)
+
+    def told(self) -> dict[str, float]:
+        """`taken_db`: the maximum without the sheets over that with them [dB]."""
+        before, after = (max(float(np.abs(values).max()), 1e-30) for values in (self._image.values, self._values))
+        return {"taken_db": float(20 * np.log10(max(after / before, 1e-9)))}
 
     def cleaned(self, metadata: Mapping[str, Any]) -> SarImage:
         values = self._values.astype(self._image.values.dtype)

@@ -32,6 +32,7 @@ _LEAST_EXPLAINED = {"auto": 0.75, "lid": 0.6}  # of a sheet's echo
 _LEAST_BORDER = 0.25  # of the scene's, that a sheet reaches
 _LEAST_SHARE = 0.15  # of the scene
 _LARGE = 0.06  # sheets so large are no object's top [m²]
+_LEAST_LID = 0.004  # what ends within the scene and is smaller is no lid [m²]
 _RING = 2  # cells along the scene's border
 _ATTEMPTS = 4  # flat things that are looked at, besides the sheets that are taken
 
@@ -130,8 +131,9 @@ def remove_sheets(
     that follows the sheet's height. A surface of the second degree takes that phase off: height, tilt up to 8 degrees,
     bow. What is left changes slowly over centimetres; it is fitted by splines, robustly, so that cells which hold
     something else tell nothing, and under an object the sheet goes on from its surroundings. Only the fitted echo is
-    taken. What is flat and ends within the scene, such as the top of a can, is left, unless it is larger than 600 cm²;
-    so is a lid that is hardly larger than what it covers, in an image much larger than both.
+    taken. What is flat and ends within the scene, such as the top of a can, is left, unless it is larger than 600 cm²:
+    from above a small lid looks like the top of a box. Say `clutter="lid"` where you know of one: what is flat and
+    largest is then the lid, wherever it ends.
 
     Frames are the better place: an image has ripples from the aperture's edges, which are fitted too, by a factor of
     each row and column.
@@ -139,8 +141,8 @@ def remove_sheets(
     Parameters
     ----------
     scene : SarImage, seen from above along z; or Capture, frames in memory or on disk
-    clutter : "auto": take sheets that explain three quarters of the echoes where they are seen; "lid": 60 %, since
-        one is known to be there; "none": take nothing
+    clutter : "auto": take sheets that explain three quarters of the echoes where they are seen; "lid": 60 %, and also
+        one that ends within the scene, since one is known to be there; "none": take nothing
     frequency : centre of the band [Hz], of an image; a capture states its own
     grid : what will be imaged of a capture. A sheet more than half a range resolution behind it hides nothing and is
         left: a wall or a floor, whose echo is not told from that of an object in front where the band is narrow
@@ -178,11 +180,11 @@ def remove_sheets(
     if clutter == "none":
         return SheetRemoval(result=scene, sheets=(), left=(), reason="nothing was asked for")
     echoes, wave_number = _echoes_of(scene, lowest), 2 * np.pi * centre / SPEED_OF_LIGHT
-    sheets, left = _search(echoes, wave_number, most, _LEAST_EXPLAINED[clutter], lowest)
+    sheets, left = _search(echoes, wave_number, most, clutter, lowest)
     if not sheets:
         return SheetRemoval(result=scene, sheets=(), left=left, reason=_reason(left, lowest))
     told = [asdict(sheet) for sheet in sheets]
-    metadata = with_step(scene.metadata, "remove_sheets", clutter=clutter, sheets=told)
+    metadata = with_step(scene.metadata, "remove_sheets", clutter=clutter, sheets=told, **echoes.told())
     return SheetRemoval(result=echoes.cleaned(metadata), sheets=sheets, left=left, reason="")
 
 
@@ -198,6 +200,8 @@ class _Echoes(Protocol):
 
     def height(self, fit: "SheetFit") -> float: ...
 
+    def told(self) -> dict[str, float]: ...
+
     def cleaned(self, metadata: Mapping[str, Any]) -> Any: ...
 
 
@@ -212,12 +216,12 @@ def _echoes_of(scene: Any, lowest: float) -> _Echoes:
 
 
 def _search(
-    echoes: _Echoes, wave_number: float, most: int, least_explained: float, lowest: float
+    echoes: _Echoes, wave_number: float, most: int, clutter: str, lowest: float
 ) -> tuple[tuple[DetectedSheet, ...], tuple[DetectedSheet, ...]]:
     """The sheets, taken from `echoes` one after the other, and what is flat and was left."""
     from scipy.ndimage import binary_dilation
 
-    from millisight.imaging._sheet_fit import fit_sheet
+    from millisight.imaging._sheet_fit import fit_sheet, lid_window
 
     sheets: list[DetectedSheet] = []
     left: list[DetectedSheet] = []
@@ -226,7 +230,7 @@ def _search(
         cells = echoes.cells
         cells = cells._replace(counts=np.where(passed_over, 0, cells.counts))
         fit = fit_sheet(cells, wave_number, ripples=echoes.ripples)
-        if fit is None or fit.explained < least_explained:
+        if fit is None or fit.explained < _LEAST_EXPLAINED[clutter]:
             break
         sheet = _told(fit, cells, echoes.height(fit), wave_number)
         wide = float(fit.support.mean()) >= _LEAST_SHARE and (sheet.border >= _LEAST_BORDER or sheet.area >= _LARGE)
@@ -235,6 +239,15 @@ def _search(
         else:
             left.append(sheet)
             passed_over = passed_over | np.asarray(binary_dilation(fit.support, iterations=3), dtype=bool)
+    if clutter == "lid" and not sheets:
+        # It may end within the scene: what reflects like one mirror over the largest place.
+        window = lid_window(echoes.cells, wave_number)
+        fit = None if window is None else fit_sheet(echoes.cells, wave_number, ripples=echoes.ripples, window=window)
+        if fit is not None and fit.explained >= _LEAST_EXPLAINED[clutter]:
+            lid = _told(fit, echoes.cells, echoes.height(fit), wave_number)
+            if lid.area >= _LEAST_LID and lid.height >= lowest:
+                sheets.append(replace(lid, power=echoes.take(fit)))
+                left.clear()  # parts of it, fitted worse
     return tuple(sheets), tuple(left)
 
 

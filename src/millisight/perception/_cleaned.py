@@ -1,18 +1,22 @@
 """Images without their sheets: what segmenters and classifiers look at."""
 
 from functools import lru_cache
+from typing import Literal
 
 import numpy as np
 
 from millisight.data import SarImage
 from millisight.imaging import remove_sheets
 
+Condition = Literal["los", "nlos"]
+"""Whether something is known to cover the scene ("nlos"), as a lid or a cloth does."""
+
 HIGH_BAND, LOW_BAND = 79e9, 24.125e9
 """Middles of the bands that an image is taken for whose metadata do not state its own [Hz]."""
 
 
 @lru_cache(maxsize=4)
-def without_sheets(image: SarImage, *, frequency: float = HIGH_BAND) -> SarImage:
+def without_sheets(image: SarImage, *, frequency: float = HIGH_BAND, covered: bool = False) -> SarImage:
     """The image without lids, cloths and walls, as by `remove_sheets`; as it is where that was done before.
 
     The last four are kept, since segmenting and classifying look at the same image.
@@ -21,12 +25,17 @@ def without_sheets(image: SarImage, *, frequency: float = HIGH_BAND) -> SarImage
     ----------
     image : SarImage
     frequency : middle of its band [Hz]
+    covered : whether a lid is known to lie over the scene: one that ends within it is then taken off, too
     """
     if any(step.get("step") == "remove_sheets" for step in image.metadata.get("history", ())):
         return image
-    return remove_sheets(image, frequency=frequency).result
+    return remove_sheets(image, frequency=frequency, clutter="lid" if covered else "auto").result
 
 
-def taken_db(cleaned: SarImage, image: SarImage) -> float:
-    """The maximum of an image without its sheets over that with them [dB]; 0 where none was taken."""
-    return float(20 * np.log10(max(cleaned.magnitude.max() / max(image.magnitude.max(), 1e-30), 1e-9)))
+def taken_db(cleaned: SarImage) -> float:
+    """The maximum of an image without its sheets over that with them [dB]; 0 where none was taken.
+
+    -inf where they were taken from the frames: an image with them was never made.
+    """
+    steps = (step for step in cleaned.metadata.get("history", ()) if step.get("step") == "remove_sheets")
+    return float(sum(step.get("taken_db", -np.inf) for step in steps))

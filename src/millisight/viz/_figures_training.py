@@ -162,10 +162,8 @@ def _show_masks(places: Sequence[Axes], scene: SceneParts, band: str, rng: np.ra
     power, truth = _power_of(scene, band), scene.inside
     seen = projected_levels(power)
     for index, place in enumerate(places):
-        hidden = index > len(places) // 2
-        mask = truth if index == 0 else training.erring_mask(truth, power.max(axis=2), rng, hidden=hidden)
-        title = "the same, in a box" if hidden else "a mask with errors"
-        _show(place, seen, title if index else "true mask")
+        mask = truth if index == 0 else training.erring_mask(truth, power.max(axis=2), rng)
+        _show(place, seen, "a mask with errors" if index else "true mask")
         place.contour(mask.T, levels=[0.5], colors="white", linewidths=1.2)
 
 

@@ -27,6 +27,7 @@ from millisight.evaluation.tasks._classification_tables import (
     worst,
 )
 from millisight.meshes import object_name
+from millisight.perception.classification import classify
 from millisight.perception.segmentation import segment
 
 _FORMAT = 3
@@ -176,10 +177,14 @@ class ClassificationTask(Task):
             by = load_classifier(weights)
             if checksum_of(by) != checksum:
                 raise InputError(f"the weights of {by.name} have changed since the run began; run it again")
-            predicted = None if mask is None else by.classify(image, mask, other_band=other)
+            predicted = (
+                None
+                if mask is None
+                else classify(image, mask, other_band=other, method=by, condition=source.scene.sight)
+            )
             found[part] = [{"masks": PREDICTED, "prediction": _plain(predicted), "failure": failure, "iou": iou}]
             if not source.as_published:
-                best = by.classify(image, truth, other_band=other)
+                best = classify(image, truth, other_band=other, method=by, condition=source.scene.sight)
                 found[part].append({"masks": TRUE, "prediction": _plain(best), "failure": "", "iou": 1.0})
         return found
 
@@ -354,7 +359,7 @@ def time_classifiers(
             continue
         for one in weights:
             begun = perf_counter()
-            load_classifier(one).classify(image, mask, other_band=other)
+            classify(image, mask, other_band=other, method=load_classifier(one), condition=source.scene.sight)
             seconds = perf_counter() - begun
             if number:
                 found[one].append((seconds, segmenting))

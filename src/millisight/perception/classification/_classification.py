@@ -3,11 +3,12 @@
 import os
 from collections.abc import Mapping
 from functools import lru_cache
-from typing import Any, Literal, Protocol, runtime_checkable
+from typing import Any, Literal, Protocol, get_args, runtime_checkable
 
-from millisight.core import Registry
+from millisight.core import Registry, check_known
 from millisight.core.errors import InputError
 from millisight.data import Mask, Prediction, SarImage
+from millisight.perception import HIGH_BAND, LOW_BAND, Condition, without_sheets
 
 
 @runtime_checkable
@@ -84,6 +85,7 @@ def classify(
     mask: Mask,
     *,
     other_band: SarImage | None = None,
+    condition: Condition | str = "los",
     method: Method | str | Classifier = "network",
     weights: str | os.PathLike[str] | None = None,
 ) -> Prediction:
@@ -94,6 +96,8 @@ def classify(
     image : usually at 77 GHz
     mask : on the pixels of the image, as from `segment`
     other_band : image of the same scene at the other frequency, or None
+    condition : "nlos" where something is known to cover the scene: a lid that ends within it is then taken off, too;
+        else "los"
     method : name of a classifier, or a classifier
     weights : file of a trained network, for "network"; None: the shipped one; see `classifier`
 
@@ -106,16 +110,20 @@ def classify(
     InputError
         The mask is empty or on another grid, an image is 0 under it, or `weights` are given with a classifier.
     UnknownNameError
-        No such method.
+        No such method or condition.
     ImportError, DamagedFileError, FormatError, FileError
         See NetworkClassifier.
     """
+    check_known("condition", condition, get_args(Condition))
     if isinstance(method, str):
         by = _by_name(method, None if weights is None else os.path.abspath(weights))
     elif weights is not None:
         raise InputError("weights go with a method's name; make the classifier with its weights, or pass its name")
     else:
         by = _checked(method)
+    if condition == "nlos" and getattr(by, "takes_sheets_off", False):
+        image = without_sheets(image, frequency=HIGH_BAND, covered=True)
+        other_band = None if other_band is None else without_sheets(other_band, frequency=LOW_BAND, covered=True)
     return by.classify(image, mask, other_band=other_band)
 
 

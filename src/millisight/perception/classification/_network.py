@@ -172,6 +172,7 @@ class NetworkClassifier:
     class_names : (C,) the classes it tells apart
     bands : the images it looks at: "77_ghz" first, and perhaps "24_ghz", without which it works too
     description : what the JSON beside the weights holds: recipe, objects, seed, calibration, SHA-256
+    takes_sheets_off : True: it looks at images without their sheets
 
     Raises
     ------
@@ -180,6 +181,8 @@ class NetworkClassifier:
     DamagedFileError, FormatError, FileError
         The weights are damaged, are no classifier's, or cannot be read.
     """
+
+    takes_sheets_off = True
 
     def __init__(self, weights: str | os.PathLike[str] | None = None):
         path = check_readable(CLASSIFIER_WEIGHTS if weights is None else weights)
@@ -218,7 +221,7 @@ class NetworkClassifier:
         cleaned = without_sheets(image, frequency=HIGH_BAND)
         channels = classifier_input(cleaned, mask, other_band=other_band)
         (logits,) = self._session.run(None, {self._session.get_inputs()[0].name: square_symmetries(channels)})
-        covered = sheet_was_brightest(taken_db(cleaned, image))
+        covered = sheet_was_brightest(taken_db(cleaned))
         how = self.description.get("calibration", {}).get("covered" if covered else "open", self.description)
         scaled = logits.mean(axis=0, dtype=np.float64) / how["temperature"]
         probabilities = np.exp(scaled - scaled.max())

@@ -83,7 +83,7 @@ class ThresholdSegmenter:
         """
         if picture.image is None:
             raise InputError(f"{self.name} needs a radar image, and this picture is a photo; use another method")
-        power = project(without_sheets(picture.image, frequency=HIGH_BAND)).power
+        power = project(without_sheets(picture.image, frequency=HIGH_BAND, covered=picture.covered)).power
         mask = np.zeros(picture.shape, bool) if power is None else power > self._level
         return Candidates(masks=mask[None], scores=np.ones(1))
 

@@ -1,5 +1,6 @@
 """The segmenter protocol, segmenters by name, the rule that chooses a mask, and `segment`."""
 
+from dataclasses import replace
 from typing import Any, Literal, Protocol, overload, runtime_checkable
 
 import numpy as np
@@ -7,11 +8,22 @@ import numpy as np
 from millisight.core import Registry, check_known, checked_array, checked_number, put, record
 from millisight.core.errors import InputError
 from millisight.data import Mask, Picture, Prompts, SarImage, VolumeMask
-from millisight.perception import LOS, NLOS, RETRY, RETRY_COUNT, Thresholds, power_prompts, project, seed_or_generator
+from millisight.perception import (
+    HIGH_BAND,
+    LOS,
+    NLOS,
+    RETRY,
+    RETRY_COUNT,
+    Condition,
+    Thresholds,
+    power_prompts,
+    project,
+    seed_or_generator,
+    without_sheets,
+)
 from millisight.perception.segmentation._volume import extend_mask
 
 Method = Literal["wave", "classical", "sam"]
-Condition = Literal["los", "nlos"]
 
 LARGEST_SHARE = 0.2
 """As published: a mask over more of the picture than this is no object's."""
@@ -200,7 +212,8 @@ def find_mask(
     other : the same scene at the radar's other frequency: positives are drawn where both are bright
     prompts : used as they are, instead of random ones
     rng : seed or generator for random prompts; None: draw none
-    condition : "los" or "nlos", the thresholds for drawing
+    condition : "nlos" where something is known to cover the scene, else "los": "wave" then also takes off a lid that
+        ends within it, and thresholds for drawing are the paper's of that condition
     largest : share of the picture; None: `largest_share`
 
     Raises
@@ -212,6 +225,8 @@ def find_mask(
         No such condition.
     """
     check_known("condition", condition, _CONDITIONS)
+    if condition == "nlos":
+        picture = replace(picture, covered=True)
     if picture.power is not None and picture.power.min() == picture.power.max() > 0:
         raise InputError("the picture is equally bright everywhere: there is nothing to segment")
     limit = largest_share(picture) if largest is None else largest
@@ -291,7 +306,8 @@ def segment(
     method : name of a segmenter, such as "wave", "classical" or "sam", or a segmenter
     prompts : used as they are; None: drawn from power, if the segmenter needs them
     rng : seed or generator for random prompts; required where prompts are drawn
-    condition : "los" or "nlos", the thresholds for drawing
+    condition : "nlos" where something is known to cover the scene, else "los": "wave" then also takes off a lid that
+        ends within it, and thresholds for drawing are the paper's of that condition
     volume : also find the depths of the object, by `extend_mask`
 
     Returns
@@ -311,4 +327,6 @@ def segment(
     picture = project(image, other_band=other_band)
     other = None if other_band is None else project(other_band)
     mask = find_mask(by, picture, other=other, prompts=prompts, rng=rng, condition=condition).mask
-    return extend_mask(mask, image) if volume else mask
+    if not volume:
+        return mask
+    return extend_mask(mask, without_sheets(image, frequency=HIGH_BAND, covered=condition == "nlos"))

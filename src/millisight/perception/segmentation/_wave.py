@@ -144,23 +144,38 @@ class WaveSegmenter:
         if not np.any(image.values):
             raise InputError("the image is 0 everywhere, and there is nothing to segment; check how it was formed")
         x, y = canvas_axes(grid)
-        cleaned = without_sheets(image, frequency=HIGH_BAND)
+        cleaned = without_sheets(image, frequency=HIGH_BAND, covered=picture.covered)
         power = canvas_power(cleaned, x, y)
         before = None if cleaned is image else projected_levels(canvas_power(image, x, y))
         other = None
         if picture.other_band is not None:
-            other = canvas_power(without_sheets(picture.other_band, frequency=LOW_BAND), x, y)
+            second = without_sheets(picture.other_band, frequency=LOW_BAND, covered=picture.covered)
+            other = canvas_power(second, x, y)
         if other is not None and not other.any():
             raise InputError(
                 "the other band is 0 wherever the image is, or on another grid; image both bands over the same area, "
                 "or leave it out"
             )
         points = _canvas_points(prompts, picture, x, y)
-        channels = wave_input(power, other, points, before=before, taken_db=taken_db(cleaned, image))
-        (logits,) = self._session.run(None, {self._session.get_inputs()[0].name: channels[None]})
-        inner = logits[0, : len(x), : len(y)]
+        taken = 0.0 if cleaned is image else taken_db(cleaned)
+        channels = wave_input(power, other, points, before=before, taken_db=taken)
+        inner = self._logits(channels)[: len(x), : len(y)]
         fine = resampling_weights(x, grid.x) @ inner @ resampling_weights(y, grid.y).T
         return 1 / (1 + np.exp(-fine))
+
+    def canvas_mask(
+        self, power: np.ndarray, other: np.ndarray | None, *, before: np.ndarray | None = None, taken_db: float = 0.0
+    ) -> np.ndarray:
+        """(A, B) bool, its best mask on the canvas's own pixels, to train classifiers with; see `wave_input`."""
+        logits = self._logits(wave_input(power, other, before=before, taken_db=taken_db))
+        probability = 1 / (1 + np.exp(-logits[: power.shape[0], : power.shape[1]]))
+        cut = min(self.description["cut"], 0.9 * float(probability.max()))
+        return _without_small_parts(probability > cut)
+
+    def _logits(self, channels: np.ndarray) -> np.ndarray:
+        """(A', B') of channels as of `wave_input`."""
+        (logits,) = self._session.run(None, {self._session.get_inputs()[0].name: channels[None]})
+        return logits[0]
 
     def segment(self, picture: Picture, prompts: Prompts | None = None) -> Candidates:
         """Masks that begin at several probabilities, the one that did best on the validation scenes first.

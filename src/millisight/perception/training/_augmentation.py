@@ -140,29 +140,28 @@ def erased(channels: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     return channels
 
 
-def erring_mask(inside: np.ndarray, power: np.ndarray, rng: np.random.Generator, *, hidden: bool = False) -> np.ndarray:
+def erring_mask(inside: np.ndarray, power: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """A mask (A, B) bool as a segmenter makes it of a true one.
 
-    It is a little too large or too small, the lit part of a lid around the object, no more than what shines, or under a
-    lid much too large; and always ragged.
+    It is a little too large or too small, the lit part of a lid around the object, or no more than what shines; and
+    always ragged.
 
     Parameters
     ----------
     inside : (A, B) bool, the truth, not empty
     power : (A, B) of the image seen from above
-    hidden : whether there is a lid, which segmenters take for the object more often than not
     """
     from scipy.ndimage import distance_transform_edt, gaussian_filter
 
     ragged: Any = gaussian_filter(rng.standard_normal(inside.shape), rng.uniform(1, 4))
     ragged *= rng.uniform(0, 1) / max(ragged.std(), 1e-9)
-    kind = rng.choice(4, p=(0.2, 0.3, 0.35, 0.15) if hidden else (0.6, 0, 0.1, 0.3))
-    if kind == 2:
+    kind = rng.choice(3, p=(0.6, 0.1, 0.3))
+    if kind == 1:
         inside = _surroundings(inside, rng)
     away: Any = distance_transform_edt(~inside)
     within: Any = distance_transform_edt(inside)
-    mask = away - within + 0.5 < (rng.uniform(0, 10) if kind == 1 else rng.uniform(-1.5, 1.5)) + ragged
-    if kind == 3:
+    mask = away - within + 0.5 < rng.uniform(-1.5, 1.5) + ragged
+    if kind == 2:
         shining = gaussian_filter(power, rng.uniform(0.5, 1.5))
         mask &= shining > shining[inside].max() * 10 ** rng.uniform(-3, -0.8)
     return mask if mask.any() else inside

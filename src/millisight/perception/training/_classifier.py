@@ -11,6 +11,7 @@ import numpy as np
 from millisight.core import check_known, checked_integer, checked_number, checked_record, printable, put, record
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.meshes import CATALOGUE, PAPER_CLASSES, object_name
+from millisight.perception import power_levels
 from millisight.perception.classification import (
     CLASSIFIER_CHANNELS,
     CLASSIFIER_SIDE,
@@ -18,6 +19,7 @@ from millisight.perception.classification import (
     sheet_was_brightest,
     square_symmetries,
 )
+from millisight.perception.segmentation import WaveSegmenter
 from millisight.perception.training import _augmentation as augmentation
 from millisight.perception.training._bands import BANDS, DEPTH
 from millisight.perception.training._calibration import (
@@ -41,6 +43,7 @@ if TYPE_CHECKING:
 
 PHYSICS = "paper's simulator: specular and edge reflections of vertices"
 
+SHIPPED = "shipped"
 _BANDS = {"small": ("77_ghz", "24_ghz"), "paper": ("77_ghz",)}  # by network
 _RANDOM = {shape: name for name, shape in RANDOM_OBJECTS.items()}  # names of scenes of a class's random shapes
 _STRETCH = 0.25
@@ -48,6 +51,8 @@ _ONE_BAND = 0.3  # of the examples have no 24 GHz image
 _HELD_EVERY = 6  # scene of each object is for validation
 _HELD_VIEWS = 3  # examples of each scene of validation
 _POOL_SEED = 1 << 21  # apart from any epoch's, and from validation's
+_FOUND, _ERRING = 0.6, 0.9  # of the examples have a mask of the segmenter; further ones up to 0.9 an erring one
+_TOUCHED = 0.2  # least intersection over union of a found mask with the object
 _SMOOTHING = 0.05  # of the labels
 
 
@@ -73,6 +78,8 @@ class ClassifierRecipe:
     parts : "both", "edge" or "specular"
     network : "small", or the "paper"'s
     batch : examples in a batch
+    masks : of whom examples have masks, besides true and disturbed ones: "shipped", the shipped segmenter "wave"; a
+        file of weights as of `millisight train segmenter`; "": nobody
     examples : of each class as many and of each of its scenes; an epoch has them all, each turned or mirrored
     schedule : its seed is that of everything
     whole : whole scenes of each simulated object; they show one
@@ -95,6 +102,7 @@ class ClassifierRecipe:
     stretch: Mapping[str, float] = field(default_factory=dict)
     parts: str = "both"
     network: str = "small"
+    masks: str = ""
     batch: int = 32
     examples: int = 6000
     schedule: Schedule = field(default_factory=Schedule)
@@ -106,6 +114,7 @@ class ClassifierRecipe:
             if isinstance(objects, str) or not isinstance(objects, Sequence):
                 raise InputError(f"classes: {shape} is {objects!r}; expected a list of names of the catalogue")
         own = {str(shape): tuple(str(name) for name in objects) for shape, objects in self.classes.items()}
+        checked_record(self.masks, str, name="masks")
         for kind, value, known in (("parts", self.parts, ECHOES), ("network", self.network, _BANDS)):
             check_known(kind, value, known)
         named = [name for objects in own.values() for name in objects]
@@ -239,9 +248,14 @@ class ClassifierLesson:
 
     def __init__(self, recipe: ClassifierRecipe, scenes: TrainingScenes):
         self.recipe, self.scenes, self.seed = recipe, scenes, recipe.schedule.seed
+        by = _FoundMasks(recipe.masks) if recipe.masks else None
         held = held_back(
             scenes,
-            lambda one, rng: (example_of(one.whole, rng), one.label, sheet_was_brightest(one.whole.taken_db[BANDS[0]])),
+            lambda one, rng: (
+                example_of(one.whole, rng, by),
+                one.label,
+                sheet_was_brightest(one.whole.taken_db[BANDS[0]]),
+            ),
             views=_HELD_VIEWS,
             seed=self.seed,
         )
@@ -249,7 +263,7 @@ class ClassifierLesson:
         self.labels, self.covered = (np.array([one[i] for one in held]) for i in (1, 2))
         rng, some = np.random.default_rng([self.seed, _POOL_SEED]), scenes["training"]
         self.pool = [
-            ClassifierExample(example_of(some[i].whole, rng).astype(np.float16), some[i].label)
+            ClassifierExample(example_of(some[i].whole, rng, by).astype(np.float16), some[i].label)
             for i in balanced(some, recipe.examples, rng)
         ]
 
@@ -336,12 +350,40 @@ def _poses(scenes: TrainingScenes) -> dict[str, list[list[float]]]:
     return poses
 
 
-def example_of(scene: WholeScene, rng: np.random.Generator) -> np.ndarray:
+class _FoundMasks:
+    """The masks that the segmenter "wave" finds in training scenes; each is found once."""
+
+    def __init__(self, weights: str):
+        self._by = WaveSegmenter(None if weights == SHIPPED else weights)
+        self._found: dict[tuple[int, bool], np.ndarray] = {}
+
+    def __call__(self, scene: WholeScene, *, both: bool) -> np.ndarray | None:
+        """(A, B) bool; None where it hardly touches the object."""
+        key = id(scene), both
+        if key not in self._found:
+            band, low = BANDS
+            mask = self._by.canvas_mask(
+                scene.power(band),
+                scene.power(low) if both else None,
+                before=power_levels(scene.raw_power(band)),
+                taken_db=scene.taken_db[band],
+            )
+            self._found[key] = mask
+        mask, truth = self._found[key], scene.objects > 0
+        return mask if (mask & truth).sum() > _TOUCHED * (mask | truth).sum() else None
+
+
+def example_of(scene: WholeScene, rng: np.random.Generator, by: _FoundMasks | None = None) -> np.ndarray:
     """(C, S, S) a classifier's input from a scene, masked and disturbed as drawn from `rng`."""
     power = scene.power("77_ghz")
-    other = scene.power("24_ghz") if rng.random() >= _ONE_BAND and "24_ghz" in scene.levels else None
+    both = rng.random() >= _ONE_BAND and "24_ghz" in scene.levels
+    other = scene.power("24_ghz") if both else None
     inside = scene.objects > 0
-    if rng.random() < 0.9:
-        inside = augmentation.erring_mask(inside, power.max(axis=2), rng, hidden=scene.covered)
+    drawn = rng.random()
+    found = by(scene, both=both) if by is not None and drawn < _FOUND else None
+    if found is not None:
+        inside = found
+    elif drawn < _ERRING:
+        inside = augmentation.erring_mask(inside, power.max(axis=2), rng)
     depths = DEPTH * np.arange(power.shape[2])
     return augmentation.seen_otherwise(masked_channels(power, depths, inside.astype(np.float32), other), rng)

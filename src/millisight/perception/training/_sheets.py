@@ -19,6 +19,7 @@ from millisight.perception.training._bands import BANDS, DEPTH, read_parts, simu
 _SIDE = 0.36  # of the images along x and y [m]
 _BELOW, _ABOVE = 0.16, 0.075  # of the images, from the sheet's middle [m]
 _STEPS = {"77_ghz": 0.5, "24_ghz": 0.45}  # wavelengths between positions
+_SMALL = 0.35  # of the sheets end on all sides within a scene
 _STEEPEST = 5.0  # [degrees]
 
 
@@ -37,27 +38,35 @@ class SheetParts(NamedTuple):
     images: dict[str, np.ndarray]
 
 
-def cached_sheet(number: int, *, seed: int, folder: str | os.PathLike[str]) -> SheetParts:
-    """The sheet of this number: read from `folder`, or made and written there.
+def cached_sheet(number: int, *, seed: int, folder: str | os.PathLike[str], kind: str = "sheet") -> SheetParts:
+    """The sheet, or the stand, of this number: read from `folder`, or made and written there.
 
     Raises
     ------
     DamagedFileError
     """
-    path = Path(folder) / f"sheet-{number}-{seed}.npz"
+    path = Path(folder) / f"{kind}-{number}-{seed}.npz"
     if not path.exists():
-        level, reach, images = make_sheet(np.random.default_rng([seed, number, *b"sheet"]))
+        level, reach, images = make_sheet(np.random.default_rng([seed, number, *kind.encode()]), stand=kind == "stand")
         write_parts(path, images, level=np.array(level), reach=reach)
     images, held = read_parts(path, "level", "reach")
     return SheetParts(int(held["level"]), held["reach"], images)
 
 
-def make_sheet(rng: np.random.Generator) -> SheetParts:
-    """A sheet drawn from `rng`: 13 to 30 cm below the aperture, tilted, perhaps bowed, large or with edges."""
+def make_sheet(rng: np.random.Generator, *, stand: bool = False) -> SheetParts:
+    """A sheet drawn from `rng`: 13 to 30 cm below the aperture, tilted, perhaps bowed, large or with edges.
+
+    A `stand` is what objects lie on where there is none: a level plate of a tripod, 1.5 to 3.5 cm wide.
+    """
     height = -rng.uniform(0.13, 0.30)
     slope = np.tan(np.radians(np.clip(rng.normal(0, 1.5, 2), -_STEEPEST, _STEEPEST)))
     bow = rng.uniform(-0.0015, 0.0015, 2) if rng.random() < 0.3 else np.zeros(2)
-    reach = np.where(rng.random(4) < 0.5, rng.uniform(0.06, 0.2, 4), 0.4) * [-1, 1, -1, 1]
+    beyond = np.where(rng.random(4) < 0.5, rng.uniform(0.06, 0.2, 4), 0.4)
+    small = np.repeat(rng.uniform(0.05, 0.14, 2), 2)  # a carton's lid, within the scene
+    reach = (small if rng.random() < _SMALL else beyond) * [-1, 1, -1, 1]
+    if stand:
+        slope, bow = slope / 5, np.zeros(2)
+        reach = np.repeat(rng.uniform(0.0075, 0.0175, 2), 2) * [-1, 1, -1, 1]
     thick, strong = rng.uniform(0.002, 0.005), rng.uniform(0.3, 1)
     size, stray = rng.uniform(0.26, 0.38, 2), rng.uniform(0, 0.00004)
     half = round(_SIDE / SPACING / 2) * SPACING

@@ -173,7 +173,7 @@ class _Maker:
         return cached_whole_scene(key, self._whole, self._parts, seed=[self._seed], folder=self._folder)
 
     def _parts(self, rng: np.random.Generator) -> tuple[list[SceneParts], list[Callable[[], SheetParts]]]:
-        """The request's object, perhaps one or two others of its side, and two sheets of its side, made when needed."""
+        """Of the request's side: its object, perhaps one or two others; two sheets and a stand, made when needed."""
         more = int(rng.integers(1, 3)) if rng.random() < self._whole.several else 0
         drawn = [self._others[int(i)] for i in rng.integers(0, len(self._others), more)]
         if not self._whole.sheets:
@@ -181,7 +181,11 @@ class _Maker:
         # Every fourth sheet is for validation.
         wanted = self._request.side == "validation"
         numbers = [i for i in range(self._whole.sheets) if (i % 4 == 3) == wanted] or list(range(self._whole.sheets))
-        sheets = [partial(cached_sheet, int(i), seed=self._seed, folder=self._folder) for i in rng.choice(numbers, 2)]
+        kept = partial(cached_sheet, seed=self._seed, folder=self._folder)
+        sheets = [
+            *(partial(kept, int(i)) for i in rng.choice(numbers, 2)),
+            partial(kept, int(rng.choice(numbers)), kind="stand"),
+        ]
         return [self._own, *map(self._simulated, drawn)], sheets
 
     def _digest(self) -> str:

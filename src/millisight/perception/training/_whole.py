@@ -16,7 +16,7 @@ import numpy as np
 
 from millisight.core import check_known, checked_integer, checked_number, put, record
 from millisight.data import SarImage, VoxelGrid
-from millisight.perception import SPACING, without_sheets
+from millisight.perception import SPACING, taken_db, without_sheets
 from millisight.perception.training import _augmentation as augmentation
 from millisight.perception.training._bands import BANDS, DEPTH, read_arrays, write_arrays
 from millisight.perception.training._scenes import SceneParts
@@ -26,6 +26,8 @@ _SIDES = 0.20, 0.36  # of scenes [m]
 _FADED = 5  # pixels over which an object's image ends
 _MIDDLES = {"77_ghz": 79e9, "24_ghz": 24.125e9}  # of the bands [Hz]
 _STEPS_DB = 0.25  # of the stored levels
+_KNOWN = 0.5  # of the scenes with a lid are known to have one
+_STANDS = 0.6  # of the scenes with no object show what it would lie on
 _GAP = 0.005, 0.10  # between the objects and the sheet over them [m]
 
 
@@ -126,12 +128,13 @@ def compose(
     Parameters
     ----------
     objects : at least one; an empty scene is one without it
-    sheets : two functions that give a sheet each, called where it is needed; or none
+    sheets : functions that give two sheets and a stand, called where they are needed; or none
     """
     empty = bool(rng.random() < settings.empty)
     if empty:
         objects = objects[:1]
-    plan = _Plan(objects, sheets, bool(rng.random() < settings.covered) and bool(sheets), rng)
+    plan = _Plan(objects, sheets, bool(rng.random() < settings.covered) and bool(sheets), rng, empty=empty)
+    known = plan.covered and bool(rng.random() < _KNOWN)
     gains = [augmentation.drawn_gains(rng) for _ in objects]
     if settings.parts != "both":
         left_out = "specular" if settings.parts == "edge" else "edge"
@@ -148,11 +151,11 @@ def compose(
     grid = VoxelGrid(x=axes[0], y=axes[1], z=DEPTH * np.arange(plan.shape[2]))
     for band, values in images.items():
         before = SarImage(grid=grid, values=values.astype(np.complex64))
-        after = without_sheets(before, frequency=_MIDDLES[band])
+        after = without_sheets(before, frequency=_MIDDLES[band], covered=known)
         power = np.square(after.magnitude)
         levels[band] = _levels_of(power)
         raw[band] = _levels_of(np.square(before.magnitude.mean(axis=2)))
-        taken[band] = 10 * np.log10(max(power.max(), 1e-30) / max(np.square(before.magnitude).max(), 1e-30))
+        taken[band] = taken_db(after)
     inside = np.zeros_like(plan.objects) if empty else plan.objects
     return WholeScene(inside, plan.covered, levels, raw, taken)
 
@@ -166,6 +169,8 @@ class _Plan:
         sheets: Sequence[Callable[[], SheetParts]],
         covered: bool,
         rng: np.random.Generator,
+        *,
+        empty: bool = False,
     ):
         self._objects, self.covered = objects, covered
         sides = np.round(rng.uniform(*_SIDES, 2) / SPACING).astype(int)
@@ -188,6 +193,10 @@ class _Plan:
         if covered:
             lid = sheets[0]()
             self._placed.append((lid, self._under(lid, middle, top + gap, rng), None))
+        if empty and sheets and rng.random() < _STANDS:
+            stand = sheets[2]()
+            lowest = min(one.level for one in objects)
+            self._placed.append((stand, self._under(stand, middle, lowest, rng), None))
         if sheets and rng.random() < 0.25:
             # A floor, in the shadow of the objects; or, higher than all, cloth or a second lid.
             second = sheets[1]()
