@@ -351,6 +351,15 @@ phase = { frequencies = { file = "phase.txt", index = 0 }, values = { file = "ph
             read_capture(described(tmp_path, text.replace(old, new)))
 
 
+def test_frames_that_no_radar_measured_are_marked(tmp_path):
+    np.save(tmp_path / "frames.npy", small_scan()[2])
+    np.savetxt(tmp_path / "positions.csv", 1e3 * small_scan()[1])
+    assert "simulated" not in read_capture(described(tmp_path, f"{RADAR}{FRAMES}{POINTS}")).metadata
+    assert read_capture(described(tmp_path, f"simulated = true\n{RADAR}{FRAMES}{POINTS}")).metadata["simulated"] is True
+    with pytest.raises(ms.errors.MillisightError, match="simulated is 'yes'.*expected true or false"):
+        read_capture(described(tmp_path, f'simulated = "yes"\n{RADAR}{FRAMES}{POINTS}'))
+
+
 def test_what_a_description_says_of_the_image(tmp_path):
     np.save(tmp_path / "frames.npy", small_scan()[2])
     np.savetxt(tmp_path / "positions.csv", 1e3 * small_scan()[1])

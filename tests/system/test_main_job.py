@@ -1,6 +1,7 @@
 """The main job: what the README shows runs, real waves are imaged, real scans look like themselves."""
 
 import html.parser
+import importlib.util
 import re
 import subprocess
 import sys
@@ -32,11 +33,24 @@ def test_the_demo_does_the_main_job(tmp_path):
     assert done.returncode == 0, done.stderr
     folder = tmp_path / "demo"
     images = sorted(folder.glob("*.image.h5"))
-    assert len(images) == 6
+    assert len(images) == 8  # three objects at two bands, and the carton
     for path in images:
         image = ms.load(path)
         assert image.magnitude.max() > 0
         assert image.metadata["simulated"]
+
+    assert "what to try next" in done.stdout
+    told = re.search(r"scissors in a shut carton: (.*)", done.stdout)[1]
+    if importlib.util.find_spec("onnxruntime"):
+        assert "handle" in told
+        assert "sure" not in told or "not sure" in told
+        mask = ms.load(folder / "carton.mask.h5")
+        assert 5e-4 < mask.inside.sum() * 0.0025**2 < 5e-3
+    else:
+        assert "not segmented" in told
+    # What it tells to try next works on what it wrote.
+    scan = ms.read_capture(folder / "shut_carton" / "77_ghz.toml")
+    assert scan.metadata["simulated"]
 
     class Pictures(html.parser.HTMLParser):
         found: list[str] = []  # noqa: RUF012

@@ -68,7 +68,7 @@ def info(
 ) -> None:
     """Describe every file of an object or an experiment, and what is missing.
 
-    Example: millisight dataset info MITO_Dataset/004_sugar_box/robot_collected/0_0_0/exp2/los
+    Example: millisight dataset info MITO_Dataset/004_sugar_box/robot_collected/0_0_90/exp1/los
     """
     failed = False
     for path in paths:

@@ -17,6 +17,16 @@ RADARS = {"77 GHz": "mito-sim-77ghz", "24 GHz": "mito-sim-24ghz"}
 # One aperture for all three objects, as of a small scanner, and the largest step without ghosts.
 _SIZE = (0.30, 0.24)  # [m]
 
+NEXT = {
+    "millisight view {folder}/carton-77ghz.image.h5": "turn the image in the browser",
+    "millisight image {folder}/shut_carton/77_ghz.toml --clutter lid": "form it from the raw frames, without the lid",
+    "millisight segment {folder}/carton-77ghz.image.h5 --condition nlos": "what lies in the carton: a mask",
+    "millisight segment {folder}/mug-77ghz.image.h5": "the mug's mask",
+    "millisight classify {folder}/mug-77ghz.image.h5": "and its class",
+    "millisight simulate your.stl --unit mm -o your.capture.h5": "a mesh of your own",
+}
+"""Commands to try next, and what each shows."""
+
 _INTRODUCTION = """
 A radar moves over a mug, a wrench and a box, and measures at every position of a raster 20 cm above them. A single
 frame shows no shape; all frames together, fused into one synthetic aperture, show it. Everything here is simulated as
@@ -31,10 +41,11 @@ the radar. Edge echoes come from edges, which scatter in every direction. Their 
 def demo(
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write to.")] = Path("demo"),
 ) -> None:
-    """Simulate and image a mug, a wrench and a box at 77 and 24 GHz, and write a page that explains the pictures.
+    """Image a mug, a wrench and a box at 77 and 24 GHz, then scissors in a shut carton, and explain the pictures.
 
     Example: millisight demo -o demo && xdg-open demo/index.html
     """
+    from millisight.cli.demo_carton import look_into_carton
     from millisight.core import PUBLISHED_COLORMAP, make_folder
     from millisight.io import save
     from millisight.viz import (
@@ -79,6 +90,7 @@ def demo(
     with progress("sheet"):
         save_figure(plot_sheet(sheet, meshes=meshes, columns=2, scale="db"), output / "sheet.png")
     items = [
+        look_into_carton(output),
         PageItem(
             heading="Three objects, imaged by two radars",
             picture="sheet.png",
@@ -104,6 +116,9 @@ def demo(
     ]
     page = write_page(output, title="What a millimetre-wave radar sees", introduction=_INTRODUCTION, items=items)
     say(f"wrote {page} and its pictures in {time.monotonic() - started:.0f} s: open it in a browser")
+    say("what to try next:")
+    for command, what in NEXT.items():
+        say(f"  {command.format(folder=output):<62}{what}")
 
 
 _CAPTIONS = {

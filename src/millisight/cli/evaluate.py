@@ -100,7 +100,7 @@ def simulator(
 @app.command()
 def segmentation(
     root: Root,
-    output: Output,
+    output: Output = Path("segmentation-evaluation"),
     method: Annotated[
         list[str] | None,
         typer.Option("--method", help="Segmenter: wave, classical or sam; repeatable. [default: wave, classical]"),
@@ -153,7 +153,7 @@ def segmentation(
 @app.command()
 def classification(
     root: Root,
-    output: Output,
+    output: Output = Path("classification-evaluation"),
     weights: Annotated[
         list[Path] | None,
         typer.Option(

@@ -33,8 +33,9 @@ OtherBand = Annotated[
 Condition = Annotated[
     str | None,
     typer.Option(
-        help="los: object in line of sight. nlos: object hidden; prompts beside it are then drawn below 0.05 of the "
-        "maximum instead of 0.02. [default: the name of the experiment's folder, else los]"
+        help="los: object in line of sight. nlos: object hidden; a lid that ends within the image is then taken off, "
+        "too, and prompts beside the object are drawn below 0.05 of the maximum instead of 0.02. [default: the name of "
+        "the experiment's folder, else los]"
     ),
 ]
 PromptSeed = Annotated[int, typer.Option(min=0, help="Random seed for prompts.")]

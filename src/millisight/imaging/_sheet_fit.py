@@ -39,7 +39,7 @@ _LEAST_SCALE = 0.03  # and at least this share of the sheet's amplitude
 _OUTSIDE = 0.2  # of an axis, at either end
 _INSIDE = 0.1  # weight of cells away from the border before anything is fitted: objects are there
 _BRIGHTER = 2.5  # than the sheet: something else
-_LID_LEVEL, _LID_EDGE = 0.95, 0.5  # quantile of a lid's amplitude, and the share of it at its edges
+_LID_LEVEL, _LID_EDGE = 0.95, 0.5  # quantile that is a lid's amplitude or more; share of its median at its edges
 _SUPPORT = 0.3  # of the sheet's amplitude: where it is seen
 
 
@@ -175,7 +175,9 @@ def lid_window(cells: Cells, wave_number: float) -> tuple[slice, slice] | None:
     phase = _linear_phase(raw @ basis.conj(), cells, wave_number)
     flat = cells.values(phase) * looked_at[..., None] @ basis.conj()
     strength = np.linalg.norm(_local(flat, looked_at.astype(np.float32), cells, zone), axis=2)
-    parts, count = label(strength > _LID_EDGE * np.quantile(strength, _LID_LEVEL))  # pyright: ignore[reportGeneralTypeIssues]
+    # An object that shines through it is smaller, and does not move the median.
+    seen = strength[strength > _SUPPORT * np.quantile(strength, _LID_LEVEL)]
+    parts, count = label(strength > _LID_EDGE * np.median(seen))  # pyright: ignore[reportGeneralTypeIssues]
     if not count:
         return None
     largest = int(np.bincount(parts.ravel())[1:].argmax())

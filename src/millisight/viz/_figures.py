@@ -14,7 +14,7 @@ from matplotlib.colors import Colormap, to_rgba_array
 
 from millisight.core import check_shape
 from millisight.core.errors import InputError
-from millisight.data import PixelGrid, SarImage, TriangleMesh
+from millisight.data import Mask, PixelGrid, SarImage, TriangleMesh
 from millisight.imaging import combine
 from millisight.viz import _panels
 from millisight.viz._outline import LIGHT, PLANE, TOWARDS_VIEWER, checked_axis, outline_of
@@ -161,6 +161,7 @@ def plot_hidden(
     closed_view: np.ndarray,
     image: SarImage,
     *,
+    mask: Mask | None = None,
     mesh: TriangleMesh | None = None,
     scale: str = "linear",
     dynamic_range_db: float = 30,
@@ -173,6 +174,7 @@ def plot_hidden(
     ----------
     open_view, closed_view : photos (H, W, 3)
     image : SarImage, through the cover
+    mask : of the object, on the image's pixels; its outline is drawn over the image
     mesh : what is inside; its outline is drawn over the image, in the image's frame [m]
     scale, dynamic_range_db, colormap : as for `plot_samples`
     axes : (3,) which are returned; default those of a new figure, in a row
@@ -189,6 +191,9 @@ def plot_hidden(
     show_photo(seen, open_view)
     show_photo(shut, closed_view)
     show_image(through, image, shades, colours)
+    if mask is not None:
+        check_shape(mask.inside.shape, name="mask", shape=image.grid.xy.shape)
+        _panels.draw_lines(through, _panels.mask_borders(mask), color="white", width=1.2, zorder=4)
     if mesh is not None:
         _panels.draw_outline(through, outline_of(mesh, "z"), "z", inner=False, alpha=0.7)
     titles = ("the camera, box open", "the camera, box shut", "the radar, box shut")

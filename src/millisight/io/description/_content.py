@@ -57,9 +57,9 @@ class Description:
 
     def __init__(self, content: dict[str, Any], files: Files, source: Path):
         known = _tables()
-        whole = TomlTable(content, "its tables", source, files, ("title", *known))
+        whole = TomlTable(content, "its tables", source, files, ("title", "simulated", *known))
         self._source = source
-        self._title = whole.text("title", source.stem)
+        self._title, self._simulated = whole.text("title", source.stem), whole.flag("simulated")
         self._tables = {name: whole.table(name, keys, f"[{name}]") for name, keys in known.items() if name in whole}
         for name in ("radar", "frames"):
             if name not in self._tables:
@@ -218,6 +218,8 @@ class Description:
 
     def _metadata(self, settings: dict[str, Any], **counts: int) -> dict[str, Any]:
         metadata = {"source": self._title, "description": printable(self._source.name), **self._image}
+        if self._simulated:
+            metadata["simulated"] = True
         if "positions" in self._tables and "circle" in self._tables["positions"]:
             metadata["far_field"] = bool(self._tables["positions"].get("circle").get("far_field"))
         if self._reader.notes:
