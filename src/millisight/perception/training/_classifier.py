@@ -249,6 +249,7 @@ class ClassifierLesson:
     def __init__(self, recipe: ClassifierRecipe, scenes: TrainingScenes):
         self.recipe, self.scenes, self.seed = recipe, scenes, recipe.schedule.seed
         by = _FoundMasks(recipe.masks) if recipe.masks else None
+        self.masks_of: str | None = None if by is None else by.sha256
         held = held_back(
             scenes,
             lambda one, rng: (
@@ -309,6 +310,7 @@ class ClassifierLesson:
             "class_names": list(recipe.objects),
             "classes": {shape: list(objects) for shape, objects in recipe.every_object.items()},
             "bands": list(_BANDS[recipe.network]),
+            "masks": self.masks_of,
             "channels": list(CLASSIFIER_CHANNELS),
             "temperature": temperature,
             "threshold": best_threshold(logits / temperature, self.labels),
@@ -355,6 +357,7 @@ class _FoundMasks:
 
     def __init__(self, weights: str):
         self._by = WaveSegmenter(None if weights == SHIPPED else weights)
+        self.sha256: str = self._by.description["sha256"]
         self._found: dict[tuple[int, bool], np.ndarray] = {}
 
     def __call__(self, scene: WholeScene, *, both: bool) -> np.ndarray | None:
