@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import combinations
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -15,15 +16,28 @@ from millisight.cli import interrupts
 from millisight.core import FIGURE_SUFFIXES, check_writable, printable, same_file
 from millisight.core.errors import InputError, UnknownNameError
 
+if TYPE_CHECKING:
+    from millisight.imaging import Sampling
+
 _UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "": 1.0}
-_LARGEST_WITHOUT_UNIT = 2.0  # [m]: a bare 10 is likely to mean millimetres
+_METRES = 2.0  # a bare number of this size is likely to mean something else
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 
 Progress = Callable[[int, int], None]
 
 
-def length(text: str, *, option: str) -> float:
+SMALL = 0.1
+"""Steps, spacings and distances between points are no larger than this [m]: a bare 2 does not mean metres."""
+
+
+def length(text: str, *, option: str, metres: float = _METRES) -> float:
     """Parse a length such as 2mm, 1.5cm, 0.3m or 0.3; returns metres.
+
+    Parameters
+    ----------
+    text : length
+    option : its option, for messages
+    metres : of this size or more, a number without a unit is refused
 
     Raises
     ------
@@ -33,12 +47,12 @@ def length(text: str, *, option: str) -> float:
     match = re.fullmatch(rf"({_NUMBER})\s*(m|cm|mm|)", text.strip())
     if not match:
         raise InputError(f"{option} is {text!r}; expected a length such as 2mm, 30cm or 0.3 (metres)")
-    return _metres(match[1], match[2], option)
+    return _metres(match[1], match[2], option, metres)
 
 
-def _metres(number: str, unit: str, option: str) -> float:
-    if not unit and abs(float(number)) > _LARGEST_WITHOUT_UNIT:
-        raise InputError(f"{option} is {number} without a unit; write {number}mm, {number}cm or {number}m")
+def _metres(number: str, unit: str, option: str, metres: float = _METRES) -> float:
+    if not unit and abs(float(number)) >= metres:
+        raise InputError(f"{option} is {number} without a unit; which is meant: {number}mm, {number}cm or {number}m?")
     return float(number) * _UNITS[unit]
 
 
@@ -96,6 +110,13 @@ def check_outputs(*paths: Path | None, figures: tuple[Path | None, ...] = (), so
 def say(line: str) -> None:
     """Print one line, never wrapped."""
     typer.echo(printable(line))
+
+
+def say_sampling(sampled: "Sampling", of: str = "sampling") -> None:
+    """Print the steps of a scan, and the ghosts that they give."""
+    say(f"{of}: {sampled.text}")
+    for warning in sampled.warnings:
+        say(f"warning: {warning}")
 
 
 def duration(seconds: float) -> str:

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from millisight import datasets
-from millisight.cli.console import end_with_failures, in_options, length, progress, say
+from millisight.cli.console import SMALL, end_with_failures, in_options, length, progress, say
 from millisight.cli.options import Objects, Sight, Workers, checked_sight
 from millisight.core import box, printable
 from millisight.core.errors import FileError, InputError, MillisightError
@@ -123,7 +123,7 @@ def convert(
     Example: millisight dataset convert MITO_Dataset -o mito
     """
     dataset = datasets.open(root).only(objects or [])
-    distance = None if min_distance is None else length(min_distance, option="--min-distance")
+    distance = None if min_distance is None else length(min_distance, option="--min-distance", metres=SMALL)
     with progress("convert", compiles=False) as report:
         done = datasets.convert(dataset, output, min_distance=distance, workers=workers, progress=report)
     for path, text in done.notes:

@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
-from millisight.cli.console import end_with_failures, in_options, length, progress, say, slices
+from millisight.cli.console import SMALL, end_with_failures, in_options, length, progress, say, slices
 from millisight.cli.options import Crop, ExperimentNumber, Objects, SamDevice, Sight, Workers, checked_sight
 
 app: typer.Typer = typer.Typer(
@@ -86,7 +86,7 @@ def simulator(
         "flat": flat,
         "threshold": threshold,
         "absolute": absolute,
-        "within": length(within, option="--within"),
+        "within": length(within, option="--within", metres=SMALL),
         "mode": mode,
         "crop": None if crop is None else slices(crop, option="--crop"),
         "clutter": clutter,

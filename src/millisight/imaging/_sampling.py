@@ -151,6 +151,7 @@ def sampling(
     *,
     radar: Radar | None = None,
     reflectors: np.ndarray | None = None,
+    ghosts: bool = True,
 ) -> Sampling:
     """The steps of a scan, and the ghosts (grating lobes) that they give in an image.
 
@@ -170,6 +171,7 @@ def sampling(
     grid : voxels of the image; None: `grid_around` the capture. Without a known scene, steps alone are told
     radar : of a trajectory
     reflectors : (2, 3) box in which the objects lie [m]; None: the scene that was simulated, else the grid
+    ghosts : whether to look for them, which takes some seconds where a step is larger than needed
 
     Returns
     -------
@@ -193,6 +195,8 @@ Ghost(11 cm from the object, -14 dB))
         if radar is not None:
             raise InputError("a capture has a radar of its own; leave radar out")
         radar, path, tx, rx = scan.radar, scan.trajectory, scan.tx_positions, scan.rx_positions
+        if scan.tx_points is not None or scan.rx_points is not None:
+            path = Trajectory(times=path.times, positions=(tx.mean(axis=1) + rx.mean(axis=1)) / 2)
         if grid is None and (scene_bounds(scan) is not None or "image_grid" in scan.metadata):
             grid = grid_around(scan)
         reflectors = scene_bounds(scan) if reflectors is None else reflectors
@@ -209,9 +213,8 @@ Ghost(11 cm from the object, -14 dB))
     receivers = tx.shape[1] * rx.shape[1]
     if raster is None:
         steps = np.diff(path.positions[np.argsort(path.times, kind="stable")], axis=0)
-        lengths = np.linalg.norm(steps, axis=1)
-        main = np.linalg.svd(steps, full_matrices=False)[2][0]
-        along = StepSampling(step=float(np.median(lengths)), direction=main)
+        direction = np.linalg.svd(steps, full_matrices=False)[2][0]
+        along = StepSampling(step=float(np.median(np.linalg.norm(steps, axis=1))), direction=direction)
         return Sampling(wavelength=wavelength, receivers=receivers, along=along)
     view = None if grid is None else checked_record(grid, VoxelGrid, name="grid").bounds
     if reflectors is not None:
@@ -222,11 +225,11 @@ Ghost(11 cm from the object, -14 dB))
             return StepSampling(step=step, direction=direction)
         objects = view if reflectors is None else reflectors
         needed = needed_step(radar, direction, tx, rx, view, objects)
-        if step <= needed:
+        if step <= needed or not ghosts:
             return StepSampling(step=step, direction=direction, needed=needed)
         line = Line(direction, step, np.ascontiguousarray(tx[poses]), np.ascontiguousarray(rx[poses]))
-        ghosts = _ghosts(line, radar, view, objects, raster.normal)
-        return StepSampling(step=step, direction=direction, needed=needed, ghosts=ghosts)
+        found = _ghosts(line, radar, view, objects, raster.normal)
+        return StepSampling(step=step, direction=direction, needed=needed, ghosts=found)
 
     along = judged(raster.step, raster.along, _some_rows(raster.rows, receivers))
     across = None
