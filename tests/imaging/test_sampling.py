@@ -45,8 +45,9 @@ def nearby(ghost, direction, voxels):
         low[axis], high[axis] = half, np.inf
     else:
         low[axis], high[axis] = -np.inf, half
-    axes = [a[(a >= lo - 1e-9) & (a <= hi + 1e-9)] for a, lo, hi in zip((voxels.x, voxels.y, voxels.z), low, high, strict=True)]
-    return ms.VoxelGrid(x=axes[0], y=axes[1], z=axes[2])
+    axes = zip((voxels.x, voxels.y, voxels.z), low - 1e-9, high + 1e-9, strict=True)
+    x, y, z = (line[(line >= first) & (line <= last)] for line, first, last in axes)
+    return ms.VoxelGrid(x=x, y=y, z=z)
 
 
 X, Y = np.arange(-0.1, 0.1001, 0.006), np.arange(-0.08, 0.0801, 0.002)
@@ -83,7 +84,9 @@ def test_ghosts_are_where_and_as_strong_as_in_the_image(name):
 
 def test_what_takes_ghosts_away():
     """A wider band smears them, receivers between the rows suppress them, unequal rows spread them."""
-    loudest = {name: ms.sampling(path, voxels, radar=of).ghosts[0].strength_db for name, (of, path, voxels) in SCANS.items()}
+    loudest = {
+        name: ms.sampling(path, voxels, radar=of).ghosts[0].strength_db for name, (of, path, voxels) in SCANS.items()
+    }
     assert loudest["a wide band"] < loudest["coarse rows"] - 2
     assert loudest["four receivers between the rows"] < loudest["coarse rows"] - 4
     assert loudest["unequal rows"] < loudest["coarse rows"] - 0.2
@@ -108,7 +111,7 @@ def test_the_needed_step_is_that_of_the_largest_angle():
     assert found.wavelength == pytest.approx(wavelength)
     assert found.across.needed == pytest.approx(wavelength / (4 * 0.08 / np.hypot(0.08, 0.2)), rel=0.01)
     assert found.along.needed == pytest.approx(wavelength / (4 * 0.04 / np.hypot(0.04, 0.2)), rel=0.01)
-    assert found.across.step == found.along.step == pytest.approx(0.002)
+    assert [step.step for step in found.steps] == pytest.approx([0.002, 0.002])
     assert abs(found.across.direction) == pytest.approx([1, 0, 0])
 
 
@@ -134,9 +137,7 @@ def test_nothing_is_said_where_nothing_is_wrong():
 def test_the_text_and_the_warning():
     of, path, voxels = SCANS["coarse rows"]
     found = ms.sampling(path, voxels, radar=of)
-    assert found.text == (
-        "2 mm (0.54 wavelengths) from position to position, 6 mm (1.61 wavelengths) from row to row"
-    )
+    assert found.text == ("2 mm (0.54 wavelengths) from position to position, 6 mm (1.61 wavelengths) from row to row")
     (line,) = found.warnings
     assert line.startswith("rows 6 mm (1.61 wavelengths) apart give ghosts (grating lobes) 5.")
     assert "cm from the object along x, up to -" in line
@@ -186,12 +187,24 @@ def test_turned_rows_give_turned_ghosts():
     assert "along y" in other.warnings[0]
 
 
+def test_rows_at_an_angle():
+    of, path, voxels = SCANS["coarse rows"]
+    c = np.sqrt(0.5)
+    turned = dataclasses.replace(path, positions=path.positions @ np.array([[c, -c, 0], [c, c, 0], [0, 0, 1]]).T)
+    found = ms.sampling(turned, voxels, radar=of)
+    assert abs(found.across.direction) == pytest.approx([c, c, 0], abs=1e-6)
+    ghost = found.ghosts[0]
+    way = (ghost.place - ghost.reflector) / ghost.distance
+    assert abs(way @ found.across.direction) > 0.95
+    assert "along (0.71, 0.71, 0), " in found.warnings[0]
+
+
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
         ({"radar": None}, "a trajectory alone has no wavelength"),
         ({"scan": ms.Trajectory(times=[0.0], positions=[[0, 0, 0]])}, "one position has no step"),
-        ({"scan": "scan"}, "expected a Trajectory"),
+        ({"scan": "scan"}, "expected Trajectory"),
         ({"reflectors": [[0, 0, 0]]}, "reflectors"),
         ({"grid": 0.002}, "grid"),
     ],

@@ -93,8 +93,10 @@ def simulate(
     ] = None,
     step: Annotated[
         str | None,
-        typer.Option(help="Distance between neighbouring positions, such as 2mm. [default: half a wavelength, or less where "
-            "that gives ghosts]"),
+        typer.Option(
+            help="Distance between neighbouring positions, such as 2mm. [default: half a wavelength, or less where "
+            "that gives ghosts]"
+        ),
     ] = None,
     height: Annotated[str, typer.Option(help="Height of the aperture above the object's centre.")] = "20cm",
     spreading: Annotated[

@@ -251,12 +251,15 @@ class _Raster(NamedTuple):
 
 def _raster(path: Trajectory, wavelength: float) -> _Raster | None:
     """The rows of a path; None where it has none, or where they are bent."""
-    rows, places = rows_of_path(path), path.positions
-    if not rows:
+    places = path.positions
+    # Without their ends, which may belong to the turn to the next row.
+    poses = [row.poses[1:-1] if len(row.poses) > 4 else row.poses for row in rows_of_path(path)]
+    if not poses:
         return None
-    along = np.sum([row.step * np.sign(row.step @ rows[0].step) for row in rows], axis=0)
-    along = along / np.linalg.norm(along)
-    poses = [row.poses[np.argsort(places[row.poses] @ along)] for row in rows]
+    ways = np.array([places[row[-1]] - places[row[0]] for row in poses])
+    along = np.sum(ways * np.sign(ways @ ways[0])[:, None], axis=0)
+    along = _upward(along / np.linalg.norm(along))
+    poses = [row[np.argsort(places[row] @ along)] for row in poses]
     for row in poses:
         away = places[row] - places[row[0]]
         chord = away[-1] / max(np.linalg.norm(away[-1]), 1e-12)
@@ -266,7 +269,7 @@ def _raster(path: Trajectory, wavelength: float) -> _Raster | None:
     middles = np.array([places[row].mean(axis=0) for row in poses])
     apart = middles - middles.mean(axis=0)
     apart = apart - np.outer(apart @ along, along)
-    across = np.linalg.svd(apart)[2][0]
+    across = _upward(np.linalg.svd(apart)[2][0])
     order = np.argsort(apart @ across)
     gaps = np.diff((apart @ across)[order])
     gaps = gaps[gaps > _SAME * wavelength]
@@ -280,12 +283,12 @@ def _raster(path: Trajectory, wavelength: float) -> _Raster | None:
 
 def _ghosts(line: Line, radar: Radar, view: np.ndarray, objects: np.ndarray, normal: np.ndarray) -> tuple[Ghost, ...]:
     """The strongest ghost of reflectors near, in the middle and far."""
-    middle, size = objects.mean(axis=0), np.ptp(objects, axis=0)
-    found = []
-    for depth in _PLACES if size @ np.abs(normal) > 0 else (0.5,):
+    middle, found = objects.mean(axis=0), []
+    through = [_through(objects, way) for way in (normal, line.direction)]
+    for depth in _PLACES if through[0].any() else (0.5,):
         lobes = []
         for place in _PLACES:
-            offset = (depth - 0.5) * size * np.abs(normal) + (place - 0.5) * size * np.abs(line.direction)
+            offset = (depth - 0.5) * through[0] + (place - 0.5) * through[1]
             for side in (1,) if place < 0.5 else (-1,) if place > 0.5 else (1, -1):
                 strongest = lobe(line, radar, middle + offset, view, side)
                 if strongest is not None:
@@ -296,6 +299,12 @@ def _ghosts(line: Line, radar: Radar, view: np.ndarray, objects: np.ndarray, nor
                 level = 20 * float(np.log10(magnitude))
                 found.append(Ghost(reflector=reflector, place=place, strength_db=level))
     return tuple(found)
+
+
+def _through(box: np.ndarray, way: np.ndarray) -> np.ndarray:
+    """(3,) the longest stretch along a direction (3,) in a box, through its middle."""
+    slanted = np.abs(way) > 1e-6
+    return float((np.ptp(box, axis=0)[slanted] / np.abs(way[slanted])).min()) * way
 
 
 def _some_rows(rows: list[np.ndarray], channels: int) -> np.ndarray:
@@ -314,9 +323,14 @@ def _evenly(count: int, few: int) -> np.ndarray:
     return np.unique(np.linspace(0, count - 1, min(few, count)).round().astype(int))
 
 
+def _upward(way: np.ndarray) -> np.ndarray:
+    """The direction, or its opposite, such that its largest component is positive."""
+    return way * np.sign(way[np.argmax(np.abs(way))])
+
+
 def _name(direction: np.ndarray) -> str:
     """The axis that a direction is of, or its components."""
     axis = int(np.argmax(np.abs(direction)))
     if abs(direction[axis]) > 0.99:
         return "xyz"[axis]
-    return f"({', '.join(f'{d:.2g}' for d in direction)})"
+    return f"({', '.join(f'{round(float(d), 2) + 0:g}' for d in direction)})"
