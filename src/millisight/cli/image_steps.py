@@ -29,6 +29,7 @@ class ImageSettings:
     as_published: bool
     outline: str | None
     db: bool
+    colormap: str | None = None
 
     @property
     def asked(self) -> dict[str, Any]:

@@ -118,7 +118,7 @@ def simulate(
             f"--alpha weights specular and edge echoes for --model combined; leave --alpha or --model {model} out"
         )
     output = output or Path(f"{Path(mesh).stem}.capture.h5")
-    check_outputs(output, figures=(plot,), source=Path(mesh))
+    check_outputs(records=(output,), figures=(plot,), source=Path(mesh))
     if snr_db is not None:
         check_noise(snr_db, seed)
     chosen = Radar.preset(radar)
