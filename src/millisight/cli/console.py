@@ -161,6 +161,9 @@ def check_outputs(
     ------
     FileError, InputError, UnknownNameError
     """
+    for path in records:
+        if path is not None:
+            check_record_suffix(path)
     outputs = [path for path in (*records, *paths, *figures) if path is not None]
     for path in outputs:
         if source is not None and os.path.exists(source) and same_file(path, source):
@@ -170,9 +173,6 @@ def check_outputs(
             raise InputError(f"{one} is given for two outputs; choose two names")
     for path in outputs:
         check_writable(path)
-    for path in records:
-        if path is not None:
-            check_record_suffix(path)
     for figure in figures:
         if figure is not None and figure.suffix.lower() not in FIGURE_SUFFIXES:
             raise UnknownNameError("figure format", figure.suffix or figure.name, FIGURE_SUFFIXES)

@@ -23,7 +23,7 @@ def objects(
 ) -> None:
     """List the objects of the catalogue, which `simulate` and worlds know by name: class, size and materials.
 
-    Example: millisight objects --class cup
+    Example: millisight objects --class can
     """
     from millisight.meshes import CATALOGUE
 
