@@ -48,6 +48,7 @@ from .imaging import estimate_clock as estimate_clock
 from .imaging import form_image as form_image
 from .imaging import grid_around as grid_around
 from .imaging import image_at as image_at
+from .imaging import sampling as sampling
 from .io import load as load
 from .io import open_capture as open_capture
 from .io import save as save

@@ -150,7 +150,8 @@ def test_bad_meshes_get_one_clear_line(name, tmp_path):
         (("simulate", "mug", "--aperture", "wide"), "expected a size along x and y such as 30x22cm"),
         (("simulate", "mug", "--step", "2 parsec"), "expected a length such as 2mm"),
         (("simulate", "mug", "--step", "0"), "step is 0 m; expected more than 0 m"),
-        (("simulate", "mug", "--step", "5"), "--step is 5 without a unit; write 5mm"),
+        (("simulate", "mug", "--step", "2"), "--step is 2 without a unit; which is meant: 2mm, 2cm or 2m?"),
+        (("simulate", "mug", "--step", "5"), "--step is 5 without a unit; which is meant: 5mm, 5cm or 5m?"),
         (("simulate", "mug", "--aperture", "0.3x22"), "--aperture is 22 without a unit"),
         (("simulate", "mug", "--height", "3cm"), "the aperture hangs at 3.0 cm"),
         (("simulate", "mug", "--model", "edge", "--alpha", "1", "1"), "leave --alpha or --model edge out"),
@@ -337,7 +338,7 @@ def test_a_grid_of_nothing_is_refused(capture):
         ("0mm", "spacing is 0 m"),
         ("", "--grid is ''; expected a length"),
         ("0.00001mm", "voxels; expected"),
-        ("2", "--grid is '2': voxels 2 m wide"),
+        ("2", "--grid is 2 without a unit; which is meant: 2mm, 2cm or 2m?"),
     ):
         assert expected in refused("image", capture.name, "--grid", grid, cwd=capture.parent)
     for option in ("--step", "--aperture"):

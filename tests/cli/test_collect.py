@@ -109,3 +109,18 @@ def test_help_teaches(run):
     text = run("--help").output
     assert "--dry-run --plot world.png" in text
     assert 'objects = [{ object = "mug" }]' in text
+
+
+def test_the_sampling_is_told_and_ghosts_are_warned_of(run, tmp_path):
+    done = run("tiny.toml", "--dry-run")
+    assert (
+        "sampling of 24_ghz: 10 mm (0.81 wavelengths) from position to position, 20 mm (1.62 wavelengths)"
+        in done.output
+    )
+    assert re.search(r"warning: rows 20 mm .* give ghosts .* cm from the object along x, up to -\d+ dB", done.output)
+    (tmp_path / "tiny.toml").write_text(
+        TINY.replace("row_spacing = 0.02", "row_spacing = 0.003").replace("0.5\n", "0.15\n")
+    )
+    done = run("tiny.toml", "--dry-run")
+    assert "3 mm (0.24 wavelengths) from position to position, 3 mm (0.24 wavelengths) from row to row" in done.output
+    assert "warning" not in done.output

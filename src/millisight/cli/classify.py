@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from millisight.cli.console import check_outputs, say
+from millisight.cli.console import answer, check_outputs, json_only, progress, say
 from millisight.cli.image_sources import (
     MASK_SUFFIX,
     ImageSource,
@@ -93,11 +93,15 @@ def classify(
     """
     if mask is not None and method is not None:
         raise InputError("--mask and --method cannot be combined: pass a mask, or a method to find one")
-    found = image_sources(images, radar=radar, condition=condition, multispectral=multispectral, other_band=other_band)
+    with json_only(as_json):
+        found = image_sources(
+            images, radar=radar, condition=condition, multispectral=multispectral, other_band=other_band
+        )
     check_single(found, mask=None if mask is None or mask.is_dir() else mask, other_band=other_band)
     from millisight.perception.classification import classify as classify_object
 
-    classifier = _classifier(weights)
+    with progress("load the classifier", compiles=False):
+        classifier = _classifier(weights)
     by = named_segmenter(method or _DEFAULT_METHOD)
     notes: set[str] = set()
 
@@ -142,7 +146,7 @@ def classify(
             figure.suptitle(source.name, fontsize=11.5, fontweight="bold")
             save_figure(figure, drawn)
         words = f"{source.name}: {_words(prediction)} (mask: {made['file'] or made['method']})"
-        say(json.dumps(result) if as_json else words)
+        answer(json.dumps(result) if as_json else words)
         return prediction
 
     if len(found) == 1 and not any(path.is_dir() for path in images):

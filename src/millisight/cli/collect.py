@@ -6,11 +6,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from millisight.cli.console import check_outputs, duration, progress, say
+from millisight.cli.console import check_outputs, duration, progress, say, say_sampling
 from millisight.core import box, check_known, make_folder
 from millisight.core.errors import FileError
 
 if TYPE_CHECKING:
+    from millisight.imaging import Sampling
     from millisight.rig.virtual import VirtualRig
 
 RIGS = ("virtual",)
@@ -70,6 +71,10 @@ def collect(
         raise FileError(f"{folder} already exists; choose another --experiment, or remove it")
     for line in _summary(virtual):
         say(line)
+    for number, radar in enumerate(virtual.radars):
+        with progress(f"sampling of {radar.name}"):
+            sampled = _sampled(virtual, number)
+        say_sampling(sampled, f"sampling of {radar.name}")
     if plot is not None:
         _plot(virtual, plot)
         say(f"wrote {plot}")
@@ -111,14 +116,30 @@ def _summary(rig: "VirtualRig") -> list[str]:
         f"{arm.speed:g} m/s, which takes the arm {duration(minutes)}"
     )
     for radar in rig.radars:
-        step, wavelength = arm.speed * radar.frame_period, radar.radar.waveform.wavelength
-        lines.append(
-            f"{radar.name}: {rig.plan.frames(radar.frame_period)} frames per row, {step * 1000:.2g} mm or "
-            f"{step / wavelength:.2f} wavelengths apart"
-        )
-        if step > wavelength / 2:
-            lines.append(f"warning: frames of {radar.name} are more than half a wavelength apart: expect grating lobes")
+        lines.append(f"{radar.name}: {rig.plan.frames(radar.frame_period)} frames per row")
     return lines
+
+
+def _sampled(rig: "VirtualRig", number: int) -> "Sampling":
+    """The sampling of the scan as planned, for the published image grid."""
+    import numpy as np
+
+    from millisight.data import Trajectory
+    from millisight.imaging import sampling
+    from millisight.io.mito import BASE_ORIGIN
+    from millisight.rig.virtual import image_grid
+
+    radar, positions = rig.radars[number], []
+    for start, end in rig.plan.rows:
+        way = end.position - start.position
+        length = float(np.linalg.norm(way))
+        along = np.arange(0, length, rig.world.arm.speed * radar.frame_period) / length
+        positions.append(start.position + along[:, None] * way)
+    placed = np.concatenate(positions) - BASE_ORIGIN + radar.mount
+    path = Trajectory(times=np.arange(len(placed), dtype=float), positions=placed)
+    bounds = np.array([item.bounds for item in rig.layout.objects])
+    objects = None if not len(bounds) else np.stack([bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)])
+    return sampling(path, image_grid(rig.world, radar.name), radar=radar.radar, reflectors=objects)
 
 
 def _plot(rig: "VirtualRig", path: Path) -> None:

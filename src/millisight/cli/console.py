@@ -1,29 +1,106 @@
 """Shared by the commands: lengths with units, checks of outputs, progress, and how a command ends."""
 
+import functools
+import inspect
+import json
 import os
 import re
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from millisight.cli import interrupts
-from millisight.core import FIGURE_SUFFIXES, check_writable, printable, same_file
+from millisight.core import FIGURE_SUFFIXES, check_record_suffix, check_writable, printable, same_file
 from millisight.core.errors import InputError, UnknownNameError
 
+if TYPE_CHECKING:
+    from millisight.imaging import Sampling
+
 _UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "": 1.0}
-_LARGEST_WITHOUT_UNIT = 2.0  # [m]: a bare 10 is likely to mean millimetres
+WARNING = "warning: "
+
+_METRES = 2.0  # a bare number of this size is likely to mean something else
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 
 Progress = Callable[[int, int], None]
 
 
-def length(text: str, *, option: str) -> float:
+@dataclass
+class _Talk:
+    """What the command that runs now prints besides what it was asked for."""
+
+    quiet: bool = False  # nothing but warnings and errors
+    aside: bool = False  # on standard error: standard output holds a JSON document
+    counted: dict[str, int] | None = None  # warnings that are summed up, and how often each came
+
+
+_talk = _Talk()
+
+
+def with_quiet(function: Any) -> Any:
+    """The function of a command with one option more: -q, --quiet."""
+    about = "Print no progress and no information: only results asked for, warnings and errors."
+    kind = Annotated[bool, typer.Option("-q", "--quiet", help=about)]
+
+    @functools.wraps(function)
+    def run(*arguments: Any, quiet: bool = False, **options: Any) -> Any:
+        _talk.quiet = quiet
+        try:
+            return function(*arguments, **options)
+        finally:
+            _talk.quiet = False
+
+    signature = inspect.signature(function)
+    added = inspect.Parameter("quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=kind)
+    run.__signature__ = signature.replace(parameters=[*signature.parameters.values(), added])  # type: ignore[attr-defined]
+    run.__annotations__ = {**function.__annotations__, "quiet": kind}
+    return run
+
+
+@contextmanager
+def json_only(active: bool) -> Iterator[None]:
+    """While it lasts, standard output is for the JSON document: `say` prints on standard error."""
+    _talk.aside = active
+    try:
+        yield
+    finally:
+        _talk.aside = False
+
+
+def answer(text: str) -> None:
+    """Print what the user asked for, with --quiet, too."""
+    typer.echo(printable(text))
+
+
+def answer_json(document: Any) -> None:
+    """Print the one JSON document of a command."""
+    typer.echo(json.dumps(document, indent=2, default=_plain))
+
+
+def _plain(value: Any) -> Any:
+    """What JSON has no type for: paths, and numbers and arrays of NumPy."""
+    return value.tolist() if hasattr(value, "tolist") else str(value)
+
+
+SMALL = 0.1
+"""Steps, spacings and distances between points are no larger than this [m]: a bare 2 does not mean metres."""
+
+
+def length(text: str, *, option: str, metres: float = _METRES) -> float:
     """Parse a length such as 2mm, 1.5cm, 0.3m or 0.3; returns metres.
+
+    Parameters
+    ----------
+    text : length
+    option : its option, for messages
+    metres : of this size or more, a number without a unit is refused
 
     Raises
     ------
@@ -33,12 +110,12 @@ def length(text: str, *, option: str) -> float:
     match = re.fullmatch(rf"({_NUMBER})\s*(m|cm|mm|)", text.strip())
     if not match:
         raise InputError(f"{option} is {text!r}; expected a length such as 2mm, 30cm or 0.3 (metres)")
-    return _metres(match[1], match[2], option)
+    return _metres(match[1], match[2], option, metres)
 
 
-def _metres(number: str, unit: str, option: str) -> float:
-    if not unit and abs(float(number)) > _LARGEST_WITHOUT_UNIT:
-        raise InputError(f"{option} is {number} without a unit; write {number}mm, {number}cm or {number}m")
+def _metres(number: str, unit: str, option: str, metres: float = _METRES) -> float:
+    if not unit and abs(float(number)) >= metres:
+        raise InputError(f"{option} is {number} without a unit; which is meant: {number}mm, {number}cm or {number}m?")
     return float(number) * _UNITS[unit]
 
 
@@ -69,33 +146,73 @@ def slices(text: str, *, option: str) -> tuple[int, int]:
     return int(parts[0]), int(parts[1])
 
 
-def check_outputs(*paths: Path | None, figures: tuple[Path | None, ...] = (), source: Path | None = None) -> None:
+def check_outputs(
+    *paths: Path | None,
+    records: tuple[Path | None, ...] = (),
+    figures: tuple[Path | None, ...] = (),
+    source: Path | None = None,
+) -> None:
     """Check before the work that its outputs can be written.
 
-    Refused are: the `source` itself, one file twice, a missing folder, an unknown figure format.
+    Refused are: the `source` itself, one file twice, a missing folder, an unknown format of figures or
+    records.
 
     Raises
     ------
     FileError, InputError, UnknownNameError
     """
-    outputs = [path for path in (*paths, *figures) if path is not None]
+    for path in records:
+        if path is not None:
+            check_record_suffix(path)
+    outputs = [path for path in (*records, *paths, *figures) if path is not None]
     for path in outputs:
         if source is not None and os.path.exists(source) and same_file(path, source):
             raise InputError(f"{path} is the input and would be overwritten; choose another name for the output")
     for one, other in combinations(outputs, 2):
         if same_file(one, other):
             raise InputError(f"{one} is given for two outputs; choose two names")
-    for path in (*paths, *figures):
-        if path is not None:
-            check_writable(path)
+    for path in outputs:
+        check_writable(path)
     for figure in figures:
         if figure is not None and figure.suffix.lower() not in FIGURE_SUFFIXES:
             raise UnknownNameError("figure format", figure.suffix or figure.name, FIGURE_SUFFIXES)
 
 
 def say(line: str) -> None:
-    """Print one line, never wrapped."""
-    typer.echo(printable(line))
+    """Print one line of information, never wrapped; not with --quiet. A line with "warning: " is a warning."""
+    if line.startswith(WARNING):
+        warn(line.removeprefix(WARNING))
+    elif not _talk.quiet:
+        typer.echo(printable(line), err=_talk.aside)
+
+
+def warn(text: str) -> None:
+    """Print a warning, with --quiet on standard error; within `summed_up` once, and how often it came at the end."""
+    if _talk.counted is not None:
+        _talk.counted[text] = _talk.counted.get(text, 0) + 1
+        if _talk.counted[text] > 1:
+            return
+    typer.echo(printable(WARNING + text), err=_talk.quiet or _talk.aside)
+
+
+@contextmanager
+def summed_up(what: str) -> Iterator[None]:
+    """While it lasts, equal warnings are printed once; at the end a line says how many of `what` gave each."""
+    _talk.counted = counted = {}
+    try:
+        yield
+    finally:
+        _talk.counted = None
+        for text, count in counted.items():
+            if count > 1:
+                warn(f"{text} ({count} {what})")
+
+
+def say_sampling(sampled: "Sampling", of: str = "sampling") -> None:
+    """Print the steps of a scan, and the ghosts that they give."""
+    say(f"{of}: {sampled.text}")
+    for warning in sampled.warnings:
+        say(f"warning: {warning}")
 
 
 def duration(seconds: float) -> str:
@@ -126,6 +243,10 @@ def progress(label: str, *, compiles: bool = True) -> Iterator[Progress]:
     `compiles`: whether the work runs kernels, which are compiled at their first use.
     """
     started = time.monotonic()
+    if _talk.quiet:
+        yield lambda done, total: interrupts.check()
+        interrupts.check()
+        return
     label_now = label if not compiles or kernels_cached() else f"{label} (first use: compiling, about half a minute)"
     if sys.stderr.isatty():
         from rich.console import Console

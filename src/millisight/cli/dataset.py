@@ -1,6 +1,5 @@
 """`millisight dataset`: list, look into, verify, convert and download the published dataset."""
 
-import json
 import os
 from collections import Counter
 from collections.abc import Iterator
@@ -10,7 +9,17 @@ from typing import Annotated, Any
 import typer
 
 from millisight import datasets
-from millisight.cli.console import end_with_failures, in_options, length, progress, say
+from millisight.cli.console import (
+    SMALL,
+    answer,
+    answer_json,
+    end_with_failures,
+    in_options,
+    length,
+    progress,
+    say,
+    with_quiet,
+)
 from millisight.cli.options import Objects, Sight, Workers, checked_sight
 from millisight.core import box, printable
 from millisight.core.errors import FileError, InputError, MillisightError
@@ -30,6 +39,7 @@ Root = Annotated[Path, typer.Argument(metavar="DIR", help="Dataset folder, which
 
 
 @app.command("list")
+@with_quiet
 def list_(
     root: Root,
     objects: Objects = None,
@@ -47,12 +57,12 @@ def list_(
     if incomplete:
         chosen = [one for one in chosen if _lacks(one)]
     if as_json:
-        say(json.dumps(_tree(dataset, chosen), indent=2))
+        answer_json(_tree(dataset, chosen))
         return
     rows = [_HEADER, *(_row(one) for one in chosen)]
     widths = [max(len(row[i]) for row in rows) for i in range(len(_HEADER))]
     for row in rows:
-        say("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
+        answer("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
     stray = [*dataset.stray, *(f"{one.folder.name}/{path}" for one in chosen for path in one.stray)]
     for path in stray:
         say(f"not part of the layout: {path}")
@@ -60,6 +70,7 @@ def list_(
 
 
 @app.command("info")
+@with_quiet
 def info(
     paths: Annotated[
         list[Path],
@@ -80,6 +91,7 @@ def info(
 
 
 @app.command("verify")
+@with_quiet
 def verify(root: Root, objects: Objects = None, workers: Workers = None) -> None:
     """Open every file and report damaged and missing ones; compare checksums for a converted dataset.
 
@@ -102,6 +114,7 @@ def verify(root: Root, objects: Objects = None, workers: Workers = None) -> None
 
 
 @app.command("convert")
+@with_quiet
 def convert(
     root: Root,
     output: Annotated[Path, typer.Option("-o", "--output", metavar="OUT", help="Output folder.")],
@@ -123,7 +136,7 @@ def convert(
     Example: millisight dataset convert MITO_Dataset -o mito
     """
     dataset = datasets.open(root).only(objects or [])
-    distance = None if min_distance is None else length(min_distance, option="--min-distance")
+    distance = None if min_distance is None else length(min_distance, option="--min-distance", metres=SMALL)
     with progress("convert", compiles=False) as report:
         done = datasets.convert(dataset, output, min_distance=distance, workers=workers, progress=report)
     for path, text in done.notes:
@@ -133,6 +146,7 @@ def convert(
 
 
 @app.command("download")
+@with_quiet
 def download(
     output: Annotated[Path, typer.Argument(metavar="OUT", help="Output folder.")],
     objects: Objects = None,

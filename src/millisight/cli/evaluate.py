@@ -5,7 +5,19 @@ from typing import Annotated, Any
 
 import typer
 
-from millisight.cli.console import end_with_failures, in_options, length, progress, say, slices
+from millisight.cli.console import (
+    SMALL,
+    answer,
+    answer_json,
+    end_with_failures,
+    in_options,
+    json_only,
+    length,
+    progress,
+    say,
+    slices,
+    with_quiet,
+)
 from millisight.cli.options import Crop, ExperimentNumber, Objects, SamDevice, Sight, Workers, checked_sight
 
 app: typer.Typer = typer.Typer(
@@ -26,9 +38,18 @@ Transform = Annotated[
         "(published). [default: file for simulated scenes, else published]"
     ),
 ]
+AsJson = Annotated[
+    bool,
+    typer.Option(
+        "--json",
+        help='Print one JSON document: {"task", "page", "tables": [{"title", "columns", "rows", "notes"}], "notes", '
+        '"failures": [{"name", "reason"}]}.',
+    ),
+]
 
 
 @app.command()
+@with_quiet
 def simulator(
     measured: Annotated[
         Path, typer.Option("--measured", metavar="DIR", help="Dataset with the measured images, the reference.")
@@ -70,6 +91,7 @@ def simulator(
     ] = None,
     pictures: Annotated[int, typer.Option(min=0, help="Number of best and worst pairs to plot.")] = 3,
     workers: Workers = None,
+    as_json: AsJson = False,
 ) -> None:
     """Compare simulated with measured images: 3D F-scores, with those of the paper.
 
@@ -86,7 +108,7 @@ def simulator(
         "flat": flat,
         "threshold": threshold,
         "absolute": absolute,
-        "within": length(within, option="--within"),
+        "within": length(within, option="--within", metres=SMALL),
         "mode": mode,
         "crop": None if crop is None else slices(crop, option="--crop"),
         "clutter": clutter,
@@ -94,10 +116,13 @@ def simulator(
         "clouds": clouds,
         "pictures": pictures,
     }
-    _evaluate("simulator", measured, output, objects, sight, experiment, workers, label="compare", **options)
+    _evaluate(
+        "simulator", measured, output, objects, sight, experiment, workers, as_json=as_json, label="compare", **options
+    )
 
 
 @app.command()
+@with_quiet
 def segmentation(
     root: Root,
     output: Output = Path("segmentation-evaluation"),
@@ -129,6 +154,7 @@ def segmentation(
     crop: Crop = None,
     failures: Annotated[int, typer.Option(min=0, help="Number of worst masks of each segmenter to plot.")] = 6,
     workers: Workers = None,
+    as_json: AsJson = False,
 ) -> None:
     """Compare masks of segmenters with true masks: on photos, at 24 GHz, at 77 GHz, and with both.
 
@@ -147,10 +173,13 @@ def segmentation(
         "crop": None if crop is None else slices(crop, option="--crop"),
         "failures": failures,
     }
-    _evaluate("segmentation", root, output, objects, sight, experiment, workers, label="segment", **options)
+    _evaluate(
+        "segmentation", root, output, objects, sight, experiment, workers, as_json=as_json, label="segment", **options
+    )
 
 
 @app.command()
+@with_quiet
 def classification(
     root: Root,
     output: Output = Path("classification-evaluation"),
@@ -197,6 +226,7 @@ def classification(
     ] = False,
     mistakes: Annotated[int, typer.Option(min=0, help="Number of mistakes of each classifier to plot.")] = 12,
     workers: Workers = None,
+    as_json: AsJson = False,
 ) -> None:
     """Compare predicted with true classes, in predicted and in true masks, on known and on new objects.
 
@@ -219,7 +249,18 @@ def classification(
         "as_published": as_published,
         "mistakes": mistakes,
     }
-    _evaluate("classification", root, output, objects, sight, experiment, workers, label="classify", **options)
+    _evaluate(
+        "classification",
+        root,
+        output,
+        objects,
+        sight,
+        experiment,
+        workers,
+        as_json=as_json,
+        label="classify",
+        **options,
+    )
 
 
 def _evaluate(
@@ -231,6 +272,7 @@ def _evaluate(
     experiment: int | None,
     workers: int | None,
     *,
+    as_json: bool,
     label: str,
     **options: Any,
 ) -> None:
@@ -250,12 +292,23 @@ def _evaluate(
             progress=report,
             **options,
         )
-    if result.cached:
-        say(f"{result.cached} results came from an earlier run")
-    for table in result.summary:
-        say(table.markdown() + "\n")
-    if result.rows:
-        say(f"wrote {output / 'index.html'}")
-    for note in result.planned.notes:
-        say(f"note: {note}")
-    end_with_failures([f"{name}: {in_options(reason)}" for name, reason in result.failures])
+    page = output / "index.html" if result.rows else None
+    failures = [(name, in_options(reason)) for name, reason in result.failures]
+    if as_json:
+        answer_json({
+            "task": task,
+            "page": page,
+            "tables": [table.to_dict() for table in result.summary],
+            "notes": list(result.planned.notes),
+            "failures": [{"name": name, "reason": reason} for name, reason in failures],
+        })  # fmt: skip
+    with json_only(as_json):
+        if result.cached:
+            say(f"{result.cached} results came from an earlier run")
+        for table in () if as_json else result.summary:
+            answer(table.markdown() + "\n")
+        if page is not None:
+            say(f"wrote {page}")
+        for note in result.planned.notes:
+            say(f"note: {note}")
+    end_with_failures([f"{name}: {reason}" for name, reason in failures])

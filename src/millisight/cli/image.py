@@ -1,18 +1,17 @@
 """`millisight image`: from captures to 3-D images, one or a whole dataset."""
 
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from millisight.cli.console import check_outputs, end_with_failures, in_options, say
+from millisight.cli.console import check_outputs, end_with_failures, in_options, say, summed_up
 from millisight.cli.grids import outline_mesh
 from millisight.cli.image_steps import ImageSettings, check_stated, image_of, oddities
 from millisight.cli.options import RadarChoice
 from millisight.cli.sources import Source, sources
-from millisight.core import PUBLISHED_COLORMAP, check_known, make_folder
+from millisight.core import check_known, colormap_names, make_folder
 from millisight.core.errors import InputError, MillisightError
 from millisight.data import SarImage
 from millisight.imaging import CLUTTER, WINDOWS
@@ -127,6 +126,9 @@ def image(
         ),
     ] = None,
     db: Annotated[bool, typer.Option("--db", help="Plot in decibels.")] = False,
+    colormap: Annotated[
+        str | None, typer.Option(help="Colour map of the pictures, such as jet or viridis. [default: inferno]")
+    ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Skip captures that are already imaged.")] = False,
 ) -> None:
     """Form a 3-D image from each capture. A capture that fails does not stop the others.
@@ -137,6 +139,8 @@ def image(
 
     Example: millisight image MITO_Dataset/004_sugar_box -o images/ --plot images/ --clock apply
     """
+    if colormap is not None:
+        check_known("--colormap", colormap, colormap_names())
     check_known("--clock", clock, _CLOCKS)
     check_known("--focus", focus, _FOCUSES)
     if clutter is not None:
@@ -158,6 +162,7 @@ def image(
         as_published=as_published,
         outline=outline,
         db=db,
+        colormap=colormap,
     )
     found = sources(captures, radar)
     empties = {(source.path, source.radar) for source in settings.background}
@@ -168,7 +173,7 @@ def image(
         )
     if len(found) == 1:
         outputs = _Outputs(output or _image_path(found[0], None), plot, slices)
-        check_outputs(outputs.image, figures=(plot, slices), source=found[0].path)
+        check_outputs(records=(outputs.image,), figures=(plot, slices), source=found[0].path)
         _image_one(found[0], outputs, settings, label="")
         return
     _image_all(found, output, plot, slices, settings, resume=resume)
@@ -189,23 +194,24 @@ def _image_all(
             make_folder(folder)
     failures: list[str] = []
     passed_over = 0
-    for number, source in enumerate(found, 1):
-        label = f"[{number}/{len(found)}] {source.name}"
-        outputs = _Outputs(
-            _image_path(source, output),
-            None if plot is None else plot / f"{source.name}.png",
-            None if slices is None else slices / f"{source.name}.slices.png",
-        )
-        say(label)
-        try:
-            if resume and _done(outputs, settings):
-                passed_over += 1
-                continue
-            check_outputs(outputs.image, figures=(outputs.plot, outputs.slices), source=source.path)
-            _image_one(source, outputs, settings, label=f"[{number}/{len(found)}] ")
-        except (MillisightError, MemoryError, OSError) as error:
-            failures.append(f"{source.name}: {' '.join(in_options(str(error)).split())}")
-            typer.echo(f"millisight: {failures[-1]}", err=True)
+    with summed_up("captures"):
+        for number, source in enumerate(found, 1):
+            label = f"[{number}/{len(found)}] {source.name}"
+            outputs = _Outputs(
+                _image_path(source, output),
+                None if plot is None else plot / f"{source.name}.png",
+                None if slices is None else slices / f"{source.name}.slices.png",
+            )
+            say(label)
+            try:
+                if resume and _done(outputs, settings):
+                    passed_over += 1
+                    continue
+                check_outputs(records=(outputs.image,), figures=(outputs.plot, outputs.slices), source=source.path)
+                _image_one(source, outputs, settings, label=f"[{number}/{len(found)}] ")
+            except (MillisightError, MemoryError, OSError) as error:
+                failures.append(f"{source.name}: {' '.join(in_options(str(error)).split())}")
+                typer.echo(f"millisight: {failures[-1]}", err=True)
     already = f", {passed_over} already done" if passed_over else ""
     say(f"imaged {len(found) - len(failures) - passed_over} of {len(found)} captures{already}")
     end_with_failures(failures)
@@ -224,7 +230,7 @@ def _image_one(source: Source, outputs: _Outputs, settings: ImageSettings, *, la
     save(outputs.image, SarImage(grid=formed.grid, values=formed.values, metadata=metadata))
     say(f"peak: {formed.magnitude.max():.4g} at {', '.join(f'{p * 100:.1f}' for p in formed.peak)} cm")
     say(f"wrote {outputs.image}")
-    _draw(formed, mesh, outputs, "db" if settings.db else "linear")
+    _draw(formed, mesh, outputs, settings)
 
 
 def _done(outputs: _Outputs, settings: ImageSettings) -> bool:
@@ -237,19 +243,19 @@ def _done(outputs: _Outputs, settings: ImageSettings) -> bool:
     if not isinstance(image, SarImage) or image.metadata.get("asked") != settings.asked:
         return False
     missing = (path if path is not None and not path.exists() else None for path in (outputs.plot, outputs.slices))
-    _draw(image, None, _Outputs(outputs.image, *missing), "db" if settings.db else "linear")
+    _draw(image, None, _Outputs(outputs.image, *missing), settings)
     return True
 
 
-def _draw(formed: SarImage, mesh: Any, outputs: _Outputs, scale: Any) -> None:
+def _draw(formed: SarImage, mesh: Any, outputs: _Outputs, settings: ImageSettings) -> None:
     if outputs.plot is None and outputs.slices is None:
         return
     from millisight.viz import plot_image, plot_slices, save_figure
 
-    both = partial(plot_image, colormap=(PUBLISHED_COLORMAP, None))
-    for path, draw in ((outputs.plot, both), (outputs.slices, plot_slices)):
+    scale, colormap = "db" if settings.db else "linear", settings.colormap
+    for path, draw in ((outputs.plot, plot_image), (outputs.slices, plot_slices)):
         if path is not None:
-            save_figure(draw(formed, mesh=mesh, scale=scale), path)
+            save_figure(draw(formed, mesh=mesh, scale=scale, colormap=colormap), path)
             say(f"wrote {path}")
 
 

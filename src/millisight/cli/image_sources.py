@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 import typer
 
-from millisight.cli.console import end_with_failures, in_options, progress, say
+from millisight.cli.console import end_with_failures, in_options, progress, say, summed_up, warn
 from millisight.core import check_known, check_readable, printable
 from millisight.core.errors import FileError, FormatError, InputError, MillisightError
 from millisight.data import SarImage
@@ -82,7 +82,8 @@ def image_sources(
         check_known("--condition", condition, SIGHTS)
     if multispectral and (other_band is not None or radar == "24_ghz"):
         raise InputError("--multispectral pairs 77 GHz images with 24 GHz images; remove --other-band and --radar")
-    found = [one for path in paths for one in _under(path, radar, condition, multispectral=multispectral)]
+    with summed_up("images"):
+        found = [one for path in paths for one in _under(path, radar, condition, multispectral=multispectral)]
     names = [source.name for source in found]
     for name in names:
         if names.count(name) > 1:
@@ -125,7 +126,7 @@ def one_by_one(
         An image failed.
     """
     failures: list[str] = []
-    with progress(verb, compiles=False) as report:
+    with progress(verb, compiles=False) as report, summed_up("images"):
         for number, source in enumerate(found):
             report(number, len(found))
             try:
@@ -147,7 +148,8 @@ def named_segmenter(method: str, **options: Any) -> Segmenter:
         What it needs is not installed.
     """
     try:
-        return segmenter(method, **options)
+        with progress(f"load {method}", compiles=False):
+            return segmenter(method, **options)
     except ImportError as error:
         raise InputError(
             f"--method {method} cannot be used: {error}; --method classical needs no other package"
@@ -213,6 +215,6 @@ def _source(path: Path, condition: str | None, *, multispectral: bool) -> ImageS
     other = path.resolve().parent.parent / "24_ghz" / path.name if multispectral else None
     name = ".".join(named) + path.stem.removeprefix(_PUBLISHED)
     if other is not None and "simulation" in parts[-7:] and not other.exists():
-        typer.echo(f"millisight: {name}: there is no simulated 24 GHz image; the 77 GHz image is used alone", err=True)
+        warn("there is no simulated 24 GHz image; the 77 GHz image is used alone")
         other = None
     return ImageSource(path, name, condition or sight, other, Path())

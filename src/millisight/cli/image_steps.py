@@ -5,12 +5,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from millisight.cli.console import progress, say
+from millisight.cli.console import progress, say, say_sampling
 from millisight.cli.grids import parse_grid
 from millisight.cli.sources import Opened, Source
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.data import Capture, SarImage, VoxelGrid
-from millisight.imaging import CLUTTER, METHODS, WINDOWS, form_as_published, form_image, remove_sheets
+from millisight.imaging import CLUTTER, METHODS, WINDOWS, form_as_published, form_image, remove_sheets, sampling
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +29,7 @@ class ImageSettings:
     as_published: bool
     outline: str | None
     db: bool
+    colormap: str | None = None
 
     @property
     def asked(self) -> dict[str, Any]:
@@ -49,6 +50,10 @@ def image_of(opened: Opened, source: Source, settings: ImageSettings, label: str
     voxels = parse_grid(settings.grid, capture)
     capture = _on_time(Opened(capture, opened.log), voxels, settings.clock, label)
     say(f"grid: {' x '.join(map(str, voxels.shape))} voxels, {capture.channels} channels")
+    if len(capture.trajectory) > 1:
+        with progress(f"{label}sampling"):
+            sampled = sampling(capture, voxels)
+        say_sampling(sampled)
     capture = _in_focus(capture, voxels, settings.focus, label)
     clutter = settings.clutter or _stated(capture).get("clutter") or "none"
     capture, taken = _uncovered(capture, clutter, grid=voxels)

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from millisight.cli.console import in_options, say
+from millisight.cli.console import answer, answer_json, in_options, json_only
 from millisight.core import check_readable
 from millisight.core.errors import FileError, InputError, MillisightError
 from millisight.data import RawScan
@@ -39,6 +39,13 @@ def info(
     data: Annotated[
         Path | None, typer.Option(help="Folder of the files named in a description. [default: its own folder]")
     ] = None,
+    as_json: Annotated[
+        bool,
+        typer.Option(
+            "--json",
+            help='Print one JSON document: {"files": [{"file", "facts": [{"name", "value"}]} or {"file", "error"}]}.',
+        ),
+    ] = False,
 ) -> None:
     """Describe files: record, size, radar, provenance; for raw radar files also the sample order found in the data.
 
@@ -51,18 +58,25 @@ def info(
         "samples": samples, "receivers": receivers, "chirps": chirps, "order": order, "sample_swap": sample_swap,
         "config": config,
     }  # fmt: skip
-    failed = False
+    told: list[dict[str, Any]] = []
     for path in files:
         try:
-            lines = _describe(path, declared, data)
+            with json_only(as_json):
+                lines = _describe(path, declared, data)
         except MillisightError as error:
-            failed = True
-            typer.echo(f"millisight: {in_options(str(error))}", err=True)
+            told.append({"file": str(path), "error": in_options(str(error))})
+            typer.echo(f"millisight: {told[-1]['error']}", err=True)
             continue
-        say(f"file: {path}")
-        for line in lines:
-            say(f"  {line}")
-    if failed:
+        # A line without a name is a remark.
+        named = [line.partition(": ") if ": " in line else ("remark", "", line) for line in lines]
+        told.append({"file": str(path), "facts": [{"name": name, "value": value} for name, _, value in named]})
+        if not as_json:
+            answer(f"file: {path}")
+            for line in lines:
+                answer(f"  {line}")
+    if as_json:
+        answer_json({"files": told})
+    if any("error" in one for one in told):
         raise typer.Exit(1)
 
 

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from millisight.cli.console import check_outputs, say
+from millisight.cli.console import answer_json, check_outputs, in_options, json_only, say
 from millisight.cli.image_sources import (
     INSTANCES_SUFFIX,
     MASK_SUFFIX,
@@ -19,7 +19,7 @@ from millisight.cli.image_sources import (
 )
 from millisight.cli.options import Images, Multispectral, RadarChoice, SamDevice
 from millisight.core import check_readable, make_folder, printable
-from millisight.core.errors import FormatError, InputError
+from millisight.core.errors import FormatError, InputError, MillisightError
 from millisight.data import Instances, Prompts, SarImage, VolumeMask
 from millisight.perception.segmentation import Segmented, Segmenter, extend_mask, find_mask, segment_instances
 
@@ -112,6 +112,14 @@ def segment(
     no_picture: Annotated[
         bool, typer.Option("--no-picture", help="Do not plot prompts and mask over the image (MASK.png).")
     ] = False,
+    as_json: Annotated[
+        bool,
+        typer.Option(
+            "--json",
+            help='Print one JSON document: {"images": [{"image", "name", "output", "kind", "method", "found", "sizes", '
+            '"score"} or {"image", "name", "error"}]}; sizes are numbers of pixels, or of voxels.',
+        ),
+    ] = False,
 ) -> None:
     """Segment the object in each image. An image that fails does not stop the others.
 
@@ -132,7 +140,10 @@ def segment(
     """
     if instances and volume:
         raise InputError("--instances gives masks of pixels, and --volume a mask of voxels; pass one of them")
-    found = image_sources(images, radar=radar, condition=condition, multispectral=multispectral, other_band=other_band)
+    with json_only(as_json):
+        found = image_sources(
+            images, radar=radar, condition=condition, multispectral=multispectral, other_band=other_band
+        )
     check_single(found, prompts=prompts, other_band=other_band)
     given = None if prompts is None else _read_prompts(prompts)
     method = method or (None if instances else "wave")
@@ -144,25 +155,25 @@ def segment(
     suffix = INSTANCES_SUFFIX if instances else VOLUME_SUFFIX if volume else MASK_SUFFIX
     share = None if largest is None else largest / 100
 
-    def one(source: ImageSource, to: Path) -> None:
+    def one(source: ImageSource, to: Path) -> dict[str, Any]:
         drawn = None if no_picture else to.with_suffix(".png")
-        check_outputs(to, drawn, to.with_suffix(".ply") if volume else None, source=source.path)
+        check_outputs(drawn, to.with_suffix(".ply") if volume else None, records=(to,), source=source.path)
         if by is None or instances:
-            several(source, to, drawn)
-            return
+            return several(source, to, drawn)
         image, other = source.images()
         segmented = mask_of(source, image, other, by, seed=seed, prompts=given, values=values, largest=share)
         drawn_by = None if given is not None else seed
         if volume:
-            in_depth(source, to, drawn, image, segmented, _told(segmented, source, by, seed=drawn_by, values=values))
-            return
+            told = _told(segmented, source, by, seed=drawn_by, values=values)
+            return in_depth(source, to, drawn, image, segmented, told)
         _write(to, segmented, source, by, seed=drawn_by, values=values)
         if drawn is not None:
             from millisight.viz import plot_segmentation, save_figure
 
             save_figure(plot_segmentation(segmented, title=source.name), drawn)
+        return _entry(source, to, "mask", by.name, [segmented.inside], segmented.score)
 
-    def several(source: ImageSource, to: Path, drawn: Path | None) -> None:
+    def several(source: ImageSource, to: Path, drawn: Path | None) -> dict[str, Any]:
         image, other = source.images()
         found = segment_instances(
             image, other_band=other, method=by, prompts=given, rng=seed, condition=source.condition, values=values,
@@ -173,10 +184,11 @@ def segment(
             from millisight.viz import plot_instances, save_figure
 
             save_figure(plot_instances(found, image=image, title=source.name), drawn)
+        return _entry(source, to, "instances", None if by is None else by.name, [mask.inside for mask in found], None)
 
     def in_depth(
         source: ImageSource, to: Path, drawn: Path | None, image: SarImage, segmented: Segmented, told: dict[str, Any]
-    ) -> None:
+    ) -> dict[str, Any]:
         from millisight.perception import HIGH_BAND, without_sheets
 
         cleaned = without_sheets(image, frequency=HIGH_BAND, covered=segmented.picture.covered)
@@ -186,12 +198,40 @@ def segment(
             from millisight.viz import plot_volume, save_figure
 
             save_figure(plot_volume(voxels, image=cleaned, title=source.name), drawn)
+        return _entry(source, to, "volume", told["method"], [voxels.inside], told["score"])
 
-    if len(found) == 1 and not any(path.is_dir() for path in images):
-        one(found[0], output or found[0].output(suffix))
-        return
-    folder = None if output is None else make_folder(output)
-    one_by_one(found, lambda source: one(source, source.output(suffix, folder)), verb="segment", past="segmented")
+    entries: list[dict[str, Any]] = []
+
+    def noted(source: ImageSource, to: Path) -> None:
+        try:
+            entries.append(one(source, to))
+        except (MillisightError, MemoryError, OSError) as error:
+            entries.append({"image": str(source.path), "name": source.name, "error": in_options(str(error))})
+            raise
+
+    try:
+        with json_only(as_json):
+            if len(found) == 1 and not any(path.is_dir() for path in images):
+                noted(found[0], output or found[0].output(suffix))
+                return
+            folder = None if output is None else make_folder(output)
+            one_by_one(
+                found, lambda source: noted(source, source.output(suffix, folder)), verb="segment", past="segmented"
+            )
+    finally:
+        if as_json:
+            answer_json({"images": entries})
+
+
+def _entry(
+    source: ImageSource, to: Path, kind: str, method: str | None, inside: list[Any], score: float | None
+) -> dict[str, Any]:
+    """What --json says of an image."""
+    sizes = [int(one.sum()) for one in inside]
+    return {
+        "image": str(source.path), "name": source.name, "output": str(to), "kind": kind, "method": method,
+        "found": any(sizes), "sizes": sizes, "score": score,
+    }  # fmt: skip
 
 
 def _write_instances(to: Path, found: Instances, source: ImageSource, *, method: str | None, values: str) -> None:

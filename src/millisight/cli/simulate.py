@@ -7,10 +7,10 @@ from typing import Annotated, Any
 
 import typer
 
-from millisight.cli.console import check_outputs, length, progress, say, size
+from millisight.cli.console import SMALL, check_outputs, length, progress, say, say_sampling, size
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.data import Radar, Scene, Trajectory, radar_names
-from millisight.imaging import combine
+from millisight.imaging import combine, grid_around, sampling
 from millisight.simulation import (
     SCATTERING_MODELS,
     ScatteringModel,
@@ -93,7 +93,10 @@ def simulate(
     ] = None,
     step: Annotated[
         str | None,
-        typer.Option(help="Distance between neighbouring positions, such as 2mm. [default: half a wavelength]"),
+        typer.Option(
+            help="Distance between neighbouring positions, such as 2mm. [default: half a wavelength, or less where "
+            "that gives ghosts]"
+        ),
     ] = None,
     height: Annotated[str, typer.Option(help="Height of the aperture above the object's centre.")] = "20cm",
     spreading: Annotated[
@@ -115,7 +118,7 @@ def simulate(
             f"--alpha weights specular and edge echoes for --model combined; leave --alpha or --model {model} out"
         )
     output = output or Path(f"{Path(mesh).stem}.capture.h5")
-    check_outputs(output, figures=(plot,), source=Path(mesh))
+    check_outputs(records=(output,), figures=(plot,), source=Path(mesh))
     if snr_db is not None:
         check_noise(snr_db, seed)
     chosen = Radar.preset(radar)
@@ -130,6 +133,11 @@ def simulate(
     check_coverage(scene, trajectory)
     say(f"aperture: {len(trajectory)} positions over "
         f"{' x '.join(f'{e * 100:.1f}' for e in trajectory.extent[:2])} cm, {chosen.name}")  # fmt: skip
+    if len(trajectory) > 1:
+        with progress("sampling"):
+            around = grid_around(scene, chosen.waveform.wavelength / 2)
+            sampled = sampling(trajectory, around, radar=chosen, reflectors=scene.mesh.bounds)
+        say_sampling(sampled)
 
     captures = []
     for scattering in models:
@@ -176,7 +184,7 @@ class _Aperture:
         if self._published and step is not None:
             raise InputError("--aperture published has a step of a quarter wavelength; leave --step out")
         self._size = None if aperture is None or self._published else size(aperture, option="--aperture")
-        self._step = None if step is None else length(step, option="--step")
+        self._step = None if step is None else length(step, option="--step", metres=SMALL)
         Trajectory.raster(size=self._size or (0.0, 0.0), step=1.0 if self._step is None else self._step)
 
     def over(self, scene: Scene) -> Trajectory:

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from millisight.cli.console import progress, say
+from millisight.cli.console import progress, say, with_quiet
 
 Recipe = Annotated[Path, typer.Argument(metavar="RECIPE.toml", help="Recipe: scenes, network and schedule.")]
 Output = Annotated[
@@ -54,6 +54,7 @@ app: typer.Typer = typer.Typer(
 
 
 @app.command("segmenter")
+@with_quiet
 def segmenter(
     recipe: Recipe,
     output: Output = None,
@@ -72,6 +73,7 @@ def segmenter(
 
 
 @app.command("classifier")
+@with_quiet
 def classifier(
     recipe: Recipe,
     output: Output = None,
@@ -104,6 +106,7 @@ def classifier(
 
 
 @app.command("released")
+@with_quiet
 def released(
     root: Annotated[Path, typer.Argument(metavar="DIR", help="Published dataset, with simulated images and masks.")],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="OUT", help="Folder for the weights.")],

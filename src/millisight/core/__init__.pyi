@@ -15,9 +15,11 @@ from ._compiled import subroutine as subroutine
 from ._constants import SPEED_OF_LIGHT as SPEED_OF_LIGHT
 from ._device import check_device as check_device
 from ._files import FIGURE_SUFFIXES as FIGURE_SUFFIXES
+from ._files import RECORD_SUFFIXES as RECORD_SUFFIXES
 from ._files import atomic_path as atomic_path
 from ._files import check_folder as check_folder
 from ._files import check_readable as check_readable
+from ._files import check_record_suffix as check_record_suffix
 from ._files import check_writable as check_writable
 from ._files import checked_path as checked_path
 from ._files import make_folder as make_folder

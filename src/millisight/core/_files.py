@@ -12,10 +12,13 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from millisight.core.errors import FileError, FormatError
+from millisight.core.errors import FileError, FormatError, check_known
 
 FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
 """What figures are written as; here, so that the command line can refuse others before it loads Matplotlib."""
+
+RECORD_SUFFIXES = (".h5", ".hdf5")
+"""What records are written as."""
 
 _LARGEST_TOML = 1 << 20  # bytes
 
@@ -56,6 +59,20 @@ def check_writable(path: str | os.PathLike[str]) -> None:
         The folder is missing or cannot be written to.
     """
     _claim(checked_path(path))[0].unlink()
+
+
+def check_record_suffix(path: str | os.PathLike[str]) -> None:
+    """Refuse a name for a file of a record that has the suffix of another format; one without suffix is taken.
+
+    Raises
+    ------
+    UnknownNameError
+    FileError
+        It is no path.
+    """
+    suffix = checked_path(path).suffix
+    if suffix and suffix.lower() not in RECORD_SUFFIXES:
+        check_known(f"format of {printable(path)}, records are HDF5:", suffix, RECORD_SUFFIXES)
 
 
 def checked_path(path: object) -> Path:

@@ -7,15 +7,14 @@ import numpy as np
 from millisight.core import checked_array, checked_number
 from millisight.core.errors import InputError
 from millisight.data import Capture, Scene, TriangleMesh, VoxelGrid
-
-_MARGIN = 0.02  # around the bounding box, on every side [m]
+from millisight.simulation import VIEW_MARGIN
 
 
 def grid_around(
     scene: Scene | TriangleMesh | Capture,
     spacing: float | tuple[float, float, float] | None = None,
     *,
-    margin: float = _MARGIN,
+    margin: float = VIEW_MARGIN,
 ) -> VoxelGrid:
     """A regular grid around a scene, a mesh, or the scene of a capture: what `millisight image` does without --grid.
 

@@ -160,13 +160,16 @@ def _likeness(pattern: Pattern, rows: list[Row], shifts: np.ndarray) -> tuple[np
     at = [np.interp(row.sign * places, row.way, row.times) for row in rows]
     tick = float(np.median(np.diff(pattern.times)))
     likeness = np.zeros((len(middles), len(shifts)))
+    if not middles:
+        return likeness, np.zeros(0)
+    here, times = np.array(middles), np.concatenate(at)
     for s, shift in enumerate(shifts):
-        heard = [_strengths_at(pattern, times - shift, tick) for times in at]
-        for n, i in enumerate(middles):
-            (before, a), (here, b), (after, c) = heard[i - 1 : i + 2]
-            good = a & b & c
-            if good.sum() > _PLACES // 2:
-                likeness[n, s] = _correlation(here[good], (before + after)[good])
+        strengths, near = _strengths_at(pattern, times - shift, tick)
+        strengths, near = strengths.reshape(len(rows), _PLACES, -1), near.reshape(len(rows), _PLACES)
+        good = near[here - 1] & near[here] & near[here + 1]
+        enough = good.sum(axis=1) > _PLACES // 2
+        some, good = here[enough], good[enough]
+        likeness[enough, s] = _correlations(strengths[some], strengths[some - 1] + strengths[some + 1], good)
     return likeness, np.array([rows[i].times.mean() for i in middles])
 
 
@@ -180,7 +183,11 @@ def _strengths_at(pattern: Pattern, times: np.ndarray, tick: float) -> tuple[np.
     return strengths, (gap < 3 * tick) & (part >= 0) & (part <= 1)
 
 
-def _correlation(a: np.ndarray, b: np.ndarray) -> float:
-    a, b = a - a.mean(axis=0), b - b.mean(axis=0)
-    norm = np.sqrt(np.sum(a * a) * np.sum(b * b))
-    return float(np.sum(a * b) / norm) if norm > 0 else 0.0
+def _correlations(a: np.ndarray, b: np.ndarray, good: np.ndarray) -> np.ndarray:
+    """(n,) correlations of patterns (n, places, B) at the good places (n, places); 0 where one does not change."""
+    weight = good[..., None].astype(np.float32)
+    count = weight.sum(axis=1, keepdims=True)
+    a, b = ((p - (p * weight).sum(axis=1, keepdims=True) / count) * weight for p in (a, b))
+    together, alone, other = (np.einsum("npb,npb->n", *pair) for pair in ((a, b), (a, a), (b, b)))
+    norm = np.sqrt(alone * other)
+    return np.divide(together, norm, out=np.zeros(len(a), norm.dtype), where=norm > 0)

@@ -8,7 +8,7 @@ from millisight.core import checked_number, checked_record, record
 from millisight.data import Capture, ClockCorrection, Trajectory, VoxelGrid, check_follows_log, check_log
 from millisight.imaging import _focus as _focus
 from millisight.imaging._focus import Focus, Scene
-from millisight.imaging._row_turns import Guess, Pattern, guess_from_rows, pattern_of, peak
+from millisight.imaging._row_turns import Guess, guess_from_rows, pattern_of, peak
 from millisight.imaging._survey import Scan, Unobservable, check_way, parts_of, survey
 
 _SUBSETS = 10  # disjoint sets of frames, whose answers' scatter is the uncertainty
@@ -17,6 +17,7 @@ _SEARCH_SHARE = 0.25  # of the frames choose the scene and the start; the others
 _SEARCH_CHANNELS, _FIT_CHANNELS = 4_000, 24_000
 _SEARCH_PAIRS = 3e9  # voxel-channel pairs of the lattice
 _STEP = 0.25  # turns of the fastest phase
+_SURELY = 0.95  # of the fastest phase at the places of a lattice: less than that at any place in its box
 _MOST_STEPS = 25  # of the search for the offset, either way
 _MOST_MOVES = 6  # steps uphill before the peak is fitted
 _FLOOR = 0.01  # steps: what all sets of frames get wrong alike, which their scatter does not show
@@ -152,17 +153,22 @@ def _estimate(capture, log, grid, limits, rng, step_done, found) -> tuple[ClockC
     found["coarse_offset"] = guess.offset
     step_done()
 
+    start = scan.clock(guess.offset, 0.0)
+    robot = np.clip(start.robot_times(capture.trajectory.times[scan.poses]), scan.log.times[0], scan.log.times[-1])
+    positions = scan.log.at(robot).positions
+    box = _focus.box_below(capture, positions, pattern.paths) if grid is None else grid.bounds
+    # Where no scene in the box could be searched, none is looked for, which takes a minute for a large capture.
+    slowest = _SURELY * float(_rates(capture, scan, _lattice(box)).min())
+    _check_start(_count(guess.error, limits[0], _STEP / (slowest * scan.speed)), guess)
+
     # The frames that choose the scene and the start are not those that are fitted to it.
     searched = rng.random(len(scan.poses)) < _SEARCH_SHARE
-    scene = _scene(capture, scan, guess, searched, grid, pattern)
+    parts = parts_of(scan, robot, positions @ scan.direction, wavelength)
+    scene = _focus.bright_scene(capture, scan.poses[searched], parts[searched], scan.log, start, box)
     step = _STEP / (_fastest(capture, scan, scene.points) * scan.speed)
     # The rows tell the offset; of a drift's trace in them too little can be told from chance.
     counts = _count(guess.error, limits[0], step), int(np.ceil(longest_late / step))
-    if counts[0] > _MOST_STEPS:
-        raise Unobservable(
-            f"the rows determine the offset only to ± {guess.error * 1e3:.3g} ms, too coarse a start for the search by "
-            "images: the echoes are too faint or too uniform"
-        )
+    _check_start(counts[0], guess)
     step_done()
 
     nodes = (2 * counts[0] + 1) * (2 * counts[1] + 1)
@@ -183,23 +189,31 @@ def _estimate(capture, log, grid, limits, rng, step_done, found) -> tuple[ClockC
     return clock, errors / (1, scan.half)
 
 
-def _scene(
-    capture: Capture, scan: Scan, guess: Guess, searched: np.ndarray, grid: VoxelGrid | None, pattern: Pattern
-) -> Scene:
-    """The brightest places, as parts of the aperture see them by the rows' clock."""
-    start = scan.clock(guess.offset, 0.0)
-    robot = np.clip(start.robot_times(capture.trajectory.times[scan.poses]), scan.log.times[0], scan.log.times[-1])
-    positions = scan.log.at(robot).positions
-    parts = parts_of(scan, robot, positions @ scan.direction, capture.radar.waveform.wavelength)
-    box = _focus.box_below(capture, positions, pattern.paths) if grid is None else grid.bounds
-    return _focus.bright_scene(capture, scan.poses[searched], parts[searched], scan.log, start, box)
+def _check_start(steps: int, guess: Guess) -> None:
+    """Raise where the rows leave more steps to the search than it takes."""
+    if steps > _MOST_STEPS:
+        raise Unobservable(
+            f"the rows determine the offset only to ± {guess.error * 1e3:.3g} ms, too coarse a start for the search by "
+            "images: the echoes are too faint or too uniform"
+        )
+
+
+def _lattice(box: np.ndarray) -> np.ndarray:
+    """(V, 3) places that fill a box (2, 3)."""
+    lines = [np.linspace(low, high, 9) for low, high in box.T]
+    return np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
+
+
+def _rates(capture: Capture, scan: Scan, points: np.ndarray) -> np.ndarray:
+    """(V,) how fast the phase of each point (V, 3) turns along the rows, at most [cycles/m]."""
+    some = scan.log.at(np.linspace(scan.log.times[0], scan.log.times[-1], _PLACES_OF_LOG))
+    turning = (_focus.local_frequencies(capture, some, place) @ scan.direction for place in points)
+    return np.array([np.abs(rates).max() for rates in turning])
 
 
 def _fastest(capture: Capture, scan: Scan, points: np.ndarray) -> float:
     """How fast the phase of any of the points turns along the rows [cycles/m]."""
-    some = scan.log.at(np.linspace(scan.log.times[0], scan.log.times[-1], _PLACES_OF_LOG))
-    few = points[:: max(len(points) // _PLACES_OF_SCENE, 1)]
-    return max(np.abs(_focus.local_frequencies(capture, some, place) @ scan.direction).max() for place in few)
+    return float(_rates(capture, scan, points[:: max(len(points) // _PLACES_OF_SCENE, 1)]).max())
 
 
 def _sharpest(

@@ -20,7 +20,7 @@ from typing import Any, TypeVar, overload
 import numpy as np
 
 from millisight import data
-from millisight.core import atomic_path, check_readable, printable
+from millisight.core import atomic_path, check_readable, check_record_suffix, printable
 from millisight.core.errors import DamagedFileError, FileError, FormatError, InputError
 from millisight.data import PHASE_SIGN, Capture
 from millisight.io._seal import chunk_extents, seal_holds, write_seal
@@ -99,6 +99,8 @@ def save(
     ------
     InputError
         It is not a record of millisight, or an extra cannot be stored.
+    UnknownNameError
+        The suffix is that of another format.
     FileError
         The folder is missing, read-only, or full.
     """
@@ -106,6 +108,7 @@ def save(
 
     if type(record).__name__ not in RECORDS:
         raise InputError(f"save got {type(record).__name__}; expected one of {', '.join(sorted(RECORDS))}")
+    check_record_suffix(path)
     if isinstance(record, Capture):
         record.frames_of(slice(0, 1))  # refuses, before anything is written, one whose file was closed
     with atomic_path(path) as temporary, open(temporary, "w+b") as raw:

@@ -1,3 +1,4 @@
+from ._coverage import VIEW_MARGIN as VIEW_MARGIN
 from ._coverage import aperture_over as aperture_over
 from ._coverage import check_coverage as check_coverage
 from ._kernels import node_signals as node_signals
@@ -9,6 +10,7 @@ from ._models import scattering_model as scattering_model
 from ._noise import add_noise as add_noise
 from ._noise import check_noise as check_noise
 from ._simulate import simulate as simulate
+from ._steps import needed_step as needed_step
 from .models._diffuse import DiffuseModel as DiffuseModel
 from .models._edge import EdgeModel as EdgeModel
 from .models._rough import RoughModel as RoughModel

@@ -5,10 +5,15 @@ import numpy as np
 from millisight.core import checked_number, checked_numbers, checked_record
 from millisight.core.errors import CoverageError
 from millisight.data import Radar, Scene, Trajectory
+from millisight.simulation._steps import needed_step
 
 MARGIN = 0.05
 """By how much an aperture stands out around an object on every side, where nothing is said [m]."""
 
+VIEW_MARGIN = 0.02
+"""By how much an image stands out around an object on every side, where nothing is said [m]."""
+
+_PLACES = 16  # along each side, from which a view's angles are taken
 _OFF = 1e-3  # by which a scene may stand out on one side [m]: resampling moves its middle by less
 
 
@@ -28,7 +33,8 @@ def aperture_over(
     scene : the objects
     radar : its wavelength determines the default step
     size : along x and y [m]; None: 5 cm beyond the scene on every side
-    step : between neighbouring positions [m]; None: half a wavelength at the centre frequency
+    step : between neighbouring positions [m]; None: half a wavelength at the centre frequency, or less where an image
+        of the scene and 2 cm around it would have ghosts
     height : over `center` [m]
     center : (3,) point below the centre of the aperture [m]; None: the centre of the scene's bounding box
 
@@ -48,11 +54,15 @@ def aperture_over(
     wide = np.ptp(bounds, axis=0)[:2] + 2 * MARGIN
     height = checked_number(height, name="height", unit="m")
     x, y, z = bounds.mean(axis=0) if center is None else checked_numbers(center, name="center", count=3, unit="m")
-    return Trajectory.raster(
-        size=(wide[0], wide[1]) if size is None else size,
-        step=wavelength / 2 if step is None else step,
-        center=(x, y, z + height),
-    )
+    size, middle = (wide[0], wide[1]) if size is None else size, (x, y, z + height)
+    if step is not None:
+        return Trajectory.raster(size=size, step=step, center=middle)
+    extent = np.array(checked_numbers(size, name="size", count=2, repeat=True, unit="m", minimum=0))
+    places = Trajectory.raster(size=size, step=tuple(np.maximum(extent / _PLACES, 1e-3)), center=middle).positions
+    antennas, view = places[:, None], bounds + VIEW_MARGIN * np.array([[-1.0], [1.0]])
+    needed = (needed_step(radar, axis, antennas, antennas, view, bounds) for axis in np.eye(3)[:2])
+    steps = [min(wavelength / 2, one) for one in needed]
+    return Trajectory.raster(size=size, step=(steps[0], steps[1]), center=middle)
 
 
 def check_coverage(scene: Scene, trajectory: Trajectory) -> None:

@@ -7,6 +7,7 @@ import numpy as np
 
 from millisight.core import box
 from millisight.data import Capture, Mask, Radar, SarImage, TriangleMesh, Waveform
+from millisight.imaging import sampling
 
 _MOST_VOXELS = 8_000_000  # of which the peak is looked for quickly
 
@@ -20,7 +21,7 @@ def facts_of(record: Any, *, quick: bool = False) -> list[tuple[str, str]]:
     quick : leave out what takes long to find in a large record
     """
     if isinstance(record, Capture):
-        return [*_of_capture(record), *_steps(record.metadata)]
+        return [*_of_capture(record, quick), *_steps(record.metadata)]
     if isinstance(record, SarImage):
         return [*_of_image(record, quick), *_steps(record.metadata)]
     if isinstance(record, Mask):
@@ -48,14 +49,18 @@ def band_of(waveform: Waveform) -> str:
     return f"{first / 1e9:.4f} to {last / 1e9:.4f} GHz"
 
 
-def _of_capture(capture: Capture) -> list[tuple[str, str]]:
+def _of_capture(capture: Capture, quick: bool) -> list[tuple[str, str]]:
     waveform, array, positions = capture.radar.waveform, capture.radar.array, capture.trajectory.positions
     size = (
         f"{capture.channels} channels = {len(capture.trajectory)} poses x {len(array.tx_positions)} TX "
         f"x {len(array.rx_positions)} RX, {waveform.samples_per_chirp} samples"
     )
     aperture = box(positions.min(axis=0), positions.max(axis=0))
-    return [("record", f"Capture, {size}"), ("radar", radar_facts(capture.radar)), ("aperture", aperture)]
+    facts = [("record", f"Capture, {size}"), ("radar", radar_facts(capture.radar)), ("aperture", aperture)]
+    if len(positions) < 2:
+        return facts
+    sampled = sampling(capture, ghosts=not quick)
+    return [*facts, ("sampling", sampled.text), *(("warning", line) for line in sampled.warnings)]
 
 
 def _of_image(image: SarImage, quick: bool) -> list[tuple[str, str]]:
