@@ -69,6 +69,15 @@ class PaneGrid:
             for pane, placement in zip(self.panes, placed(len(self.panes), self.radius, camera, up), strict=True):
                 pane.place(placement)
 
+    def told_at(self, origin: np.ndarray, direction: np.ndarray, settings: ViewSettings) -> str:
+        """Value and place of what a ray (3,), (3,) in the scene meets first, in words; empty for nothing."""
+        met = [one for pane in self.panes if (one := pane.pick(origin, direction, settings)) is not None]
+        if not met:
+            return ""
+        first = min(met, key=lambda one: one.distance)
+        place = ", ".join(f"{name} {100 * at:.1f}" for name, at in zip("xyz", first.place, strict=True))
+        return f"{place} cm: {first.db:.1f} dB, |I| {first.magnitude:.3g}".replace("-", "\u2212")
+
     def show(self, settings: ViewSettings) -> None:
         """Draw the panes by these settings."""
         for pane in self.panes:

@@ -57,13 +57,18 @@ def page(contents: Contents, settings: ViewSettings, camera: tuple[np.ndarray, n
         "range": settings.range_db,
         "panes": [{"name": pane.name, "counts": _counts(pane, lowest)} for pane in panes.panes],
     }
-    title = escape(", ".join(exhibit.title for exhibit in contents.exhibits))
+    title = escape(title_of(contents))
     html = html.replace("<title>Viser</title>", f"<title>{title}</title>", 1)
     style, script = (files("millisight.viz.viewer").joinpath(name).read_text() for name in ("share.css", "share.js"))
     legend = f'<div id="millisight"><b>{title}</b>{_controls(settings, lowest, panes)}</div>'
     end = html.rindex("</body>")
     script = f"<script>const shown = {json.dumps(shown)};\n{script}</script>"
     return f"{html[:end]}<style>{style}</style>{legend}{script}{html[end:]}"
+
+
+def title_of(contents: Contents) -> str:
+    """What is shown, in a few words."""
+    return ", ".join(exhibit.title for exhibit in contents.exhibits)
 
 
 def _controls(settings: ViewSettings, lowest: float, panes: PaneGrid) -> str:
