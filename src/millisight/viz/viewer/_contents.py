@@ -13,7 +13,7 @@ from millisight.data import Capture, Mask, PointCloud, SarImage, Scene, SceneObj
 from millisight.io import load, load_extras, mito, open_capture, provenance
 from millisight.meshes import FORMATS, load_mesh
 from millisight.viz import grid_box
-from millisight.viz.viewer._cover import Cover, cover_of
+from millisight.viz.viewer._cover import MOST_SEARCHED, Cover, cover_of
 from millisight.viz.viewer._levels import MOST_VOXELS, Levels, levels_of, mixed_levels
 from millisight.viz.viewer._titles import titles_of
 
@@ -142,10 +142,12 @@ def gather(
                 meshes=(*found.meshes, *(_placed(path, first.metadata, unit) for path in found.mesh_files)),
                 paths=_paths_of(first, found),
                 points=tuple(found.points),
-                cover=None if pair or first.image is None else cover_of(first.image, clutter),
+                cover=None if pair or first.image is None else cover_of(first.image, clutter, low_band=_is_low(first)),
             )
         )
     for exhibit in exhibits:
+        if exhibit.levels is not None and exhibit.levels.grid.size > MOST_SEARCHED and clutter == "auto":
+            notes.append(f"{exhibit.title} is large: no lid was looked for; --clutter lid does")
         if exhibit.levels is not None and exhibit.levels.peak == 0:
             notes.append(f"{exhibit.title} is 0 everywhere: there is nothing to show")
     if not exhibits:
@@ -285,6 +287,11 @@ def _model(image: _Image) -> str | None:
         return stated[-1] if stated[-1] in ("specular", "edge") else None
     kind = mito.kind_of("radars", image.path.name)
     return _MODELS.get(kind[1]) if kind else None
+
+
+def _is_low(image: _Image) -> bool:
+    """Whether it is of 24 GHz, by its place in the published layout or where it says that it was made from."""
+    return "24_ghz" in (*image.path.resolve().parts, *str(image.metadata.get("source", "")).split("/"))
 
 
 def _stem(image: _Image) -> tuple[Path, str]:

@@ -78,18 +78,21 @@ def under_the_lid(exhibits: tuple[Exhibit, ...]) -> dict[str, Any]:
 
 def note_on(settings: ViewSettings, exhibits: tuple[Exhibit, ...]) -> dict[str, str]:
     """What the page says about what is hidden, in one line, and what a button beside it does: its text and its key."""
-    covers = [exhibit.cover for exhibit in exhibits if exhibit.cover is not None]
-    limits = limits_text(settings)
-    lids = " and ".join(dict.fromkeys(_centimetres(cover.lid) for cover in covers))
-    off = ", its echo taken off" if not settings.clutter and covers else ""
-    if covers and (limits or off):
-        hidden = f"There is a lid at z = {lids}{off}. Shown: {limits or 'everything else'}."
-        return {"note": hidden, "action": "Show everything", "key": "0"}
-    if covers:
-        return {"note": f"There is a lid at z = {lids}.", "action": "Look under the lid", "key": "l"}
-    if limits:
-        return {"note": f"Shown: {limits}.", "action": "Show everything", "key": "0"}
+    lids, limits = lids_text(exhibits), limits_text(settings)
+    off = ", its echo taken off" if not settings.clutter and lids else ""
+    if limits or off:
+        told = f"{lids}{off}. " if lids else ""
+        shown = f"Shown: {limits or 'everything else'}."
+        return {"note": told + shown, "action": "Show everything", "key": "0"}
+    if lids:
+        return {"note": f"{lids}.", "action": "Look under the lid", "key": "l"}
     return {"note": "", "action": "", "key": ""}
+
+
+def lids_text(exhibits: tuple[Exhibit, ...]) -> str:
+    """Where lids are, in words; empty where there are none."""
+    heights = dict.fromkeys(_centimetres(e.cover.lid) for e in exhibits if e.cover is not None)
+    return f"There is a lid at z = {' and '.join(heights)}" if heights else ""
 
 
 def limits_text(settings: ViewSettings) -> str:

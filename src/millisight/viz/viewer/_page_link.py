@@ -32,7 +32,7 @@ class PageLink:
 
     def tell(self, **told: Any) -> None:
         """Pass something on to the script."""
-        self._run(f"window.millisight && window.millisight.told({json.dumps(told)})")
+        self._run(f"window.millisightPage && window.millisightPage.told({json.dumps(told)})")
 
     def _run(self, source: str) -> None:
         from viser import _messages  # not in its public list; plots go the same way

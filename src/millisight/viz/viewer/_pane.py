@@ -119,14 +119,30 @@ class Pane:
     def _draw_points(self, settings: ViewSettings) -> list[Any]:
         levels = _shown(self.levels)
         self.cloud = cloud = levels.strongest(settings.threshold_db - self.offset_db, self.most, settings.limits)
-        steps = [float(np.diff(a).mean()) for a in (levels.grid.x, levels.grid.y, levels.grid.z) if len(a) > 1]
-        return [
-            self._scene.add_point_cloud(
-                f"{self.name}/points", cloud.points - self.middle.astype(np.float32),
-                settings.colours(cloud.db + np.float32(self.offset_db)), point_size=0.9 * min(steps, default=1e-3),
-                point_shape="circle", point_shading="flat", precision="float32",
-            )
-        ]  # fmt: skip
+        return [self._voxels("points", cloud, settings)]
+
+    def draw_covered(self, settings: ViewSettings, lowest_db: float) -> Cloud | None:
+        """Draw the points with the lid's echo beside those without it, for a page that can show both."""
+        if settings.clutter or self.exhibit.levels is None or self.levels is self.exhibit.levels:
+            return None
+        # dB count from the maximum of what has been drawn, of either.
+        cloud = self.exhibit.levels.strongest(lowest_db, self.most)
+        self._voxels("covered", cloud._replace(db=cloud.db - np.float32(self.offset_db)), settings)
+        return cloud._replace(db=cloud.db - np.float32(self.offset_db))
+
+    @property
+    def point_size(self) -> float:
+        """Of a voxel's point [m]."""
+        grid = self.levels.grid if self.levels is not None else None
+        axes = () if grid is None else (grid.x, grid.y, grid.z)
+        return 0.9 * min((float(np.diff(axis).mean()) for axis in axes if len(axis) > 1), default=1e-3)
+
+    def _voxels(self, name: str, cloud: Cloud, settings: ViewSettings) -> Any:
+        return self._scene.add_point_cloud(
+            f"{self.name}/{name}", cloud.points - self.middle.astype(np.float32),
+            settings.colours(cloud.db + np.float32(self.offset_db)), point_size=self.point_size,
+            point_shape="circle", point_shading="flat", precision="float32",
+        )  # fmt: skip
 
     def _draw_slices(self, settings: ViewSettings) -> list[Any]:
         levels, nodes = _shown(self.levels), []

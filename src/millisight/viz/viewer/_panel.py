@@ -92,7 +92,7 @@ class ControlPanel:
 
     def _add_slices(self, settings: ViewSettings) -> None:
         boxes = [grid_box(e.levels.grid) for e in self._images if e.levels is not None]
-        for axis, (first, last) in enumerate(_in_millimetres(boxes)):
+        for axis, (first, last) in enumerate(in_millimetres(boxes)):
             at = float(np.clip(round(settings.at[axis], 3), first, last))
             slider = self._gui.add_slider(f"{'xyz'[axis]} [m]", first, last, 0.001, at, visible=settings.slices)
             slider.on_update(lambda event: event.client and self._change(at=tuple(s.value for s in self._sliders)))
@@ -101,7 +101,7 @@ class ControlPanel:
     def _add_limits(self, settings: ViewSettings) -> None:
         with self._gui.add_folder("Clip"):
             hint = "what is outside is hidden"
-            for axis, (first, last) in enumerate(_in_millimetres([e.bounds for e in self._exhibits])):
+            for axis, (first, last) in enumerate(in_millimetres([e.bounds for e in self._exhibits])):
                 label = f"{'xyz'[axis]} [m]" if axis < 2 else "depth z [m]"
 
                 def shown(limits: tuple[float, float], first: float = first, last: float = last) -> Any:
@@ -112,9 +112,8 @@ class ControlPanel:
                     return (-np.inf if value[0] <= first else value[0]), (np.inf if value[1] >= last else value[1])
 
                 name = f"clip_{'xyz'[axis]}"
-                marks = tuple(float(mark) for mark in (first, last))
                 control = self._gui.add_multi_slider(
-                    label, first, last, 0.001, shown(getattr(settings, name)), marks=marks, hint=hint
+                    label, first, last, 0.001, shown(getattr(settings, name)), hint=hint
                 )
                 self._bind(control, name, shown=shown, meant=meant)
             opacity = self._gui.add_slider(
@@ -194,7 +193,7 @@ class ControlPanel:
         return '<div style="padding:4px 12px;font-size:0.8em;line-height:1.45">' + "<br>".join(lines) + "</div>"
 
 
-def _in_millimetres(boxes: list[np.ndarray]) -> list[tuple[float, float]]:
+def in_millimetres(boxes: list[np.ndarray]) -> list[tuple[float, float]]:
     """The ends of sliders along each axis that reach over all boxes (2, 3), in whole millimetres [m]."""
     lower, upper = np.min([box[0] for box in boxes], axis=0), np.max([box[1] for box in boxes], axis=0)
     lower, upper = np.floor(lower * 1e3 - 1e-6) / 1e3, np.ceil(upper * 1e3 + 1e-6) / 1e3

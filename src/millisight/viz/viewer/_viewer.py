@@ -145,7 +145,7 @@ class Viewer:
         with client.atomic():
             client.camera.up_direction = (0.0, 0.0, 1.0)
             client.camera.position = tuple(self.panes.camera_of(view))
-            client.camera.look_at = (0.0, 0.0, 0.0)
+            client.camera.look_at = tuple(self.panes.look_at)
 
     def picture(self, client: Any, size: tuple[int, int] | None = None) -> bytes:
         """A PNG of what a browser shows, with the colour bar.
@@ -169,7 +169,7 @@ class Viewer:
 
     def _page(self, client: Any) -> bytes:
         """What a browser shows, as a page to share."""
-        camera = client.camera.position, client.camera.up_direction
+        camera = client.camera.position, client.camera.up_direction, client.camera.look_at
         return page(self.panes.contents, self.settings, camera).encode()
 
     def screenshot(self, path: Path, *, size: tuple[int, int] = (1200, 800)) -> None:

@@ -3,13 +3,13 @@
 //
 // `window.__viserMutable` is viser's own; without it the page says less, and no harm is done.
 (function () {
-  if (window.millisight) return;  // a connection made anew sends it again
+  if (window.millisightPage) return;  // a connection made anew sends it again
   const mutable = () => window.__viserMutable;
   const root = () => mutable() && mutable().nodeRefFromName["/pane0"] && mutable().nodeRefFromName["/pane0"].parent;
 
   const style = document.createElement("style");
   style.textContent = `
-    #millisight-head, #millisight-foot { position: fixed; left: 14px; z-index: 40; pointer-events: none; max-width: 46vw;
+    #millisight-head, #millisight-foot { position: fixed; left: 14px; z-index: 40; pointer-events: none; max-width: 62vw;
       color: #d5d9de; font: 14px/1.45 system-ui, sans-serif; text-shadow: 0 1px 2px #000; }
     #millisight-head { top: 10px; } #millisight-foot { bottom: 12px; font-variant-numeric: tabular-nums; }
     #millisight-head h1 { margin: 0; font-size: 16px; font-weight: 600; } #millisight-head h1 small { font-weight: 400;
@@ -21,7 +21,8 @@
       color: #d5d9de; font: 14px/1.6 system-ui, sans-serif; box-shadow: 0 6px 30px #000a; }
     #millisight-help h2 { margin: 0 0 6px; font-size: 16px; } #millisight-help td { padding: 0 12px 0 0; }
     #millisight-help kbd { background: #4a4f57; border-radius: 3px; padding: 0 6px; font: inherit; }
-    #millisight-help[hidden] { display: none; }`;
+    #millisight-help[hidden] { display: none; }
+    .mantine-Notifications-root { top: 84px !important; }`;  // under the heading
   document.head.append(style);
   const part = (id, html) => {
     const element = document.createElement("div");
@@ -137,5 +138,5 @@
     if (text !== written) history.replaceState(null, "", "#" + (written = text));
   }, 100);
 
-  window.millisight = { connect, note, ray, asked, keep, mutable, say: text => { foot.textContent = text; } };
+  window.millisightPage = { connect, note, ray, asked, keep, setCamera, mutable, say: text => { foot.textContent = text; } };
 })();
