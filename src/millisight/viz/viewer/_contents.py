@@ -9,7 +9,18 @@ import numpy as np
 
 from millisight.core import check_readable, checked_numbers, checked_record, printable, put, record
 from millisight.core.errors import DamagedFileError, FileError, FormatError, InputError
-from millisight.data import Capture, Mask, PointCloud, SarImage, Scene, SceneObject, Trajectory, TriangleMesh, VolumeMask, VoxelGrid
+from millisight.data import (
+    Capture,
+    Mask,
+    PointCloud,
+    SarImage,
+    Scene,
+    SceneObject,
+    Trajectory,
+    TriangleMesh,
+    VolumeMask,
+    VoxelGrid,
+)
 from millisight.io import load, load_extras, mito, open_capture, provenance
 from millisight.meshes import FORMATS, load_mesh
 from millisight.viz import grid_box

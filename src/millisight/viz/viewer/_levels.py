@@ -71,9 +71,7 @@ class Levels:
         nearest = int(np.abs(coordinates - at).argmin())
         return self._picture(self.db.take(nearest, axis=axis), axis, _MOST_PIXELS), float(coordinates[nearest])
 
-    def slabs(
-        self, axis: int, most: int, limits: np.ndarray | None = None
-    ) -> list[tuple[np.ndarray, float]]:
+    def slabs(self, axis: int, most: int, limits: np.ndarray | None = None) -> list[tuple[np.ndarray, float]]:
         """The image in at most `most` slabs across `axis`: the strongest in each, as a picture, and its middle [m].
 
         Of `limits` (2, 3) [m] those along `axis` leave slices out.

@@ -226,7 +226,8 @@ class Pane:
         nodes = []
         for i, cloud in enumerate(self.exhibit.points):
             kept = inside(cloud.points, settings.limits)
-            share = cloud.magnitude[kept] / max(float(cloud.magnitude.max(initial=0.0)), 1e-30)
+            magnitude = np.asarray(cloud.magnitude)
+            share = magnitude[kept] / max(float(magnitude.max(initial=0.0)), 1e-30)
             db = 20 * np.log10(np.maximum(share, 1e-6))
             nodes.append(self._scene.add_point_cloud(
                 f"{self.name}/cloud_{i}", (cloud.points[kept] - self.middle).astype(np.float32), settings.colours(db),

@@ -47,7 +47,7 @@ def page(
     # is shown now; not so where slices show both, too.
     alone = settings.points and not (settings.slices or settings.volume)
     lowest = max(min(settings.threshold_db, -settings.range_db), FLOOR_DB) if alone else settings.threshold_db
-    free = {name: EVERYTHING for name in ("clip_x", "clip_y", "clip_z")} if alone else {}
+    free = dict.fromkeys(("clip_x", "clip_y", "clip_z"), EVERYTHING) if alone else {}
     server = start()
     try:
         panes = PaneGrid(server, contents, dataclasses.replace(settings, threshold_db=lowest, **free))

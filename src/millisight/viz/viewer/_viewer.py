@@ -23,7 +23,7 @@ from millisight.viz.viewer._levels import FLOOR_DB
 from millisight.viz.viewer._page_link import PageLink
 from millisight.viz.viewer._panel import ControlPanel, explained
 from millisight.viz.viewer._server import HOST, first_client, headless_browser, start, url_of
-from millisight.viz.viewer._settings import UNLIMITED, ViewSettings, reference_text
+from millisight.viz.viewer._settings import ViewSettings, reference_text
 from millisight.viz.viewer._share import page, title_of
 
 BACKGROUND = (26, 27, 30)
@@ -219,8 +219,7 @@ def first_settings(contents: Contents, **settings: Any) -> ViewSettings:
     """How to show these contents first: under the lid where there is one, planes through the first image's strongest
     voxel there, weights as they are.
     """
-    if not {*UNLIMITED} & {*settings}:
-        settings.update(under_the_lid(contents.exhibits))
+    settings = {**under_the_lid(contents.exhibits), **settings}
     shown = ViewSettings(**settings)
     for exhibit in contents.exhibits:
         if exhibit.levels is not None:

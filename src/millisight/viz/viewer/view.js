@@ -11,7 +11,7 @@
   style.textContent = `
     #millisight-head, #millisight-foot { position: fixed; left: 14px; z-index: 40; pointer-events: none; max-width: 62vw;
       color: #d5d9de; font: 14px/1.45 system-ui, sans-serif; text-shadow: 0 1px 2px #000; }
-    #millisight-head { top: 10px; } #millisight-foot { bottom: 12px; font-variant-numeric: tabular-nums; }
+    #millisight-head { top: 10px; } #millisight-foot { bottom: 12px; left: 330px; font-variant-numeric: tabular-nums; }
     #millisight-head h1 { margin: 0; font-size: 16px; font-weight: 600; } #millisight-head h1 small { font-weight: 400;
       color: #9aa2ab; } #millisight-head button, #millisight-help button { pointer-events: auto; font: inherit;
       color: #fff; background: #1c7ed6; border: 0; border-radius: 4px; padding: 1px 9px; margin-left: 6px;
