@@ -107,13 +107,13 @@ def test_a_reload_and_a_copied_address_show_the_same(carton, driver):
     with Viewer(found, settings) as viewer:
         assert kept() != before
         driver.get("about:blank")
-        driver.get(viewer.url + "/#" + address.split("#")[1])
+        driver.get(viewer.url + "/?" + address.split("?")[1])
         wait(lambda: kept() == before)
         wait(lambda: np.allclose(driver.execute_script(CAMERA), camera, rtol=1e-3, atol=1e-3))
         # An address of something else counts nothing.
         driver.get("about:blank")
-        driver.get(viewer.url + "/#threshold_db=-1&of=other&camera=9,9,9,0,0,0")
-        wait(lambda: "of=carton" in driver.current_url)
+        driver.get(viewer.url + "/?threshold_db=-1&of=other&camera=9,9,9,0,0,0")
+        wait(lambda: "of=other" not in driver.current_url)
         assert kept() == before
         assert browser.complaints(driver) == []
 
@@ -163,6 +163,7 @@ def test_a_shared_page_opens_under_the_lid(carton, driver, tmp_path):
     settings = first_settings(found, box=False)
     write_page(tmp_path / "carton.html", found, settings)
     driver.get("about:blank")
+    browser.complaints(driver)  # of viewers that were closed before
     driver.get(f"file://{tmp_path}/carton.html")
     cover = found.exhibits[0].cover
     inside = len(cover.levels.strongest(settings.threshold_db, 10**6, settings.limits).db)

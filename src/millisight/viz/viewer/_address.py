@@ -1,7 +1,7 @@
-"""Settings as the text behind the `#` of the page's address, so that a copied address shows the same view.
+"""Settings as the text in the page's address, so that a copied address shows the same view.
 
 `threshold_db=-20&slices=1&clip_z=..-0.02`: every setting that differs from `ViewSettings()`. The page itself adds
-`of`, what it shows, and `camera`, where it is seen from.
+`of`, which stands for what it shows, and `camera`, where it is seen from.
 """
 
 from dataclasses import fields

@@ -5,6 +5,7 @@ that is never drawn is the script's way to the viewer: each of its values is one
 """
 
 import json
+import zlib
 from collections.abc import Callable
 from importlib.resources import files
 from typing import Any
@@ -27,7 +28,7 @@ class PageLink:
         self.client: Any = client
         control = client.gui.add_text("", "", visible=False)
         control.on_update(lambda _: heard(self, json.loads(control.value)))
-        page = {"uuid": control._impl.uuid, "title": title, "of": title, "keys": keys}
+        page = {"uuid": control._impl.uuid, "title": title, "of": mark_of(title), "keys": keys}
         self._run(f"{script('view.js')}\nconst page = {json.dumps(page)};\n{script('live.js')}")
 
     def tell(self, **told: Any) -> None:
@@ -38,6 +39,11 @@ class PageLink:
         from viser import _messages  # not in its public list; plots go the same way
 
         self.client._websock_connection.queue_message(_messages.RunJavascriptMessage(source))
+
+
+def mark_of(title: str) -> str:
+    """What stands for a title in the page's address, which viser writes anew without quotes."""
+    return f"{zlib.crc32(title.encode()):08x}"
 
 
 def script(name: str) -> str:

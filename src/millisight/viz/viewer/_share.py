@@ -16,7 +16,7 @@ from millisight.viz.viewer._contents import Contents
 from millisight.viz.viewer._keys import KEYS, VIEW_KEYS, lids_text, note_on
 from millisight.viz.viewer._layout import PaneGrid
 from millisight.viz.viewer._levels import FLOOR_DB, Cloud
-from millisight.viz.viewer._page_link import script
+from millisight.viz.viewer._page_link import mark_of, script
 from millisight.viz.viewer._panel import in_millimetres
 from millisight.viz.viewer._server import start
 from millisight.viz.viewer._settings import EVERYTHING, ViewSettings, colour_bar
@@ -64,6 +64,7 @@ def page(
     title = title_of(contents)
     shown = {
         "title": title,
+        "of": mark_of(title),
         "radius": panes.radius,
         "step": _STEP_DB,
         "range": settings.range_db,
@@ -89,7 +90,7 @@ def page(
     end = html.rindex("</body>")
     # What is a file's name must not end the script.
     facts = json.dumps(shown).replace("<", "\\u003c")
-    scripts = f"<script>const shown = {facts};\n{script('view.js')}\n{script('share.js')}</script>"
+    scripts = f"<script>window.shown = {facts};\n{script('view.js')}\n{script('share.js')}</script>"
     return f"{html[:end]}<style>{script('share.css')}</style>{legend}{scripts}{html[end:]}"
 
 

@@ -83,7 +83,7 @@
     else page.note(shown.note && shown.note + ".", shown.note && "Look under the lid", () => press("l"));
     const changed = ends.map(slider => slider.value);
     page.keep(new URLSearchParams({ threshold: input ? input.value : 0, lid: Number(lid), limits: changed }).toString(),
-      shown.title);
+      shown.of);
   }
 
   function set(values, withLid) {
@@ -148,7 +148,7 @@
   }
 
   page.connect({ title: shown.title, keys: shown.keys, press });
-  const told = new URLSearchParams(page.asked(shown.title) || "");
+  const told = new URLSearchParams(page.asked(shown.of) || "");
   if (input && told.has("threshold")) input.value = told.get("threshold");
   if (ends.length && told.has("limits")) set(told.get("limits").split(","), told.get("lid") === "1");
   let pointer = null;

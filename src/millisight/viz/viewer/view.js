@@ -105,11 +105,13 @@
   // The address ------------------------------------------------------------------------------------------------------
 
   let settings = null, written = "", wanted = null, still = 0, seen = "";
+  // Behind `?` where a server answers: viser takes what lies behind `#` for a part of the server's name.
+  const mark = () => window.shown ? "#" : "?";
   const short = numbers => numbers.map(v => Number(v.toPrecision(5))).join(",");
 
   // What the address asks for, if it was made for this page: {settings, camera}; null where it asks for nothing.
   function asked(of) {
-    const told = new URLSearchParams(location.hash.slice(1));
+    const told = new URLSearchParams((mark() === "#" ? location.hash : location.search).slice(1));
     if (told.get("of") !== of) return null;
     const numbers = (told.get("camera") || "").split(",").map(Number);
     told.delete("of");
@@ -120,7 +122,7 @@
 
   // From now on the address tells these settings, and where the camera is.
   function keep(text, of) {
-    settings = text + (text ? "&" : "") + "of=" + encodeURIComponent(of);
+    settings = text + (text ? "&" : "") + "of=" + of;
   }
 
   setInterval(() => {
@@ -135,7 +137,7 @@
       return;
     }
     const text = settings + "&camera=" + now;
-    if (text !== written) history.replaceState(null, "", "#" + (written = text));
+    if (text !== written) history.replaceState(null, "", mark() + (written = text));
   }, 100);
 
   window.millisightPage = { connect, note, ray, asked, keep, setCamera, mutable, say: text => { foot.textContent = text; } };
