@@ -96,7 +96,7 @@ def test_the_viewer_draws_and_follows_its_controls(files, driver, tmp_path):
 def steady(client, size):
     """A picture that is the same as the one before: labels come a moment after the points."""
     before, after = (client.get_render(size[1], size[0], transport_format="png", timeout=30) for _ in range(2))
-    return after if np.array_equal(before, after) and (after[..., 3] > 0)[: size[1] // 3].any() else None
+    return after if np.array_equal(before, after) and (after[..., 3] > 0)[: size[1] // 6].any() else None
 
 
 def side_by_side(driver, radius):

@@ -4,7 +4,7 @@ import numpy as np
 
 from millisight.data import TriangleMesh, VoxelGrid
 
-_WITHIN = 1e-9  # of a limit [m]
+_WITHIN = 1e-6  # of a limit, which the page's address rounds [m]
 
 
 def inside(points: np.ndarray, limits: np.ndarray) -> np.ndarray:
