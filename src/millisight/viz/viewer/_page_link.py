@@ -27,7 +27,11 @@ class PageLink:
     def __init__(self, client: Any, *, title: str, keys: list[tuple[str, str]], heard: Heard):
         self.client: Any = client
         control = client.gui.add_text("", "", visible=False)
-        control.on_update(lambda _: heard(self, json.loads(control.value)))
+
+        async def update(_: Any) -> None:  # asynchronous, so that each message is heard, and in its order
+            heard(self, json.loads(control.value))
+
+        control.on_update(update)
         page = {"uuid": control._impl.uuid, "title": title, "of": mark_of(title), "keys": keys}
         self._run(f"{script('view.js')}\nconst page = {json.dumps(page)};\n{script('live.js')}")
 
