@@ -1,5 +1,6 @@
 """`millisight view`: show images in the browser."""
 
+import math
 import signal
 import sys
 import time
@@ -9,7 +10,7 @@ from typing import Annotated
 import typer
 
 from millisight.cli import interrupts
-from millisight.cli.console import check_outputs, progress, say
+from millisight.cli.console import check_outputs, length, progress, say
 from millisight.core import colormap_in_use, printable
 from millisight.core.errors import FileError, InputError
 
@@ -40,6 +41,22 @@ def view(
             help="Initial weights of the specular and the edge image of one simulation; a slider changes them.",
         ),
     ] = (0.5, 0.5),
+    depth: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LOW:HIGH", help="Depth range along z to show, such as -40cm:-27cm; an end may be left out."
+        ),
+    ] = None,
+    clip_x: Annotated[str | None, typer.Option(metavar="LOW:HIGH", help="Range along x to show.")] = None,
+    clip_y: Annotated[str | None, typer.Option(metavar="LOW:HIGH", help="Range along y to show.")] = None,
+    clutter: Annotated[
+        str,
+        typer.Option(
+            help="auto: if there is a lid over the objects, open under it, its echo taken off. lid: likewise, in large "
+            "images too and if it is less sure. none: open with everything in view."
+        ),
+    ] = "auto",
+    opacity: Annotated[float, typer.Option(help="Opacity of slices, volume and meshes, from 0 to 1.")] = 1.0,
     separate: Annotated[bool, typer.Option("--separate", help="Show specular and edge images side by side.")] = False,
     unit: Annotated[str | None, typer.Option(help="Unit of mesh files: m, cm, mm or in.")] = None,
     host: Annotated[
@@ -58,8 +75,9 @@ def view(
 ) -> None:
     """Show images in the browser as points, slices or a volume; several images stand side by side and rotate together.
 
-    Drag to rotate, scroll to zoom, drag with the right button to pan. The panel sets threshold, colours, slices and
-    weights, takes a screenshot and saves a page to share. Press Ctrl-C to stop. Without a display, use --no-browser
+    Drag to rotate, scroll to zoom, drag with the right button to pan; press ? for the keys. The panel sets threshold,
+    colours, slices, limits and weights, takes a screenshot and saves a page to share. The page's address keeps the
+    view. Press Ctrl-C to stop. Without a display, use --no-browser
     and `ssh -L 8080:localhost:8080`, or write --screenshot or --html.
 
     Example: millisight view mug.image.h5 mug.capture.h5 mug.stl
@@ -68,18 +86,22 @@ def view(
 
     Example: millisight view processed_image_specular.pkl processed_image_edges.pkl --alpha 0.7 0.3
 
+    Example: millisight view scan.image.h5 --depth=:-27cm --slices
+
     Example: millisight view mug.image.h5 --slices --html mug.html --screenshot mug.png
     """
     check_outputs(screenshot, html)
     for option, path, suffix in (("--screenshot", screenshot, ".png"), ("--html", html, ".html")):
         if path is not None and path.suffix.lower() != suffix:
             raise InputError(f"{option} is {path}; expected a name that ends in {suffix}")
-    from millisight.viz.viewer import Viewer, first_settings, gather
+    limits = _limits(depth, clip_x, clip_y)
+    from millisight.viz.viewer import Viewer, first_settings, gather, note_on
 
     with progress("read", compiles=False):
         contents = gather(
-            [one for path in files for one in _files_of(path)], combine=not separate, alpha=alpha, unit=unit
-        )
+            [one for path in files for one in _files_of(path)], combine=not separate, alpha=alpha, unit=unit,
+            clutter=clutter,
+        )  # fmt: skip
     if alpha != (0.5, 0.5) and not any(exhibit.pair for exhibit in contents.exhibits):
         raise InputError(
             "--alpha weights the specular and the edge image of one simulation; pass both, without --separate"
@@ -87,9 +109,12 @@ def view(
     settings = first_settings(
         contents, points=not (slices or volume), slices=slices, volume=volume, threshold_db=threshold,
         range_db=range_db, common=common, colormap=colormap or colormap_in_use(),
+        opacity=opacity, **limits,
     )  # fmt: skip
     for exhibit in contents.exhibits:
         say(f"showing {exhibit.title}")
+    if hidden := note_on(settings, contents.exhibits)["note"]:
+        say(f"note: {hidden}" + ("" if limits else " --clutter none opens with everything in view"))
     for note in contents.notes:
         say(f"note: {note}")
     if html is not None:
@@ -105,6 +130,26 @@ def view(
             say(f"wrote {screenshot}")
             return
         _serve(viewer.url, no_browser)
+
+
+def _limits(depth: str | None, clip_x: str | None, clip_y: str | None) -> dict[str, tuple[float, float]]:
+    """The settings that the ranges LOW:HIGH name."""
+    found = {}
+    for option, name, text in (
+        ("--depth", "clip_z", depth),
+        ("--clip-x", "clip_x", clip_x),
+        ("--clip-y", "clip_y", clip_y),
+    ):
+        if text is None:
+            continue
+        low, colon, high = text.partition(":")
+        if not colon or not (low or high):
+            raise InputError(f"{option} is {text!r}; expected LOW:HIGH, such as -40cm:-27cm, -40cm: or :-27cm")
+        ends = (length(low, option=option) if low else -math.inf, length(high, option=option) if high else math.inf)
+        if not ends[0] < ends[1]:
+            raise InputError(f"{option} is {text!r}; expected the lower end first")
+        found[name] = ends
+    return found
 
 
 def _files_of(path: Path) -> list[Path]:

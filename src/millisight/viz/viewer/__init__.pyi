@@ -1,4 +1,5 @@
 from ._contents import gather as gather
+from ._keys import note_on as note_on
 from ._layout import PaneGrid as PaneGrid
 from ._server import start as start
 from ._settings import ViewSettings as ViewSettings

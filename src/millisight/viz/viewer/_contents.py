@@ -9,15 +9,28 @@ import numpy as np
 
 from millisight.core import check_readable, checked_numbers, checked_record, printable, put, record
 from millisight.core.errors import DamagedFileError, FileError, FormatError, InputError
-from millisight.data import Capture, Mask, SarImage, Scene, SceneObject, Trajectory, TriangleMesh, VolumeMask, VoxelGrid
+from millisight.data import (
+    Capture,
+    Mask,
+    PointCloud,
+    SarImage,
+    Scene,
+    SceneObject,
+    Trajectory,
+    TriangleMesh,
+    VolumeMask,
+    VoxelGrid,
+)
 from millisight.io import load, load_extras, mito, open_capture, provenance
 from millisight.meshes import FORMATS, load_mesh
 from millisight.viz import grid_box
+from millisight.viz.viewer._cover import MOST_SEARCHED, Cover, cover_of
 from millisight.viz.viewer._levels import MOST_VOXELS, Levels, levels_of, mixed_levels
+from millisight.viz.viewer._titles import titles_of
 
 _LARGEST_PICKLE = 1 << 30  # [bytes]: a pickle can only be read whole
 _HDF5 = b"\x89HDF\r\n\x1a\n"
-_SHOWN = "SarImage, Mask, VolumeMask, Capture, Trajectory, TriangleMesh, SceneObject and Scene"
+_SHOWN = "SarImage, Mask, VolumeMask, Capture, Trajectory, TriangleMesh, SceneObject, Scene and PointCloud"
 _MODELS = {"_specular": "specular", "_edges": "edge"}
 
 
@@ -32,12 +45,15 @@ class Exhibit:
     masks: tuple[Mask, ...] = ()
     meshes: tuple[TriangleMesh, ...] = ()  # in the image's frame, as the masks
     paths: tuple[np.ndarray, ...] = ()  # (P, 3) each, positions of the radar [m]
+    points: tuple[PointCloud, ...] = ()
+    cover: Cover | None = None  # what lies over the object in the image, such as a lid
 
     def __post_init__(self) -> None:
         checked_record(self.title, str, name="title")
         put(self, masks=tuple(self.masks), meshes=tuple(self.meshes), paths=tuple(self.paths))
-        if self.levels is None and not self.meshes and not self.paths:
-            raise InputError("an exhibit without image, mesh and path; expected at least one of them")
+        put(self, points=tuple(self.points))
+        if self.levels is None and not self.meshes and not self.paths and not self.points:
+            raise InputError("an exhibit without image, mesh, points and path; expected at least one of them")
 
     @property
     def bounds(self) -> np.ndarray:
@@ -46,6 +62,7 @@ class Exhibit:
             return grid_box(self.levels.grid)
         boxes = [mesh.bounds for mesh in self.meshes]
         boxes += [np.array([path.min(axis=0), path.max(axis=0)]) for path in self.paths]
+        boxes += [np.array([p.points.min(axis=0), p.points.max(axis=0)]) for p in self.points if len(p)]
         return np.array([np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)])
 
 
@@ -71,6 +88,7 @@ class _Found(NamedTuple):
     meshes: list[TriangleMesh]  # in the world frame
     mesh_files: list[Path]
     paths: list[tuple[np.ndarray, Mapping[str, Any]]]  # positions, and the metadata of their capture
+    points: list[PointCloud]
 
 
 def gather(
@@ -79,6 +97,7 @@ def gather(
     combine: bool = True,
     alpha: tuple[float, float] = (0.5, 0.5),
     unit: str | None = None,
+    clutter: str = "auto",
 ) -> Contents:
     """Take records and read files for the viewer, and group those that belong together.
 
@@ -93,6 +112,7 @@ def gather(
     combine : make one exhibit of the specular and the edge image of a simulation
     alpha : their weights at first (paper Eq. 8)
     unit : of mesh files whose unit is not clear
+    clutter : "auto", "lid": look for lids over the objects, as `remove_sheets` does; "none": do not
 
     Raises
     ------
@@ -105,7 +125,7 @@ def gather(
     if not a1 + a2 > 0:
         raise InputError("alpha is (0, 0); expected at least one weight above zero")
     share = a2 / (a1 + a2)
-    found = _Found([], [], [], [], [])
+    found = _Found([], [], [], [], [], [])
     for number, one in enumerate(shown, start=1):
         if isinstance(one, str | os.PathLike):
             _read(check_readable(one), found)
@@ -132,18 +152,23 @@ def gather(
                 masks=tuple(masks.get(first.path, ())),
                 meshes=(*found.meshes, *(_placed(path, first.metadata, unit) for path in found.mesh_files)),
                 paths=_paths_of(first, found),
+                points=tuple(found.points),
+                cover=None if pair or first.image is None else cover_of(first.image, clutter, low_band=_is_low(first)),
             )
         )
     for exhibit in exhibits:
+        if exhibit.levels is not None and exhibit.levels.grid.size > MOST_SEARCHED and clutter == "auto":
+            notes.append(f"{exhibit.title} is large: no lid was looked for; --clutter lid does")
         if exhibit.levels is not None and exhibit.levels.peak == 0:
             notes.append(f"{exhibit.title} is 0 everywhere: there is nothing to show")
     if not exhibits:
-        if not found.meshes and not found.mesh_files and not found.paths:
+        if not found.meshes and not found.mesh_files and not found.paths and not found.points:
             raise InputError("only masks were given; pass the images that they belong to as well")
         meshes = (*found.meshes, *(_placed(path, {}, unit) for path in found.mesh_files))
         names = [Path(one).name if isinstance(one, str | os.PathLike) else type(one).__name__ for one in shown]
         title = " + ".join(map(printable, names))
-        exhibits = [Exhibit(title=title, levels=None, meshes=meshes, paths=tuple(p for p, _ in found.paths))]
+        paths = tuple(path for path, _ in found.paths)
+        exhibits = [Exhibit(title=title, levels=None, meshes=meshes, paths=paths, points=tuple(found.points))]
     for image, exhibit in zip((g[0] for g in groups), exhibits, strict=False):
         if exhibit.levels is not None and exhibit.levels.block != (1, 1, 1):
             whole, block = " x ".join(map(str, image.grid.shape)), " x ".join(map(str, exhibit.levels.block))
@@ -202,6 +227,8 @@ def _add(path: Path, record: Any, found: _Found) -> bool:
         found.meshes.append(record.surface())
     elif isinstance(record, Scene | SceneObject):
         found.meshes.append(record.mesh)
+    elif isinstance(record, PointCloud):
+        found.points.append(record)
     else:
         return False
     return True
@@ -271,6 +298,11 @@ def _model(image: _Image) -> str | None:
         return stated[-1] if stated[-1] in ("specular", "edge") else None
     kind = mito.kind_of("radars", image.path.name)
     return _MODELS.get(kind[1]) if kind else None
+
+
+def _is_low(image: _Image) -> bool:
+    """Whether it is of 24 GHz, by its place in the published layout or where it says that it was made from."""
+    return "24_ghz" in (*image.path.resolve().parts, *str(image.metadata.get("source", "")).split("/"))
 
 
 def _stem(image: _Image) -> tuple[Path, str]:
@@ -345,35 +377,3 @@ def _placed(path: Path, metadata: Mapping[str, Any], unit: str | None) -> Triang
         return load_mesh(path, unit=unit)
     turned = placed.get("rotate_deg", (0.0, 0.0, 0.0))
     return Scene.from_mesh(path, vertices=None, unit=unit or placed.get("unit"), rotate_deg=turned).mesh
-
-
-# Titles ------------------------------------------------------------------------------------------------------------
-
-
-def titles_of(paths: list[Path], paired: list[bool]) -> list[str]:
-    """A title for each image; where two would be the same, their folders come with them."""
-    titles = [_title(path, pair) for path, pair in zip(paths, paired, strict=True)]
-    return [
-        f"{printable(path.resolve().parent.name)}/{title}" if titles.count(title) > 1 else title
-        for path, title in zip(paths, titles, strict=True)
-    ]
-
-
-def _title(path: Path, paired: bool) -> str:
-    """What a file shows, in words: by its place in the published layout, or by its name."""
-    parts = Path(mito.origin(os.path.abspath(path))).parts
-    kind = mito.kind_of("radars", path.name)
-    if len(parts) < 3 or kind is None:
-        name = path.name.removesuffix(path.suffix).removesuffix(".image")
-        for word in ("specular", "edges", "edge") if paired else ():
-            name = name.replace(word, "")
-        return printable(name.strip(". -_") or path.stem) + (", specular + edge" if paired else "")
-    called = mito.object_of(parts[0])
-    words = [called[1] if called else parts[0]]
-    words += [part.replace("_", "/") + "°" for part in parts if mito.angles_of(part) and part != "0_0_0"]
-    words += [part for part in parts if (mito.experiment_of(part) or 1) > 1]
-    words += ["simulated"] if "simulation" in parts else []
-    words += [part.upper() for part in parts if part in mito.SIGHTS]
-    words += [part.replace("_ghz", " GHz") for part in parts if part in mito.RADARS]
-    words += [] if paired or not kind[1] else [kind[1].strip("_")]
-    return printable(", ".join(words).replace("_", " "))

@@ -47,19 +47,30 @@ class PaneGrid:
         most = MOST_POINTS // len(contents.exhibits)
         self.panes: list[Pane] = [Pane(server.scene, e, f"/pane{i}", most) for i, e in enumerate(contents.exhibits)]
         self.radius: float = max(pane.radius for pane in self.panes) * 1.12
-        self.distance: float = start_camera(len(self.panes), self.radius)
+        self.look_at, reach = self._focus()
+        self.distance: float = start_camera(len(self.panes), reach)
         camera = self.camera_of("aslant")
         server.initial_camera.fov = FOV
         server.initial_camera.near = self.distance / 100
         server.initial_camera.far = self.distance * 100
-        server.initial_camera.look_at = (0.0, 0.0, 0.0)
+        server.initial_camera.look_at = tuple(self.look_at)
         server.initial_camera.position = tuple(camera)
         self.place(camera, np.array([0.0, 0.0, 1.0]))
         self.show(settings)
 
     def camera_of(self, view: str) -> np.ndarray:
         """(3,) where the camera stands for one of `VIEWS`, so that all panes are seen."""
-        return self.distance * _unit(np.array(VIEWS[view]))
+        return self.look_at + self.distance * _unit(np.array(VIEWS[view]))
+
+    def _focus(self) -> tuple[np.ndarray, float]:
+        """What the camera looks at (3,), and how far around it is seen [m]: a lone image's carton, or all panes."""
+        (pane, *others), everything = self.panes, (np.zeros(3), self.radius)
+        cover = pane.exhibit.cover
+        if others or cover is None:
+            return everything
+        middle = np.append(cover.extent.mean(axis=0), cover.ceiling) - pane.middle
+        reach = 1.12 * float(np.linalg.norm(np.ptp(cover.extent, axis=0))) / 2
+        return (middle, reach) if 0 < reach < self.radius else everything
 
     def place(self, camera: np.ndarray, up: np.ndarray) -> None:
         """Put the panes side by side as seen from a camera at (3,)."""
@@ -68,6 +79,15 @@ class PaneGrid:
         with self._server.atomic():
             for pane, placement in zip(self.panes, placed(len(self.panes), self.radius, camera, up), strict=True):
                 pane.place(placement)
+
+    def told_at(self, origin: np.ndarray, direction: np.ndarray, settings: ViewSettings) -> str:
+        """Value and place of what a ray (3,), (3,) in the scene meets first, in words; empty for nothing."""
+        met = [one for pane in self.panes if (one := pane.pick(origin, direction, settings)) is not None]
+        if not met:
+            return ""
+        first = min(met, key=lambda one: one.distance)
+        place = ", ".join(f"{name} {100 * at:.1f}" for name, at in zip("xyz", first.place, strict=True))
+        return f"{place} cm: {first.db:.1f} dB, |I| {first.magnitude:.3g}".replace("-", "\u2212")
 
     def show(self, settings: ViewSettings) -> None:
         """Draw the panes by these settings."""

@@ -9,6 +9,7 @@ from millisight.core.errors import InputError
 from millisight.data import SarImage, VoxelGrid
 from millisight.imaging import combine
 from millisight.viz import borders
+from millisight.viz.viewer._clip import kept_voxels
 
 FLOOR_DB = -60.0
 """Nothing weaker is shown, under an image's own maximum [dB]."""
@@ -46,9 +47,10 @@ class Levels:
             peak=checked_number(self.peak, name="peak", minimum=0),
         )
 
-    def strongest(self, threshold_db: float, most: int) -> Cloud:
-        """At most `most` voxels of at least `threshold_db` under the maximum."""
-        flat = self.db.reshape(-1)
+    def strongest(self, threshold_db: float, most: int, limits: np.ndarray | None = None) -> Cloud:
+        """At most `most` voxels of at least `threshold_db` under the maximum, within `limits` (2, 3) [m]."""
+        kept = np.s_[:, :, :] if limits is None else kept_voxels(self.grid, limits)
+        flat = self.db[kept].reshape(-1)
         chosen = np.flatnonzero(flat >= threshold_db)
         above = len(chosen) if self.peak > 0 else 0
         chosen = chosen[:above]
@@ -58,8 +60,8 @@ class Levels:
             equal = chosen[flat[chosen] == weakest]
             chosen = np.concatenate([stronger, equal[: most - len(stronger)]])
         chosen = chosen[np.argsort(-flat[chosen], kind="stable")]
-        axes = (self.grid.x, self.grid.y, self.grid.z)
-        index = np.unravel_index(chosen, self.db.shape)
+        axes = [axis[part] for axis, part in zip((self.grid.x, self.grid.y, self.grid.z), kept, strict=True)]
+        index = np.unravel_index(chosen, [len(axis) for axis in axes])
         points = np.stack([axis[i] for axis, i in zip(axes, index, strict=True)], axis=-1)
         return Cloud(points.astype(np.float32), flat[chosen], above)
 
@@ -69,12 +71,16 @@ class Levels:
         nearest = int(np.abs(coordinates - at).argmin())
         return self._picture(self.db.take(nearest, axis=axis), axis, _MOST_PIXELS), float(coordinates[nearest])
 
-    def slabs(self, axis: int, most: int) -> list[tuple[np.ndarray, float]]:
-        """The image in at most `most` slabs across `axis`: the strongest in each, as a picture, and its middle [m]."""
-        coordinates = (self.grid.x, self.grid.y, self.grid.z)[axis]
-        thick = -(-len(coordinates) // most)
+    def slabs(self, axis: int, most: int, limits: np.ndarray | None = None) -> list[tuple[np.ndarray, float]]:
+        """The image in at most `most` slabs across `axis`: the strongest in each, as a picture, and its middle [m].
+
+        Of `limits` (2, 3) [m] those along `axis` leave slices out.
+        """
+        kept = slice(None) if limits is None else kept_voxels(self.grid, limits)[axis]
+        coordinates = (self.grid.x, self.grid.y, self.grid.z)[axis][kept]
+        thick = max(1, -(-len(coordinates) // most))
         parts = [slice(start, start + thick) for start in range(0, len(coordinates), thick)]
-        views = np.moveaxis(self.db, axis, 0)
+        views = np.moveaxis(self.db, axis, 0)[kept]
         return [
             (self._picture(views[part].max(axis=0), axis, _MOST_SLAB_PIXELS), float(coordinates[part].mean()))
             for part in parts

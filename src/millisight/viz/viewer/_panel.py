@@ -1,6 +1,6 @@
 """The viewer's panel: every control, and what it says about the files."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from html import escape
 from typing import Any
@@ -12,7 +12,7 @@ from millisight.core.errors import MillisightError
 from millisight.viz import grid_box
 from millisight.viz.viewer._layout import VIEWS, PaneGrid
 from millisight.viz.viewer._levels import FLOOR_DB
-from millisight.viz.viewer._settings import ViewSettings, colour_bar
+from millisight.viz.viewer._settings import UNLIMITED, ViewSettings, colour_bar
 
 
 class ControlPanel:
@@ -24,23 +24,33 @@ class ControlPanel:
         self._gui, self._panes, self._change, self._look_from = gui, panes, change, look_from
         self._exhibits = panes.contents.exhibits
         self._images = [e for e in self._exhibits if e.levels is not None]
+        self._controls: dict[str, tuple[Any, Callable[[Any], Any]]] = {}  # by setting; what each shows of its value
+        self._sliders: list[Any] = []  # of the slices
         gui.main_panel.dock_right()
         if any(e.pair for e in self._exhibits):
             self._add_weights(settings)
         if self._images:
             self._add_image(settings)
+        self._add_limits(settings)
         self._add_around(settings)
         self._add_views()
         self._add_export(picture, page)
         self._about = gui.add_html("")
         self.update(settings)
 
+    def follow(self, settings: ViewSettings) -> None:
+        """Let the controls show settings that were not made by them."""
+        for name, (control, shown) in self._controls.items():
+            control.value = shown(getattr(settings, name))
+        for slider, at in zip(self._sliders, settings.at, strict=False):
+            slider.value = float(np.clip(round(at, 3), slider.min, slider.max))
+
     def update(self, settings: ViewSettings) -> None:
         """Show the colour bar, the weights and the facts of what is shown now."""
         if self._images:
             self._bar.content = colour_bar(settings)
-            for slider in self._sliders:
-                slider.visible = settings.slices
+        for slider in self._sliders:
+            slider.visible = settings.slices
         if any(e.pair for e in self._exhibits):
             self._weights.content = _formula(settings.share)
         self._about.content = self._facts(settings)
@@ -60,13 +70,12 @@ class ControlPanel:
             self._add_slices(settings)
             self._check("volume", "volume", settings, "all slices along z, semi-transparent")
             threshold = self._gui.add_slider(
-                "threshold [dB]",
-                FLOOR_DB,
-                0.0,
-                0.5,
-                max(settings.threshold_db, FLOOR_DB),
-                hint="weaker voxels are hidden",
+                "threshold [dB]", FLOOR_DB, 0.0, 0.5, settings.threshold_db, hint="weaker voxels are hidden"
             )
+            top = self._gui.add_slider(
+                "0 dB at [dB]", FLOOR_DB, 0.0, 0.5, settings.top_db,
+                hint="the level that dB count from, under the image's maximum: lower it to see what is weak",
+            )  # fmt: skip
             reach = self._gui.add_slider(
                 "range [dB]", 5.0, -FLOOR_DB, 1.0, float(np.clip(settings.range_db, 5, -FLOOR_DB)),
                 hint="dynamic range of the colours",
@@ -77,25 +86,50 @@ class ControlPanel:
                 self._check("common", "one scale for all", settings, "dB under the strongest image's maximum")
             self._bar = self._gui.add_html(colour_bar(settings))
         self._bind(threshold, "threshold_db")
-        self._bind(reach, "range_db")
+        self._bind(top, "top_db")
+        self._bind(reach, "range_db", shown=lambda value: float(np.clip(value, 5, -FLOOR_DB)))
         self._bind(colormap, "colormap")
 
     def _add_slices(self, settings: ViewSettings) -> None:
         boxes = [grid_box(e.levels.grid) for e in self._images if e.levels is not None]
-        lower, upper = np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
-        self._sliders = []
-        lower, upper = np.floor(lower * 1e3) / 1e3, np.ceil(upper * 1e3) / 1e3
-        for axis, name in enumerate("xyz"):
-            first, last = float(lower[axis]), float(upper[axis])
+        for axis, (first, last) in enumerate(in_millimetres(boxes)):
             at = float(np.clip(round(settings.at[axis], 3), first, last))
-            slider = self._gui.add_slider(f"{name} [m]", first, last, 0.001, at, visible=settings.slices)
-            slider.on_update(lambda _: self._change(at=tuple(float(s.value) for s in self._sliders)))
+            slider = self._gui.add_slider(f"{'xyz'[axis]} [m]", first, last, 0.001, at, visible=settings.slices)
+            slider.on_update(lambda event: event.client and self._change(at=tuple(s.value for s in self._sliders)))
             self._sliders.append(slider)
+
+    def _add_limits(self, settings: ViewSettings) -> None:
+        with self._gui.add_folder("Clip"):
+            hint = "what is outside is hidden"
+            for axis, (first, last) in enumerate(in_millimetres([e.bounds for e in self._exhibits])):
+                label = f"{'xyz'[axis]} [m]" if axis < 2 else "depth z [m]"
+
+                def shown(limits: tuple[float, float], first: float = first, last: float = last) -> Any:
+                    low, high = (float(round(limit, 3)) for limit in np.clip(limits, first, last))
+                    return low, high
+
+                def meant(value: Any, first: float = first, last: float = last) -> Any:
+                    return (-np.inf if value[0] <= first else value[0]), (np.inf if value[1] >= last else value[1])
+
+                name = f"clip_{'xyz'[axis]}"
+                control = self._gui.add_multi_slider(
+                    label, first, last, 0.001, shown(getattr(settings, name)), hint=hint
+                )
+                self._bind(control, name, shown=shown, meant=meant)
+            opacity = self._gui.add_slider(
+                "opacity", 0.0, 1.0, 0.05, settings.opacity, hint="of slices, volume and meshes"
+            )
+            if any(e.cover is not None and e.cover.levels is not None for e in self._exhibits):
+                self._check("clutter", "lid", settings, "the echo of lids and other sheets")
+            everything = self._gui.add_button("Show everything", hint="no limits, and the lid as it is")
+        self._bind(opacity, "opacity")
+        everything.on_click(lambda _: self._change(**UNLIMITED, followed=True))
 
     def _add_around(self, settings: ViewSettings) -> None:
         with self._gui.add_folder("Surroundings"):
             if any(e.meshes for e in self._exhibits):
-                self._check("mesh", "mesh", settings)
+                self._check("mesh", "mesh", settings, "surfaces, and their outlines in the slices")
+                self._check("normals", "normals", settings, "the mesh's vertices as oriented points")
             if any(e.paths for e in self._exhibits):
                 self._check("path", "radar's path", settings, "positions and outline of the aperture")
             if any(e.masks for e in self._exhibits):
@@ -120,15 +154,25 @@ class ControlPanel:
 
             @button.on_click
             def _(event: Any, kind: str = kind, take: Any = take, suffix: str = suffix) -> None:
-                with _explained(event.client, f"no {kind}"):
+                with explained(event.client, f"no {kind}"):
                     event.client.send_file_download(f"millisight.{suffix}", take(event.client), save_immediately=True)
 
     def _check(self, name: str, label: str, settings: ViewSettings, hint: str | None = None) -> None:
         self._bind(self._gui.add_checkbox(label, getattr(settings, name), hint=hint), name)
 
-    def _bind(self, control: Any, name: str) -> None:
-        """Let a control change the setting of that name."""
-        control.on_update(lambda _: self._change(**{name: control.value}))
+    def _bind(
+        self, control: Any, name: str, *, shown: Callable[[Any], Any] = lambda value: value, meant: Any = None
+    ) -> None:
+        """Let a control change the setting of that name, and follow it: it shows `shown(setting)`, and means
+        `meant(value)`.
+        """
+        self._controls[name] = control, shown
+
+        def update(event: Any) -> None:
+            if event.client is not None:  # a user's, and not the viewer's own
+                self._change(**{name: meant(control.value) if meant else control.value})
+
+        control.on_update(update)
 
     # What it says --------------------------------------------------------------------------------------------------
 
@@ -149,12 +193,19 @@ class ControlPanel:
         return '<div style="padding:4px 12px;font-size:0.8em;line-height:1.45">' + "<br>".join(lines) + "</div>"
 
 
+def in_millimetres(boxes: list[np.ndarray]) -> list[tuple[float, float]]:
+    """The ends of sliders along each axis that reach over all boxes (2, 3), in whole millimetres [m]."""
+    lower, upper = np.min([box[0] for box in boxes], axis=0), np.max([box[1] for box in boxes], axis=0)
+    lower, upper = np.floor(lower * 1e3 - 1e-6) / 1e3, np.ceil(upper * 1e3 + 1e-6) / 1e3
+    return [(float(round(low, 3)), float(round(high, 3))) for low, high in zip(lower, upper, strict=True)]
+
+
 def _formula(share: float) -> str:
     return f'<div style="padding:0 12px 6px;font-size:0.82em">I = {1 - share:.2f} specular + {share:.2f} edge</div>'
 
 
 @contextmanager
-def _explained(client: Any, title: str) -> Iterator[None]:
+def explained(client: Any, title: str) -> Iterator[None]:
     """Tell the user in the browser why what was asked for did not come."""
     try:
         yield

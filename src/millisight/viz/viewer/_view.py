@@ -19,6 +19,7 @@ def view(
     combine: bool = True,
     alpha: tuple[float, float] = (0.5, 0.5),
     unit: str | None = None,
+    clutter: str = "auto",
     host: str = HOST,
     port: int | None = None,
     **settings: Any,
@@ -30,17 +31,20 @@ def view(
 
     Parameters
     ----------
-    shown : SarImage; around them Mask, VolumeMask, Capture, Trajectory, TriangleMesh, SceneObject and Scene; or paths
-        of files, as for `millisight view`
+    shown : SarImage; around them Mask, VolumeMask, Capture, Trajectory, TriangleMesh, SceneObject, Scene and
+        PointCloud; or paths of files, as for `millisight view`
     block : wait until Ctrl-C, then close; the address is written to the standard error
     browser : open the page in a browser window, where there is one; else open the viewer's `url` yourself
     combine : make one view of the specular and the edge image of a simulation
     alpha : their weights at first (paper Eq. 8)
     unit : of mesh files whose unit is not clear: "m", "cm", "mm" or "in"
+    clutter : "auto": if there is a lid over the objects in an image, open under it, its echo taken off; "lid":
+        likewise, in large images too and if it is less sure; "none": open with everything in view
     host : address to listen on; "0.0.0.0" gives other machines access, without a password
     port : None: 8080, or the next free one
     **settings : to begin with: `threshold_db` and `range_db` [dB], `colormap`, `points`, `slices`, `volume`, `common`,
-        and the others of `millisight.viz.viewer.ViewSettings`
+        `clip_x`, `clip_y` and `clip_z` [m], `top_db` [dB], `opacity`, and the others of
+        `millisight.viz.viewer.ViewSettings`
 
     Returns
     -------
@@ -60,7 +64,7 @@ def view(
     """
     for name in settings:
         check_known("setting", name, [field.name for field in fields(ViewSettings)])
-    contents = gather(shown, combine=combine, alpha=alpha, unit=unit)
+    contents = gather(shown, combine=combine, alpha=alpha, unit=unit, clutter=clutter)
     viewer = Viewer(contents, first_settings(contents, **settings), host=host, port=port)
     if browser:
         open_browser(viewer.url)

@@ -15,12 +15,16 @@ from matplotlib.figure import Figure
 from millisight.core import atomic_path
 from millisight.core.errors import DeviceError
 from millisight.viz import Scale, checked_colormap, styled
+from millisight.viz.viewer._address import from_address, to_address
 from millisight.viz.viewer._contents import Contents
+from millisight.viz.viewer._keys import KEYS, VIEW_KEYS, changes_of, limits_text, note_on, under_the_lid
 from millisight.viz.viewer._layout import PaneGrid
-from millisight.viz.viewer._panel import ControlPanel
+from millisight.viz.viewer._levels import FLOOR_DB
+from millisight.viz.viewer._page_link import PageLink
+from millisight.viz.viewer._panel import ControlPanel, explained
 from millisight.viz.viewer._server import HOST, first_client, headless_browser, start, url_of
-from millisight.viz.viewer._settings import ViewSettings
-from millisight.viz.viewer._share import page
+from millisight.viz.viewer._settings import ViewSettings, reference_text
+from millisight.viz.viewer._share import page, title_of
 
 BACKGROUND = (26, 27, 30)
 _PATIENCE = 40.0  # with a browser [s]
@@ -49,12 +53,14 @@ class Viewer:
         self.settings: ViewSettings = settings or first_settings(contents)
         self.painted: ViewSettings = self.settings
         self._wanted, self._ended = threading.Condition(), False
+        self._links: dict[int, PageLink] = {}  # by the browser's number
         self._painter = threading.Thread(target=self._paint, daemon=True)
         self.server: Any = start(host, port)
         try:
             self.panes: PaneGrid = PaneGrid(self.server, contents, self.settings)
+            self.server.gui.set_panel_label(f"millisight: {self.title}")
             self._panel = ControlPanel(
-                self.server.gui, self.panes, self.settings, change=self.change, look_from=self.look_from,
+                self.server.gui, self.panes, self.settings, change=self._set, look_from=self.look_from,
                 picture=self.picture, page=self._page,
             )  # fmt: skip
         except BaseException:
@@ -62,6 +68,12 @@ class Viewer:
             raise
         self._painter.start()
         self.server.on_client_connect(self._greet)
+        self.server.on_client_disconnect(lambda client: self._links.pop(client.client_id, None))
+
+    @property
+    def title(self) -> str:
+        """What is shown, in a few words."""
+        return title_of(self.panes.contents)
 
     @property
     def url(self) -> str:
@@ -70,9 +82,37 @@ class Viewer:
 
     def change(self, **settings: Any) -> None:
         """Change settings by name; the scene follows, and skips what was changed again before it was drawn."""
+        self._set(**settings, followed=True)
+
+    def _set(self, *, followed: bool = False, **settings: Any) -> None:
+        """Change settings; `followed`: the controls do not show them yet."""
         with self._wanted:
             self.settings = dataclasses.replace(self.settings, **settings)
             self._wanted.notify_all()
+        if followed:
+            self._panel.follow(self.settings)
+        for link in [*self._links.values()]:
+            self._tell(link)
+
+    def _tell(self, link: PageLink) -> None:
+        """Let a page write the settings into its address, and say what is hidden."""
+        link.tell(address=to_address(self.settings), **note_on(self.settings, self.panes.contents.exhibits))
+
+    def _hear(self, link: PageLink, message: dict[str, Any]) -> None:
+        """Do what a page asks for."""
+        if "ray" in message:
+            ray = np.array(message["ray"], dtype=float)
+            link.tell(picked=self.panes.told_at(ray[:3], ray[3:], self.settings))
+        elif message.get("key") in VIEW_KEYS:
+            self.look_from(link.client, VIEW_KEYS[message["key"]])
+        elif message.get("key") in KEYS:
+            self.change(**changes_of(message["key"], self.settings, self.panes.contents.exhibits))
+        elif "address" in message:
+            with explained(link.client, "the address is not understood"):
+                if message["address"] is not None:
+                    asked = from_address(message["address"])
+                    self.change(**{field.name: getattr(asked, field.name) for field in dataclasses.fields(asked)})
+            self._tell(link)
 
     def _paint(self) -> None:
         """Draw what was asked for last, over and over."""
@@ -91,6 +131,8 @@ class Viewer:
 
     async def _greet(self, client: Any) -> None:
         """Let the panes follow a browser's camera; asynchronous, so that places arrive in the camera's order."""
+        link = PageLink(client, title=self.title, keys=[*KEYS.items()], heard=self._hear)
+        self._links[client.client_id] = link
 
         async def follow(camera: Any) -> None:
             self.panes.place(camera.position, camera.up_direction)
@@ -103,7 +145,7 @@ class Viewer:
         with client.atomic():
             client.camera.up_direction = (0.0, 0.0, 1.0)
             client.camera.position = tuple(self.panes.camera_of(view))
-            client.camera.look_at = (0.0, 0.0, 0.0)
+            client.camera.look_at = tuple(self.panes.look_at)
 
     def picture(self, client: Any, size: tuple[int, int] | None = None) -> bytes:
         """A PNG of what a browser shows, with the colour bar.
@@ -127,7 +169,7 @@ class Viewer:
 
     def _page(self, client: Any) -> bytes:
         """What a browser shows, as a page to share."""
-        camera = client.camera.position, client.camera.up_direction
+        camera = client.camera.position, client.camera.up_direction, client.camera.look_at
         return page(self.panes.contents, self.settings, camera).encode()
 
     def screenshot(self, path: Path, *, size: tuple[int, int] = (1200, 800)) -> None:
@@ -174,10 +216,17 @@ class Viewer:
 
 
 def first_settings(contents: Contents, **settings: Any) -> ViewSettings:
-    """How to show these contents first: planes through the first image's strongest voxel, weights as they are."""
+    """How to show these contents first: under the lid where there is one, planes through the first image's strongest
+    voxel there, weights as they are.
+    """
+    settings = {**under_the_lid(contents.exhibits), **settings}
+    shown = ViewSettings(**settings)
     for exhibit in contents.exhibits:
         if exhibit.levels is not None:
-            strongest = exhibit.levels.strongest(0.0, 1).points
+            levels = exhibit.levels
+            if exhibit.cover is not None and exhibit.cover.levels is not None and not shown.clutter:
+                levels = exhibit.cover.levels
+            strongest = levels.strongest(FLOOR_DB, 1, shown.limits).points
             settings.setdefault("at", tuple(map(float, strongest[0] if len(strongest) else exhibit.bounds.mean(0))))
             break
     shares = [exhibit.share for exhibit in contents.exhibits if exhibit.pair is not None]
@@ -203,8 +252,8 @@ def _with_colour_bar(shown: np.ndarray, settings: ViewSettings, bar: bool) -> by
         scale = Scale("db", -settings.range_db)
         shades = ScalarMappable(scale.norm, checked_colormap(settings.colormap))
         colours = figure.colorbar(shades, cax=axes, orientation="horizontal")
-        reference = "the strongest image's maximum" if settings.common else "each image's maximum"
-        colours.set_label(f"|I|  [dB under {reference}], from {settings.threshold_db:g} dB".replace("-", "\u2212"))
+        told = [f"|I|  [dB under {reference_text(settings)}], from {settings.threshold_db:g} dB", limits_text(settings)]
+        colours.set_label("; ".join(filter(None, told)).replace("-", "\u2212"))
     written = BytesIO()
     figure.savefig(written, format="png", dpi=dpi, metadata={"Software": None})
     return written.getvalue()
