@@ -14,7 +14,7 @@ help:
 	@echo "make setup        everything but torch, into $(VENV)"
 	@echo "make setup-train  setup, and torch"
 	@echo "make hooks        setup, and lint before every commit (pre-commit)"
-	@echo "make demo         the main job: simulate and image three objects, into demo/index.html"
+	@echo "make demo         the main job: image three objects, and scissors in a carton, into demo/index.html"
 	@echo "make test         all tests and doctests (TESTS=path or -k name for some, WORKERS=2 processes)"
 	@echo "make coverage     make test, and how much of the code it ran: build/coverage/index.html"
 	@echo "make fuzz         100 000 damaged files against every reader (COUNT=)"

@@ -1,4 +1,4 @@
-"""Makes the pictures of this folder that show a generated dataset.
+"""Makes the pictures of this folder that show a generated dataset; hidden.png is `carton.png` of `millisight demo`.
 
 millisight generate examples/recipes/bench24.toml -o bench24
 python docs/images/from_dataset.py bench24
@@ -16,7 +16,6 @@ from millisight.perception.segmentation import segment
 from millisight.viz import (
     cut_out,
     plot_depth_holes,
-    plot_hidden,
     plot_multispectral,
     plot_samples,
     plot_segmentation_steps,
@@ -42,15 +41,6 @@ class Experiment:
     @property
     def mask(self):
         return read_published(self.folder / "los/processed/camera/camera_masks.pkl").record
-
-
-def hidden(of: Experiment):
-    """The first page's picture: photos cut to the shut box, which reaches a little farther than the object."""
-    where = np.argwhere(of.mask.pixels)
-    low, high = where.min(axis=0), where.max(axis=0)
-    margin = ((0.45, 0.28) * (high - low)).astype(int) + 12
-    cut = tuple(slice(max(0, a), b) for a, b in zip(low - margin, high + margin, strict=True))
-    return plot_hidden(of.frame("los").rgb[cut], of.frame("nlos").rgb[cut], of.image("nlos", 77))
 
 
 def samples(root: Path):
@@ -84,7 +74,6 @@ def depth_holes(of: Experiment):
 def main(root: Path) -> None:
     scissors, padlock = Experiment(root, "037_scissors"), Experiment(root, "038_padlock")
     made = {
-        "hidden": hidden(scissors),
         "samples": samples(root),
         "multispectral": multispectral(padlock, "inferno"),
         "multispectral_jet": multispectral(padlock, "jet"),

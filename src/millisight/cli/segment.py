@@ -21,7 +21,14 @@ from millisight.cli.options import Images, Multispectral, RadarChoice, SamDevice
 from millisight.core import check_readable, make_folder, printable
 from millisight.core.errors import FormatError, InputError, MillisightError
 from millisight.data import Instances, Prompts, SarImage, VolumeMask
-from millisight.perception.segmentation import Segmented, Segmenter, extend_mask, find_mask, segment_instances
+from millisight.perception.segmentation import (
+    Segmented,
+    Segmenter,
+    doubts_of,
+    extend_mask,
+    find_mask,
+    segment_instances,
+)
 
 OtherBand = Annotated[
     Path | None,
@@ -171,7 +178,10 @@ def segment(
             from millisight.viz import plot_segmentation, save_figure
 
             save_figure(plot_segmentation(segmented, title=source.name), drawn)
-        return _entry(source, to, "mask", by.name, [segmented.inside], segmented.score)
+        return {
+            **_entry(source, to, "mask", by.name, [segmented.inside], segmented.score),
+            "doubts": _doubts(segmented),
+        }
 
     def several(source: ImageSource, to: Path, drawn: Path | None) -> dict[str, Any]:
         image, other = source.images()
@@ -316,6 +326,14 @@ def _write(to: Path, found: Segmented, source: ImageSource, by: Segmenter, *, se
         say(f"{source.name}: nothing found, by {by.name}{prompted}; wrote an empty mask to {to}")
         return
     say(f"{source.name}: mask of {share}, by {by.name}{prompted}; wrote {to}")
+    for doubt in _doubts(found):
+        say(f"  {doubt}")
+
+
+def _doubts(found: Segmented) -> tuple[str, ...]:
+    """What speaks against a mask; see `doubts_of`."""
+    image = found.picture.image
+    return () if image is None else doubts_of(found.mask, image, covered=found.picture.covered)
 
 
 def _read_prompts(path: Path) -> Prompts:

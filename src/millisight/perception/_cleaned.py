@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 
 from millisight.data import SarImage
-from millisight.imaging import remove_sheets
+from millisight.imaging import SheetRemoval, remove_sheets
 
 Condition = Literal["los", "nlos"]
 """Whether something is known to cover the scene ("nlos"), as a lid or a cloth does."""
@@ -16,10 +16,13 @@ HIGH_BAND, LOW_BAND = 79e9, 24.125e9
 
 
 @lru_cache(maxsize=4)
+def sheets_in(image: SarImage, *, frequency: float = HIGH_BAND, covered: bool = False) -> SheetRemoval[SarImage]:
+    """The lids, cloths and walls in an image, as by `remove_sheets`; the last four are kept. See `without_sheets`."""
+    return remove_sheets(image, frequency=frequency, clutter="lid" if covered else "auto")
+
+
 def without_sheets(image: SarImage, *, frequency: float = HIGH_BAND, covered: bool = False) -> SarImage:
     """The image without lids, cloths and walls, as by `remove_sheets`; as it is where that was done before.
-
-    The last four are kept, since segmenting and classifying look at the same image.
 
     Parameters
     ----------
@@ -29,7 +32,7 @@ def without_sheets(image: SarImage, *, frequency: float = HIGH_BAND, covered: bo
     """
     if any(step.get("step") == "remove_sheets" for step in image.metadata.get("history", ())):
         return image
-    return remove_sheets(image, frequency=frequency, clutter="lid" if covered else "auto").result
+    return sheets_in(image, frequency=frequency, covered=covered).result
 
 
 def taken_db(cleaned: SarImage) -> float:

@@ -2,6 +2,7 @@ from ._blind import BLIND_SHAPES as BLIND_SHAPES
 from ._blind import BlindSegmenter as BlindSegmenter
 from ._blind import ThresholdSegmenter as ThresholdSegmenter
 from ._classical import ClassicalSegmenter as ClassicalSegmenter
+from ._doubts import doubts_of as doubts_of
 from ._instances import InstanceSettings as InstanceSettings
 from ._instances import instance_levels as instance_levels
 from ._instances import segment_instances as segment_instances

@@ -1,0 +1,46 @@
+"""What speaks against a mask: it may be a lid's, or a part of something that goes on beyond the picture."""
+
+import numpy as np
+
+from millisight.data import Mask, SarImage
+from millisight.perception import HIGH_BAND, sheets_in
+
+_ALIKE = 0.6  # intersection over union of a mask with what is flat
+_AT_EDGE = 0.1  # of a mask's outline that lies on the picture's edge
+
+
+def doubts_of(mask: Mask, image: SarImage, *, covered: bool = False) -> tuple[str, ...]:
+    """Reasons to look at a mask again, as sentences; none where nothing speaks against it.
+
+    Parameters
+    ----------
+    mask : Mask
+    image : in which it was found, on the same pixels
+    covered : whether a lid was known to lie over the scene, as `find_mask` was told
+    """
+    inside = mask.inside
+    if not inside.any() or 1 in inside.shape:
+        return ()
+    doubts = []
+    padded = np.pad(inside, 1)
+    neighbours = [padded[1 + i : padded.shape[0] - 1 + i, 1 + j : padded.shape[1] - 1 + j] for i, j in _BESIDE]
+    outline = inside & ~np.logical_and.reduce(neighbours)
+    edge = np.ones_like(inside)
+    edge[1:-1, 1:-1] = False
+    if (outline & edge).sum() > _AT_EDGE * outline.sum():
+        doubts.append("the mask runs to the edge of the picture: what it marks may go on beyond; image a larger area")
+    if not covered and not sheets_in(image, frequency=HIGH_BAND).sheets:
+        # What would be taken off as a lid if one were known to be there.
+        for flat in sheets_in(image, frequency=HIGH_BAND, covered=True).sheets:
+            x, y = mask.grid_xy.x[:, None], mask.grid_xy.y
+            box = (flat.lower[0] <= x) & (x <= flat.upper[0]) & (flat.lower[1] <= y) & (y <= flat.upper[1])
+            if (inside & box).sum() > _ALIKE * (inside | box).sum():
+                doubts.append(
+                    "the mask covers something flat, which may be a lid or the top of a box; if it is a lid, say so: "
+                    'condition="nlos", or --condition nlos'
+                )
+                break
+    return tuple(doubts)
+
+
+_BESIDE = ((-1, 0), (1, 0), (0, -1), (0, 1))
