@@ -36,6 +36,7 @@ def opened(driver, viewer):
     driver.get(viewer.url)
     wait(lambda: driver.execute_script(POINTS, "/pane0"))
     wait(lambda: "millisight" in driver.title)
+    wait(lambda: "camera=" in driver.current_url)  # it has come to rest
     return wait(lambda: next(iter(viewer.server.get_clients().values()), None))
 
 
@@ -91,7 +92,6 @@ def test_a_reload_and_a_copied_address_show_the_same(carton, driver):
 
     with Viewer(found, settings) as viewer:
         opened(driver, viewer)
-        wait(lambda: "camera=" in driver.current_url)
         start = driver.current_url
         press(driver, "2", "-", "-", "[")
         driver.execute_script(TURN)
