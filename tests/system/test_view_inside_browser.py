@@ -37,7 +37,8 @@ def opened(driver, viewer):
     wait(lambda: driver.execute_script(POINTS, "/pane0"))
     wait(lambda: "millisight" in driver.title)
     wait(lambda: "camera=" in driver.current_url)  # it has come to rest
-    return wait(lambda: next(iter(viewer.server.get_clients().values()), None))
+    # The last one: the page of a viewer that was closed may have found this one, at the same port.
+    return wait(lambda: [*viewer.server.get_clients().values()])[-1]
 
 
 def drawn(client):
