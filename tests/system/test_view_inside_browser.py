@@ -105,11 +105,11 @@ def test_a_reload_and_a_copied_address_show_the_same(carton, driver):
         driver.get(address)
         wait(lambda: kept() == before)
         wait(lambda: np.allclose(driver.execute_script(CAMERA), camera, rtol=1e-3, atol=1e-3))
+        driver.get("about:blank")  # before its server ends
 
     # The same address, of a viewer that has just been started.
     with Viewer(found, settings) as viewer:
         assert kept() != before
-        driver.get("about:blank")
         driver.get(viewer.url + "/?" + address.split("?")[1])
         wait(lambda: kept() == before)
         wait(lambda: np.allclose(driver.execute_script(CAMERA), camera, rtol=1e-3, atol=1e-3))
