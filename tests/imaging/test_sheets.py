@@ -252,8 +252,12 @@ def test_what_cannot_be_right_is_refused(path, spots):
     assert remove_sheets(capture, clutter="none").result is capture
     with pytest.raises(UnknownNameError, match="clutter"):
         remove_sheets(capture, clutter="box")
+    assert image.frequency == FREQUENCY
+    np.testing.assert_array_equal(
+        remove_sheets(image).result.values, remove_sheets(image, frequency=FREQUENCY).result.values
+    )
     with pytest.raises(InputError, match="does not state its frequency"):
-        remove_sheets(image)
+        remove_sheets(ms.SarImage(grid=image.grid, values=image.values))
     with pytest.raises(InputError, match="leave frequency out"):
         remove_sheets(capture, frequency=79e9)
     with pytest.raises(InputError, match="its own grid"):

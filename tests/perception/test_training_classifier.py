@@ -112,6 +112,25 @@ def test_masks_that_the_segmenter_finds_are_learned_from(recipe, examples):
     assert any((a.channels != b.channels).any() for a, b in zip(lesson.pool, plain.pool, strict=True))
 
 
+def test_images_of_other_bands_are_refused_where_they_tell_theirs():
+    pytest.importorskip("onnxruntime")
+    grid = VoxelGrid(x=0.004 * np.arange(30), y=0.004 * np.arange(30), z=0.0125 * np.arange(6))
+    values = np.zeros(grid.shape, np.complex64)
+    values[10:20, 10:20, 2] = 1
+    mask, by = Mask(grid_xy=grid.xy, inside=abs(values).max(axis=2) > 0), NetworkClassifier()
+
+    def of(frequency):
+        history = [{"step": "form_image", "frequency": frequency}] if frequency else []
+        return SarImage(grid=grid, values=values, metadata={"history": history})
+
+    for frequency, other in ((None, None), (79e9, 24.1e9), (77.5e9, None)):
+        assert by.classify(of(frequency), mask, other_band=other and of(other)).class_names
+    with pytest.raises(InputError, match=r"the image is of 24.1 GHz.*trained on 79 GHz, with or without 24 GHz"):
+        by.classify(of(24.1e9), mask)
+    with pytest.raises(InputError, match=r"other_band is of 79 GHz"):
+        by.classify(of(79e9), mask, other_band=of(79e9))
+
+
 def test_every_class_has_its_turn_and_so_has_every_scene():
     drawn = [
         TrainingScene(name, label, np.zeros(3), None)

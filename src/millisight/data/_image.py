@@ -145,6 +145,14 @@ class SarImage:
         index = np.unravel_index(np.argmax(self.magnitude), self.values.shape)
         return np.array([axis[i] for axis, i in zip((self.grid.x, self.grid.y, self.grid.z), index, strict=True)])
 
+    @property
+    def frequency(self) -> float | None:
+        """Centre of the band that `form_image` formed it of [Hz]; None where its history does not tell."""
+        for step in reversed(self.metadata.get("history", ())):
+            if step.get("step") == "form_image" and isinstance(step.get("frequency"), float):
+                return step["frequency"]
+        return None
+
     def to_xarray(self, *, parts: bool = False) -> Any:
         """The image for xarray, with coordinates in metres; `from_xarray` reads it back.
 

@@ -102,7 +102,8 @@ def form_image(
         raise InputError(f"oversampling is {oversampling}; expected a whole number of at least 1")
     if oversampling is not None and tolerance is not None:
         raise InputError("tolerance and oversampling are both given; pass one: the tolerance decides the oversampling")
-    settings: dict[str, Any] = {"method": method, "window": list(window_pair(window))}
+    frequency = float(capture.radar.waveform.center_frequency)
+    settings: dict[str, Any] = {"method": method, "window": list(window_pair(window)), "frequency": frequency}
     if method == "exact":
         values = _exact(capture, grid, window, progress)
     elif method == "sparse":

@@ -143,7 +143,7 @@ def remove_sheets(
     scene : SarImage, seen from above along z; or Capture, frames in memory or on disk
     clutter : "auto": take sheets that explain three quarters of the echoes where they are seen; "lid": 60 %, and also
         one that ends within the scene, since one is known to be there; "none": take nothing
-    frequency : centre of the band [Hz], of an image; a capture states its own
+    frequency : centre of the band [Hz], of an image; None: as its history tells. A capture states its own
     grid : what will be imaged of a capture. A sheet more than half a range resolution behind it hides nothing and is
         left: a wall or a floor, whose echo is not told from that of an object in front where the band is narrow
     most : sheets at most
@@ -156,14 +156,15 @@ def remove_sheets(
     Raises
     ------
     UnknownNameError, InputError
-        An argument is invalid, a capture has layers, or an image has no frequency.
+        An argument is invalid, a capture has layers, or nothing tells an image's frequency.
     """
     check_known("clutter", clutter, CLUTTER)
     most = checked_integer(most, name="most", minimum=1)
     lowest = -np.inf
     if isinstance(scene, SarImage):
+        frequency = scene.frequency if frequency is None else frequency
         if frequency is None:
-            raise InputError("an image does not state its frequency; pass frequency=79e9, for example [Hz]")
+            raise InputError("this image does not state its frequency; pass frequency=79e9, for example [Hz]")
         if grid is not None:
             raise InputError("an image has its own grid; leave grid out")
         centre = checked_number(frequency, name="frequency", unit="Hz", above=0)

@@ -18,7 +18,7 @@ HIGH_BAND, LOW_BAND = 79e9, 24.125e9
 @lru_cache(maxsize=4)
 def sheets_in(image: SarImage, *, frequency: float = HIGH_BAND, covered: bool = False) -> SheetRemoval[SarImage]:
     """The lids, cloths and walls in an image, as by `remove_sheets`; the last four are kept. See `without_sheets`."""
-    return remove_sheets(image, frequency=frequency, clutter="lid" if covered else "auto")
+    return remove_sheets(image, frequency=image.frequency or frequency, clutter="lid" if covered else "auto")
 
 
 def without_sheets(image: SarImage, *, frequency: float = HIGH_BAND, covered: bool = False) -> SarImage:
@@ -27,7 +27,7 @@ def without_sheets(image: SarImage, *, frequency: float = HIGH_BAND, covered: bo
     Parameters
     ----------
     image : SarImage
-    frequency : middle of its band [Hz]
+    frequency : middle of its band [Hz], where its history does not tell
     covered : whether a lid is known to lie over the scene: one that ends within it is then taken off, too
     """
     if any(step.get("step") == "remove_sheets" for step in image.metadata.get("history", ())):

@@ -42,6 +42,7 @@ _CLIPPED = 0.8  # of the maximum
 _LEAST = 1e-30  # power above 0
 _QUARTERS = 4
 _LEAST_TAKEN_DB = -0.1
+_BAND_RATIO = 1.15  # of a band's middle to that which was trained on
 
 
 def classifier_input(image: SarImage, mask: Mask, *, other_band: SarImage | None = None) -> np.ndarray:
@@ -214,8 +215,10 @@ class NetworkClassifier:
         Raises
         ------
         InputError
-            The mask is empty or on other pixels than the image, or an image is 0 under the mask.
+            The mask is empty or on other pixels than the image, an image is 0 under the mask, or an image is of another
+            band than those that it learned from.
         """
+        _check_bands(image, other_band)
         if other_band is not None:
             other_band = without_sheets(other_band, frequency=LOW_BAND) if len(self.bands) > 1 else None
         cleaned = without_sheets(image, frequency=HIGH_BAND)
@@ -230,6 +233,17 @@ class NetworkClassifier:
             class_names=self.class_names,
             threshold=how["threshold"],
         )
+
+
+def _check_bands(image: SarImage, other_band: SarImage | None) -> None:
+    """Refuse bands that no network was trained on, as far as the images tell theirs."""
+    for name, one, middle in (("the image", image, HIGH_BAND), ("other_band", other_band, LOW_BAND)):
+        known = None if one is None else one.frequency
+        if known is not None and not 1 / _BAND_RATIO < known / middle < _BAND_RATIO:
+            raise InputError(
+                f"{name} is of {known / 1e9:.3g} GHz, and the classifier was trained on {HIGH_BAND / 1e9:.0f} GHz, "
+                f"with or without {LOW_BAND / 1e9:.0f} GHz as the other band; pass an image of that"
+            )
 
 
 def _description(path: Path) -> dict[str, Any]:
