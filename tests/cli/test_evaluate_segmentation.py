@@ -138,3 +138,17 @@ def test_simulated_and_other_scenes_are_not_thrown_together(work):
     done = run(work, "--method", "classical")
     assert isinstance(done.exception, InputError)
     assert "evaluate them separately" in str(done.exception)
+
+
+def test_json_is_one_document_on_standard_output(work):
+    done = run(work, "--method", "classical", "--seeds", "1", "--failures", "0", "--json")
+    assert done.exit_code == 0, done.output
+    told = json.loads(done.stdout)
+    assert told.keys() == {"task", "page", "tables", "notes", "failures"}
+    assert told["task"] == "segmentation"
+    assert told["page"] == str(work / "out" / "index.html")
+    assert told["failures"] == []
+    assert len(told["tables"]) > 0
+    for table in told["tables"]:
+        assert {len(row) for row in table["rows"]} == {len(table["columns"])}
+    assert "wrote" in done.stderr

@@ -80,6 +80,18 @@ def test_noise_is_borne_up_to_a_level_and_beyond_it_no_clock_is_guessed():
     assert "too faint" in deaf.reason
 
 
+def test_no_scene_is_looked_for_where_the_rows_tell_too_little(monkeypatch):
+    """Which is most of the time for a large capture."""
+    capture, log, _ = scan(0.02, 0.0, count=12)
+    rng = np.random.default_rng(0)
+    frames = rng.normal(size=(*capture.frames.shape, 2)).astype(np.float32).view(np.complex64)[..., 0]
+    noise = ms.Capture(radar=capture.radar, trajectory=capture.trajectory, frames=frames)
+    monkeypatch.setattr("millisight.imaging._focus.bright_scene", lambda *_: pytest.fail("a scene was looked for"))
+    found = estimate_clock(noise, log, GRID, max_offset=0.2)
+    assert found.clock is None
+    assert "too coarse a start" in found.reason
+
+
 def test_a_radar_at_rest_and_too_few_rows():
     capture, log, _ = scan(0.02, 0.0, count=2, period=0.01)
     found = estimate_clock(capture, log, GRID)

@@ -161,13 +161,13 @@ def check_outputs(
     ------
     FileError, InputError, UnknownNameError
     """
-    for path in records:
-        if path is not None:
-            check_record_suffix(path)
     outputs = [path for path in (*records, *paths, *figures) if path is not None]
     for path in outputs:
         if source is not None and os.path.exists(source) and same_file(path, source):
             raise InputError(f"{path} is the input and would be overwritten; choose another name for the output")
+    for path in records:
+        if path is not None:
+            check_record_suffix(path)
     for one, other in combinations(outputs, 2):
         if same_file(one, other):
             raise InputError(f"{one} is given for two outputs; choose two names")

@@ -11,7 +11,7 @@ from millisight.cli.grids import outline_mesh
 from millisight.cli.image_steps import ImageSettings, check_stated, image_of, oddities
 from millisight.cli.options import RadarChoice
 from millisight.cli.sources import Source, sources
-from millisight.core import check_known, colormap_names, make_folder
+from millisight.core import check_known, checked_colormap, colormap_in_use, make_folder
 from millisight.core.errors import InputError, MillisightError
 from millisight.data import SarImage
 from millisight.imaging import CLUTTER, WINDOWS
@@ -127,7 +127,8 @@ def image(
     ] = None,
     db: Annotated[bool, typer.Option("--db", help="Plot in decibels.")] = False,
     colormap: Annotated[
-        str | None, typer.Option(help="Colour map of the pictures, such as jet or viridis. [default: inferno]")
+        str | None,
+        typer.Option(help=f"Colour map of the pictures, such as jet or viridis. [default: {colormap_in_use()}]"),
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Skip captures that are already imaged.")] = False,
 ) -> None:
@@ -140,7 +141,7 @@ def image(
     Example: millisight image MITO_Dataset/004_sugar_box -o images/ --plot images/ --clock apply
     """
     if colormap is not None:
-        check_known("--colormap", colormap, colormap_names())
+        checked_colormap(colormap)
     check_known("--clock", clock, _CLOCKS)
     check_known("--focus", focus, _FOCUSES)
     if clutter is not None:
