@@ -71,7 +71,8 @@ def dataset(tmp_path):
 
 def test_one_image_is_named_and_every_class_has_its_line(mug, run, tmp_path):
     code, out, err, _ = run("mug.image.h5", "--other-band", "mug24.h5", "--method", "classical")
-    assert (code, err) == (0, "")
+    assert code == 0
+    assert all(line.startswith("load ") for line in err.splitlines())  # how long that took
     assert out.splitlines() == [
         "mug: box 0.95 (mask: classical)",
         "  box     0.95  " + 38 * "#",

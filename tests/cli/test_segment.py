@@ -203,7 +203,7 @@ def test_voxels_with_their_surface_and_three_views(tmp_path, here):
     )
     assert "pass one of them" in here("mug.image.h5", "--volume", "--instances")[3]
     refused = here("mug.image.h5", "--volume", "--method", "classical", "-o", "mug.ply")[3]
-    assert "mug.ply is given for two outputs" in refused
+    assert "unknown format of mug.ply" in refused
 
 
 class Nothing:
