@@ -38,6 +38,8 @@ from ._images import plot_slices as plot_slices
 from ._local_page import asked_by_own_page as asked_by_own_page
 from ._local_page import listen as listen
 from ._local_page import open_browser as open_browser
+from ._napari import napari_layers as napari_layers
+from ._napari import napari_reader as napari_reader
 from ._notebook import html_card as html_card
 from ._notebook import plot_mask as plot_mask
 from ._notebook import plot_mesh as plot_mesh
