@@ -39,7 +39,7 @@ DESCRIPTIONS = {
 class Fake:
     """The long block is a box, and the square one a can: by the true mask alone; told by the weights' name."""
 
-    class_names = NAMES
+    class_names, bands = NAMES, ("77_ghz", "24_ghz")
 
     def __init__(self, weights):
         self.kind = str(weights).rpartition("/")[2].partition(".")[0]

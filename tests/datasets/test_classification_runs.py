@@ -25,6 +25,7 @@ class Fake:
 
     def __init__(self, weights):
         self.name, self.class_names = Path(weights).name, ("can", "handle", "box", "sphere")
+        self.bands = ("77_ghz", "24_ghz")
         self.description = {
             "sha256": f"sum of {self.name}", "objects": {"training": [], "validation": []}, "poses": {}, "seed": 1,
             "physics": "simulator", "parts": "both", "network": "small",

@@ -81,7 +81,8 @@ def test_multispectral_prompts_leave_out_what_one_band_alone_sees():
     assert streak.sum() > 50
     on_streak = {}
     for picture, prompts in by.seen:
-        given = next((name for name, made in evaluator.pictures.items() if made is picture), None)
+        same = (picture.image, picture.other_band)
+        given = next((name for name, made in evaluator.pictures.items() if (made.image, made.other_band) == same), None)
         points = prompts.points[prompts.positive]
         if given in (HIGH, BOTH):
             on_streak[given] = on_streak.get(given, 0) + streak[tuple(points.T)].sum()
