@@ -92,6 +92,8 @@ def test_the_wheel_holds_what_the_code_reads(wheel):
     names = zipfile.ZipFile(wheel).namelist()
     assert "millisight/py.typed" in names
     assert sum(name.startswith("millisight/data/presets/") for name in names) == 4
+    assert sum(name.startswith("millisight/cli/shut_carton/") for name in names) == 6
+    assert "millisight/viz/napari.yaml" in names
     assert not [name for name in names if name.startswith(("tests/", "docs/")) or name.endswith(".h5")]
 
 
