@@ -28,10 +28,12 @@ NEXT = {
 """Commands to try next, and what each shows."""
 
 _INTRODUCTION = """
-A radar moves over a mug, a wrench and a box, and measures at every position of a raster 20 cm above them. A single
-frame shows no shape; all frames together, fused into one synthetic aperture, show it. Everything here is simulated as
-in the MITO paper (ICCV 2025): the visible vertices of a mesh are point reflectors, and Eq. 1 of the paper forms the
-image. Nothing was measured by a real radar.
+Millimetre waves pass through cardboard. The first picture shows what a radar sees in a shut carton, by the virtual rig.
+
+In the others the radar moves over a mug, a wrench and a box, and measures at every position of a raster 20 cm above
+them. A single frame shows no shape; all frames together, fused into one synthetic aperture, show it. They are simulated
+as in the MITO paper (ICCV 2025): the visible vertices of a mesh are point reflectors, and Eq. 1 of the paper forms the
+image. Nothing here was measured by a real radar.
 
 Two kinds of echo are simulated. Specular echoes come from places where the surface reflects the wave straight back to
 the radar. Edge echoes come from edges, which scatter in every direction. Their weighted sum stands for the material.
