@@ -113,7 +113,7 @@ def test_a_simulated_sheet_is_one_that_is_found(tmp_path):
     np.testing.assert_array_equal(sheet.images["77_ghz"], again.images["77_ghz"])
     values = sheet.images["77_ghz"]
     x, y, z = (step * np.arange(size) for step, size in zip((SPACING, SPACING, DEPTH), values.shape, strict=True))
-    found = remove_sheets(SarImage(grid=VoxelGrid(x=x, y=y, z=z), values=values), frequency=79e9)
+    found = remove_sheets(SarImage(grid=VoxelGrid(x=x, y=y, z=z), values=values), frequency=79e9, clutter="lid")
     (one,) = found.sheets
     # It lies where it says it does, to a fraction of the range resolution of 3.7 cm.
     assert one.height == pytest.approx(z[sheet.level], abs=0.012)

@@ -189,7 +189,7 @@ def sampling(
     >>> grid = VoxelGrid.regular((-0.08, -0.08, -0.02), (0.08, 0.08, 0.02), 0.002)
     >>> sampling(path, grid, radar=Radar.preset("mito-sim-77ghz"))
     Sampling(4 mm (1.07 wavelengths) from position to position, 4 mm (1.07 wavelengths) from row to row; strongest: \
-Ghost(11 cm from the object, -14 dB))
+Ghost(11.1 cm from the object, -11 dB))
     """
     if isinstance(scan, Capture):
         if radar is not None:
