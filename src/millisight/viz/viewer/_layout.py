@@ -47,7 +47,8 @@ class PaneGrid:
         most = MOST_POINTS // len(contents.exhibits)
         self.panes: list[Pane] = [Pane(server.scene, e, f"/pane{i}", most) for i, e in enumerate(contents.exhibits)]
         self.radius: float = max(pane.radius for pane in self.panes) * 1.12
-        self.look_at, reach = self._focus()
+        look_at, reach = self._focus()
+        self.look_at: np.ndarray = look_at
         self.distance: float = start_camera(len(self.panes), reach)
         camera = self.camera_of("aslant")
         server.initial_camera.fov = FOV
