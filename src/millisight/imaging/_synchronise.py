@@ -10,6 +10,7 @@ from millisight.imaging import _focus as _focus
 from millisight.imaging._focus import Focus, Scene
 from millisight.imaging._row_turns import Guess, guess_from_rows, pattern_of, peak
 from millisight.imaging._survey import Scan, Unobservable, check_way, parts_of, survey
+from millisight.simulation import lattice
 
 _SUBSETS = 10  # disjoint sets of frames, whose answers' scatter is the uncertainty
 _LEAST_COHERENCE = 0.5
@@ -17,6 +18,7 @@ _SEARCH_SHARE = 0.25  # of the frames choose the scene and the start; the others
 _SEARCH_CHANNELS, _FIT_CHANNELS = 4_000, 24_000
 _SEARCH_PAIRS = 3e9  # voxel-channel pairs of the lattice
 _STEP = 0.25  # turns of the fastest phase
+_LATTICE = (9, 9, 9)  # places in a box
 _SURELY = 0.95  # of the fastest phase at the places of a lattice: less than that at any place in its box
 _MOST_STEPS = 25  # of the search for the offset, either way
 _MOST_MOVES = 6  # steps uphill before the peak is fitted
@@ -158,7 +160,7 @@ def _estimate(capture, log, grid, limits, rng, step_done, found) -> tuple[ClockC
     positions = scan.log.at(robot).positions
     box = _focus.box_below(capture, positions, pattern.paths) if grid is None else grid.bounds
     # Where no scene in the box could be searched, none is looked for, which takes a minute for a large capture.
-    slowest = _SURELY * float(_rates(capture, scan, _lattice(box)).min())
+    slowest = _SURELY * float(_rates(capture, scan, lattice(box, _LATTICE)).min())
     _check_start(_count(guess.error, limits[0], _STEP / (slowest * scan.speed)), guess)
 
     # The frames that choose the scene and the start are not those that are fitted to it.
@@ -196,12 +198,6 @@ def _check_start(steps: int, guess: Guess) -> None:
             f"the rows determine the offset only to ± {guess.error * 1e3:.3g} ms, too coarse a start for the search by "
             "images: the echoes are too faint or too uniform"
         )
-
-
-def _lattice(box: np.ndarray) -> np.ndarray:
-    """(V, 3) places that fill a box (2, 3)."""
-    lines = [np.linspace(low, high, 9) for low, high in box.T]
-    return np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
 
 
 def _rates(capture: Capture, scan: Scan, points: np.ndarray) -> np.ndarray:

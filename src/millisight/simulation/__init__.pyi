@@ -10,6 +10,7 @@ from ._models import scattering_model as scattering_model
 from ._noise import add_noise as add_noise
 from ._noise import check_noise as check_noise
 from ._simulate import simulate as simulate
+from ._steps import lattice as lattice
 from ._steps import needed_step as needed_step
 from .models._diffuse import DiffuseModel as DiffuseModel
 from .models._edge import EdgeModel as EdgeModel

@@ -27,7 +27,7 @@ def needed_step(
     reflectors : (2, 3) box of the objects [m]
     """
     some = np.unique(np.linspace(0, len(tx) - 1, _POSES).round().astype(int))
-    voxels, objects = (_sines(_lattice(box), tx[some], rx[some], direction) for box in (view, reflectors))
+    voxels, objects = (_sines(lattice(box, _LATTICE), tx[some], rx[some], direction) for box in (view, reflectors))
     above, below = voxels.max(axis=1) - objects.min(axis=1), objects.max(axis=1) - voxels.min(axis=1)
     spread = max(float(above.max()), float(below.max()), 1e-9)
     return float(SPEED_OF_LIGHT / radar.waveform.frequencies.max() / (2 * spread))
@@ -42,7 +42,7 @@ def _sines(points: np.ndarray, tx: np.ndarray, rx: np.ndarray, direction: np.nda
     return total / 2
 
 
-def _lattice(box: np.ndarray) -> np.ndarray:
-    """(V, 3) points that fill a box."""
-    lines = [np.linspace(low, high, n) for low, high, n in zip(*box, _LATTICE, strict=True)]
+def lattice(box: np.ndarray, counts: tuple[int, int, int]) -> np.ndarray:
+    """(V, 3) points that fill a box (2, 3), so many along x, y and z, its corners among them."""
+    lines = [np.linspace(low, high, count) for low, high, count in zip(*box, counts, strict=True)]
     return np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
