@@ -145,7 +145,7 @@ def classify(
             figure = plot_prediction(image, inside, prediction)[0].figure
             figure.suptitle(source.name, fontsize=11.5, fontweight="bold")
             save_figure(figure, drawn)
-        words = f"{source.name}: {_words(prediction)} (mask: {made['file'] or made['method']})"
+        words = f"{source.name}: {answer_words(prediction)} (mask: {made['file'] or made['method']})"
         answer(json.dumps(result) if as_json else words)
         return prediction
 
@@ -239,7 +239,7 @@ def _result(
     }
 
 
-def _words(prediction: "Prediction") -> str:
+def answer_words(prediction: "Prediction") -> str:
     """The answer: "box 0.93", or "not sure: box 0.41, can 0.35"."""
     best = (-prediction.probabilities).argsort(kind="stable")[: 1 if prediction.sure else 2]
     classes = ", ".join(f"{prediction.class_names[i]} {prediction.probabilities[i]:.2f}" for i in best)

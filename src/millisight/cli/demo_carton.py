@@ -8,10 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from millisight.calibration import read_capture
+from millisight.cli.classify import answer_words
 from millisight.cli.console import progress, say
 from millisight.cli.grids import parse_grid
 from millisight.data import Mask, Prediction, SarImage
-from millisight.imaging import form_image, remove_sheets
+from millisight.imaging import form_image
+from millisight.perception import without_sheets
 
 if TYPE_CHECKING:
     from millisight.viz import PageItem
@@ -43,13 +45,11 @@ def look_into_carton(output: Path) -> "PageItem":
     if mask is not None:
         save(output / "carton.mask.h5", mask)
     opened, shut = (imread(SCAN / f"{name}.jpg") for name in ("open", "shut"))
-    frequency = captures["77 GHz"].radar.waveform.center_frequency
-    seen = remove_sheets(high, clutter="lid", frequency=frequency).result
+    seen = without_sheets(high, covered=True)
     panels = plot_hidden(opened, shut, seen, mask=mask, scale="db", dynamic_range_db=30)
     save_figure(panels[0].figure, output / "carton.png")
-    answer = missing or ("" if prediction is None else f"{prediction.answer}: {_best(prediction)}")
-    if answer:
-        say(f"scissors in a shut carton: {answer}")
+    answer = missing if prediction is None else answer_words(prediction)
+    say(f"scissors in a shut carton: {answer}")
     caption = (
         "Scissors in a carton whose lid is shut. Left: what a camera sees without the carton. Middle: with it. Right: "
         "the 77 GHz image through the lid, in decibels, the echo of the lid taken off, and the outline of the mask "
@@ -81,8 +81,3 @@ def _perceived(image: SarImage, other: SarImage) -> tuple[Mask | None, Predictio
         return mask, classify(image, mask, other_band=other, condition="nlos"), ""
     except ImportError as error:
         return None, None, f"not segmented: {error}"
-
-
-def _best(prediction: Prediction) -> str:
-    best = (-prediction.probabilities).argsort(kind="stable")[:2]
-    return ", ".join(f"{prediction.class_names[i]} {prediction.probabilities[i]:.2f}" for i in best)
