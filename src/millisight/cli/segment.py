@@ -174,13 +174,16 @@ def segment(
             told = _told(segmented, source, by, seed=drawn_by, values=values)
             return in_depth(source, to, drawn, image, segmented, told)
         _write(to, segmented, source, by, seed=drawn_by, values=values)
+        doubts = doubts_of(segmented.mask, image, covered=segmented.picture.covered)
+        for doubt in doubts:
+            say(f"  {doubt}")
         if drawn is not None:
             from millisight.viz import plot_segmentation, save_figure
 
             save_figure(plot_segmentation(segmented, title=source.name), drawn)
         return {
             **_entry(source, to, "mask", by.name, [segmented.inside], segmented.score),
-            "doubts": _doubts(segmented),
+            "doubts": doubts,
         }
 
     def several(source: ImageSource, to: Path, drawn: Path | None) -> dict[str, Any]:
@@ -326,14 +329,6 @@ def _write(to: Path, found: Segmented, source: ImageSource, by: Segmenter, *, se
         say(f"{source.name}: nothing found, by {by.name}{prompted}; wrote an empty mask to {to}")
         return
     say(f"{source.name}: mask of {share}, by {by.name}{prompted}; wrote {to}")
-    for doubt in _doubts(found):
-        say(f"  {doubt}")
-
-
-def _doubts(found: Segmented) -> tuple[str, ...]:
-    """What speaks against a mask; see `doubts_of`."""
-    image = found.picture.image
-    return () if image is None else doubts_of(found.mask, image, covered=found.picture.covered)
 
 
 def _read_prompts(path: Path) -> Prompts:
