@@ -20,9 +20,9 @@ from millisight.cli import (
     train,
     view,
 )
-from millisight.cli.console import with_quiet
+from millisight.cli.console import Commands
 
-app: typer.Typer = typer.Typer(
+app: typer.Typer = Commands(
     invoke_without_command=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,  # with it, whatever stands in square brackets is lost: defaults, units
@@ -31,17 +31,17 @@ app: typer.Typer = typer.Typer(
     "them, and find objects in the images.\n\n"
     "Start with: millisight demo",
 )
-app.command("demo")(with_quiet(demo.demo))
-app.command("simulate")(with_quiet(simulate.simulate))
-app.command("image")(with_quiet(image.image))
-app.command("info")(with_quiet(info.info))
-app.command("objects")(with_quiet(objects.objects))
-app.command("segment")(with_quiet(segment.segment))
-app.command("classify")(with_quiet(classify.classify))
-app.command("view")(with_quiet(view.view))
-app.command("annotate")(with_quiet(annotate.annotate))
-app.command("collect")(with_quiet(collect.collect))
-app.command("generate")(with_quiet(generate.generate))
+app.command("demo")(demo.demo)
+app.command("simulate")(simulate.simulate)
+app.command("image")(image.image)
+app.command("info")(info.info)
+app.command("objects")(objects.objects)
+app.command("segment")(segment.segment)
+app.command("classify")(classify.classify)
+app.command("view")(view.view)
+app.command("annotate")(annotate.annotate)
+app.command("collect")(collect.collect)
+app.command("generate")(generate.generate)
 app.add_typer(dataset.app, name="dataset")
 app.add_typer(evaluate.app, name="evaluate")
 app.add_typer(train.app, name="train")

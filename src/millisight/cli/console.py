@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
@@ -44,8 +44,21 @@ class _Talk:
 _talk = _Talk()
 
 
-def with_quiet(function: Any) -> Any:
-    """The function of a command with one option more: -q, --quiet."""
+class Commands(typer.Typer):
+    """A Typer application whose commands each have one option more: -q, --quiet."""
+
+    def command(self, *names: Any, **settings: Any) -> Callable[[Any], Any]:
+        register = super().command(*names, **settings)
+
+        def added(function: Any) -> Any:
+            register(_with_quiet(function))
+            return function
+
+        return added
+
+
+def _with_quiet(function: Any) -> Any:
+    """The function of a command, with the option; Typer reads its signature."""
     about = "Print no progress and no information: only results asked for, warnings and errors."
     kind = Annotated[bool, typer.Option("-q", "--quiet", help=about)]
 
@@ -57,11 +70,11 @@ def with_quiet(function: Any) -> Any:
         finally:
             _talk.quiet = False
 
-    signature = inspect.signature(function)
+    signature, command = inspect.signature(function), cast("Any", run)
     added = inspect.Parameter("quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=kind)
-    run.__signature__ = signature.replace(parameters=[*signature.parameters.values(), added])  # type: ignore[attr-defined]
-    run.__annotations__ = {**function.__annotations__, "quiet": kind}
-    return run
+    command.__signature__ = signature.replace(parameters=[*signature.parameters.values(), added])
+    command.__annotations__ = {**function.__annotations__, "quiet": kind}
+    return command
 
 
 @contextmanager
@@ -77,6 +90,13 @@ def json_only(active: bool) -> Iterator[None]:
 def answer(text: str) -> None:
     """Print what the user asked for, with --quiet, too."""
     typer.echo(printable(text))
+
+
+def answer_table(rows: Sequence[Sequence[str]]) -> None:
+    """Print rows of cells in columns; the first row is the header."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for row in rows:
+        answer("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
 
 
 def answer_json(document: Any) -> None:

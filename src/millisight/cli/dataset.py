@@ -11,14 +11,14 @@ import typer
 from millisight import datasets
 from millisight.cli.console import (
     SMALL,
-    answer,
+    Commands,
     answer_json,
+    answer_table,
     end_with_failures,
     in_options,
     length,
     progress,
     say,
-    with_quiet,
 )
 from millisight.cli.options import Objects, Sight, Workers, checked_sight
 from millisight.core import box, printable
@@ -27,7 +27,7 @@ from millisight.data import CameraFrame, CameraMask, Capture, Mask, Picture, Raw
 from millisight.datasets import Dataset, Experiment, Item, ObjectFolder, Simulation, find_object
 from millisight.io.mito import CAMERA_FRAME, CAMERA_MASK, IMAGE, INFO, RADAR_MASK, RADARS, RAW
 
-app: typer.Typer = typer.Typer(
+app: typer.Typer = Commands(
     no_args_is_help=True,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -39,7 +39,6 @@ Root = Annotated[Path, typer.Argument(metavar="DIR", help="Dataset folder, which
 
 
 @app.command("list")
-@with_quiet
 def list_(
     root: Root,
     objects: Objects = None,
@@ -59,10 +58,7 @@ def list_(
     if as_json:
         answer_json(_tree(dataset, chosen))
         return
-    rows = [_HEADER, *(_row(one) for one in chosen)]
-    widths = [max(len(row[i]) for row in rows) for i in range(len(_HEADER))]
-    for row in rows:
-        answer("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
+    answer_table([_HEADER, *(_row(one) for one in chosen)])
     stray = [*dataset.stray, *(f"{one.folder.name}/{path}" for one in chosen for path in one.stray)]
     for path in stray:
         say(f"not part of the layout: {path}")
@@ -70,7 +66,6 @@ def list_(
 
 
 @app.command("info")
-@with_quiet
 def info(
     paths: Annotated[
         list[Path],
@@ -91,7 +86,6 @@ def info(
 
 
 @app.command("verify")
-@with_quiet
 def verify(root: Root, objects: Objects = None, workers: Workers = None) -> None:
     """Open every file and report damaged and missing ones; compare checksums for a converted dataset.
 
@@ -114,7 +108,6 @@ def verify(root: Root, objects: Objects = None, workers: Workers = None) -> None
 
 
 @app.command("convert")
-@with_quiet
 def convert(
     root: Root,
     output: Annotated[Path, typer.Option("-o", "--output", metavar="OUT", help="Output folder.")],
@@ -146,7 +139,6 @@ def convert(
 
 
 @app.command("download")
-@with_quiet
 def download(
     output: Annotated[Path, typer.Argument(metavar="OUT", help="Output folder.")],
     objects: Objects = None,

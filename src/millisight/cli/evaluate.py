@@ -7,6 +7,7 @@ import typer
 
 from millisight.cli.console import (
     SMALL,
+    Commands,
     answer,
     answer_json,
     end_with_failures,
@@ -16,11 +17,10 @@ from millisight.cli.console import (
     progress,
     say,
     slices,
-    with_quiet,
 )
 from millisight.cli.options import Crop, ExperimentNumber, Objects, SamDevice, Sight, Workers, checked_sight
 
-app: typer.Typer = typer.Typer(
+app: typer.Typer = Commands(
     no_args_is_help=True,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -49,7 +49,6 @@ AsJson = Annotated[
 
 
 @app.command()
-@with_quiet
 def simulator(
     measured: Annotated[
         Path, typer.Option("--measured", metavar="DIR", help="Dataset with the measured images, the reference.")
@@ -122,7 +121,6 @@ def simulator(
 
 
 @app.command()
-@with_quiet
 def segmentation(
     root: Root,
     output: Output = Path("segmentation-evaluation"),
@@ -179,7 +177,6 @@ def segmentation(
 
 
 @app.command()
-@with_quiet
 def classification(
     root: Root,
     output: Output = Path("classification-evaluation"),

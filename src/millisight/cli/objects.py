@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from millisight.cli.console import answer, answer_json
+from millisight.cli.console import answer_json, answer_table
 from millisight.core import check_known
 
 
@@ -51,6 +51,4 @@ def objects(
     for entry, made in zip(entries, materials, strict=True):
         size = " x ".join(f"{100 * length:.1f}" for length in entry.dimensions)
         rows.append((entry.name, entry.shape_class, size, ", ".join(made)))
-    widths = [max(len(row[i]) for row in rows) for i in range(4)]
-    for row in rows:
-        answer("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
+    answer_table(rows)

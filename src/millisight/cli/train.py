@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from millisight.cli.console import progress, say, with_quiet
+from millisight.cli.console import Commands, progress, say
 
 Recipe = Annotated[Path, typer.Argument(metavar="RECIPE.toml", help="Recipe: scenes, network and schedule.")]
 Output = Annotated[
@@ -33,7 +33,7 @@ class _Recipes(TyperGroup):
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         if cmd_name in self.commands or cmd_name not in self.list_commands(ctx):
             return super().get_command(ctx, cmd_name)
-        plugin = typer.Typer(add_completion=False)
+        plugin = Commands(add_completion=False)
 
         @plugin.command(cmd_name, help=f"Train {cmd_name}, a recipe of a plug-in.")
         def command(
@@ -48,13 +48,10 @@ class _Recipes(TyperGroup):
         return typer.main.get_command(plugin)
 
 
-app: typer.Typer = typer.Typer(
-    cls=_Recipes, no_args_is_help=True, help="Train networks on simulated images, by a recipe."
-)
+app: typer.Typer = Commands(cls=_Recipes, no_args_is_help=True, help="Train networks on simulated images, by a recipe.")
 
 
 @app.command("segmenter")
-@with_quiet
 def segmenter(
     recipe: Recipe,
     output: Output = None,
@@ -73,7 +70,6 @@ def segmenter(
 
 
 @app.command("classifier")
-@with_quiet
 def classifier(
     recipe: Recipe,
     output: Output = None,
@@ -106,7 +102,6 @@ def classifier(
 
 
 @app.command("released")
-@with_quiet
 def released(
     root: Annotated[Path, typer.Argument(metavar="DIR", help="Published dataset, with simulated images and masks.")],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="OUT", help="Folder for the weights.")],
