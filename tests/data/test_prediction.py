@@ -1,5 +1,7 @@
 """Predictions: what is most probable, whether that is sure, and what remains when some classes are ruled out."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -25,3 +27,16 @@ def test_classes_that_it_does_not_know_and_impossible_ones_are_refused():
     for names in ((), ("clamp",)):
         with pytest.raises(InputError, match="together of probability 0"):
             CUP.among(names)
+
+
+def test_what_is_unlike_the_training_is_no_sure_answer():
+    novel = dataclasses.replace(CUP, threshold=0.5, novelty=0.8, novelty_limit=0.7)
+    assert (novel.novel, novel.sure, novel.answer) == (True, False, "not sure")
+    assert "novel above 0.70" in repr(novel)
+    assert novel.among(("cup", "can")).novel
+    known = dataclasses.replace(novel, novelty=0.7)
+    assert (known.novel, known.answer) == (False, "cup")
+    assert not CUP.novel  # of a classifier that does not say
+    for wrong in ({"novelty": 1.1}, {"novelty_limit": 2.0}):
+        with pytest.raises(InputError, match="expected a probability"):
+            dataclasses.replace(CUP, **wrong)

@@ -16,8 +16,16 @@ from millisight.data import Mask, SarImage, VoxelGrid
 from millisight.meshes import CATALOGUE, PUBLISHED_CLASSES
 from millisight.perception.classification import CLASSIFIER_CHANNELS, CLASSIFIER_WEIGHTS, NetworkClassifier
 from millisight.perception.training import ClassifierRecipe, Schedule, TrainingScene, make_scenes, train
-from millisight.perception.training._calibration import best_temperature, best_threshold, calibration_of, cross_entropy
-from millisight.perception.training._classifier import balanced, example_of
+from millisight.perception.training._calibration import (
+    area_under_curve,
+    best_temperature,
+    best_threshold,
+    calibration_of,
+    cross_entropy,
+    novelty_scores,
+)
+from millisight.perception.training._classifier import balanced
+from millisight.perception.training._classifier_examples import example_aside, example_of
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -153,6 +161,62 @@ def test_shapes_drawn_at_random_are_scenes_of_their_own_and_no_objects(recipe, f
     told = train(drawn, examples, tmp_path).description
     assert told["objects"]["training"] == ["dice", "golf_ball"] == list(told["poses"])
     assert (told["scenes"], told["drawn"]) == ({"training": 4, "validation": 4}, {"training": 2, "validation": 2})
+
+
+def test_what_is_of_no_class_is_learned_as_one_class_more(recipe, folder, tmp_path):
+    pytest.importorskip("torch")
+    novel = dataclasses.replace(recipe, novel=8)
+    requests = [one for one in novel.scene_requests() if one.label == 2]
+    assert {(one.side, one.name) for one in requests} == {
+        (side, name) for side in ("training", "validation") for name in ("nothing there", "sparse scan")
+    }
+    sparse = {one.settings.positions for one in requests if one.name == "sparse scan"}
+    assert sparse == {400, 250}  # the recipe's own are few
+    examples = make_scenes(novel, folder)
+    for some in examples.values():
+        seen = {one.name: one.whole.objects.any() for one in some}
+        assert (seen["nothing there"], seen["sparse scan"]) == (False, True)
+    trained = train(novel, examples, tmp_path)
+    told = trained.description
+    assert told["class_names"] == ["box", "sphere"]
+    assert told["novel"] == {"training": 6, "validation": 2}
+    assert set(told["novelty"]["auroc"]) == {"nothing there", "sparse scan", "mask beside the object"}
+    assert told["objects"]["training"] == ["dice", "golf_ball"] == list(told["poses"])
+    pytest.importorskip("onnxruntime")
+    by = NetworkClassifier(trained.weights)
+    grid = VoxelGrid(x=0.004 * np.arange(30), y=0.004 * np.arange(30), z=0.0125 * np.arange(6))
+    values = np.zeros(grid.shape, np.complex64)
+    values[10:20, 10:20, 2] = 1
+    image = SarImage(grid=grid, values=values)
+    answer = by.classify(image, Mask(grid_xy=grid.xy, inside=abs(values).max(axis=2) > 0))
+    assert len(answer.probabilities) == 2
+    assert 0 < answer.novelty < 1
+    assert answer.novelty_limit == told["novelty"]["limit"]
+    damaged = {**told, "novelty": {"limit": 3}}
+    (tmp_path / "classifier.json").write_text(json.dumps({**damaged, "sha256": by.description["sha256"]}))
+    with pytest.raises(DamagedFileError, match="expected a table with a limit"):
+        NetworkClassifier(trained.weights)
+
+
+def test_a_mask_set_aside_covers_no_object(examples):
+    scene = examples["training"][0].whole
+    made = example_aside(scene, np.random.default_rng(4))
+    np.testing.assert_array_equal(made, example_aside(scene, np.random.default_rng(4)))
+    true = example_of(scene, np.random.default_rng(4))
+    assert made[0].any()
+    assert not np.array_equal(made[1], true[1])
+
+
+def test_the_area_under_the_curve_counts_pairs():
+    rng = np.random.default_rng(0)
+    low, high = rng.integers(0, 9, 40) / 9.0, rng.integers(3, 12, 30) / 9.0
+    pairs = [(a < b) + (a == b) / 2 for a in low for b in high]
+    assert area_under_curve(low, high) == pytest.approx(np.mean(pairs), rel=1e-12)
+    shown = ["dice"] * 40 + ["nothing there"] * 30
+    told = novelty_scores(np.concatenate([low, high]), shown, np.arange(70) < 40)
+    assert told["auroc"] == {"nothing there": pytest.approx(np.mean(pairs), abs=1e-4)}
+    assert (low <= told["limit"]).mean() >= 0.95
+    assert told["refused"]["nothing there"] == pytest.approx((high > told["limit"]).mean(), abs=1e-4)
 
 
 def test_temperature_makes_confidence_honest():
@@ -291,11 +355,11 @@ def test_neither_the_rig_nor_torch_is_loaded_where_it_is_not_used():
     code = (
         "import sys, numpy as np\n"
         "from millisight.perception import classification, training\n"
-        "from millisight.perception.training import _classifier\n"
+        "from millisight.perception.training import _classifier_examples\n"
         "settings = training.SceneSettings(vertices=200, positions=100)\n"
         "parts = training.make_scene('dice', settings, rng=np.random.default_rng(0))\n"
         "whole = training.compose([parts], [], training.WholeSettings(covered=0), np.random.default_rng(1))\n"
-        "_classifier.example_of(whole, np.random.default_rng(0))\n"
+        "_classifier_examples.example_of(whole, np.random.default_rng(0))\n"
         "print(classification.CLASSIFIERS.names(), training.RECIPES.names())\n"
         "print(sorted(m for m in sys.modules if m.startswith(('millisight.rig', 'millisight.datasets', 'torch'))))\n"
         "print('millisight.simulation._simulate' in sys.modules)"

@@ -17,7 +17,7 @@ from millisight.perception.training import (
     read_simulation,
     simulations_in,
 )
-from millisight.perception.training._classifier import example_of as classifier_example
+from millisight.perception.training._classifier_examples import example_of as classifier_example
 from millisight.perception.training._segmenter import example_of as segmenter_example
 
 PLACE = (0.11, 0.27)

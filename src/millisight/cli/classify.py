@@ -83,7 +83,8 @@ def classify(
 
     The object is segmented first, as by `millisight segment`. A network trained only on simulated images then
     classifies it. The probabilities are calibrated on simulated images: of the answers with probability 0.8, about 8 in
-    10 are right. Below the network's threshold the answer is "not sure", followed by the most probable classes.
+    10 are right. Below the network's threshold the answer is "not sure", followed by the most probable classes; so it
+    is for an image unlike those of the training: of an empty scene, a lid, or a scan too sparse.
 
     Example: millisight classify mug.image.h5
 
@@ -226,6 +227,8 @@ def _result(
         "confidence": prediction.confidence,
         "sure": prediction.sure,
         "threshold": prediction.threshold,
+        "novelty": prediction.novelty,
+        "novelty_limit": prediction.novelty_limit,
         "probabilities": dict(zip(prediction.class_names, prediction.probabilities.tolist(), strict=True)),
         "image": origin(source.path),
         "other_band": None if source.other is None else origin(source.other),
@@ -240,10 +243,11 @@ def _result(
 
 
 def answer_words(prediction: "Prediction") -> str:
-    """The answer: "box 0.93", or "not sure: box 0.41, can 0.35"."""
+    """The answer: "box 0.93", "not sure: box 0.41, can 0.35", or "not sure, unlike the training images: box 0.93"."""
     best = (-prediction.probabilities).argsort(kind="stable")[: 1 if prediction.sure else 2]
     classes = ", ".join(f"{prediction.class_names[i]} {prediction.probabilities[i]:.2f}" for i in best)
-    return classes if prediction.sure else f"{prediction.answer}: {classes}"
+    novel = f", unlike the training images (novelty {prediction.novelty:.2f})" if prediction.novel else ""
+    return classes if prediction.sure else f"{prediction.answer}{novel}: {classes}"
 
 
 def _say_bars(prediction: "Prediction") -> None:
@@ -254,6 +258,8 @@ def _say_bars(prediction: "Prediction") -> None:
         say(f"  {prediction.class_names[i]:<{width}}  {share:.2f}  {'#' * round(_BAR * share)}".rstrip())
     if prediction.threshold > 0:
         say(f"  threshold: {prediction.threshold:.2f}")
+    if prediction.novelty_limit < 1:
+        say(f"  novelty: {prediction.novelty:.2f}, at most {prediction.novelty_limit:.2f} to be sure")
 
 
 def _note(line: str) -> None:

@@ -1,5 +1,6 @@
 """Predictions: the probability of each class."""
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -19,11 +20,16 @@ class Prediction:
     probabilities : (C,) float64, not negative, of sum 1
     class_names : (C,) names
     threshold : the answer is "not sure" if no probability reaches it
+    novelty : probability that the image shows nothing that the classifier knows: an empty scene, a lid, a scan too
+        sparse; 0 by a classifier that does not say
+    novelty_limit : the answer is "not sure" if the novelty is higher
     """
 
     probabilities: np.ndarray
     class_names: tuple[str, ...]
     threshold: float = 0.0
+    novelty: float = 0.0
+    novelty_limit: float = 1.0
 
     def __post_init__(self) -> None:
         names = tuple(str(name) for name in self.class_names)
@@ -34,10 +40,17 @@ class Prediction:
                 "expected none below 0 and a sum of 1"
             )
         threshold = checked_number(self.threshold, name="threshold", minimum=0)
-        put(self, probabilities=probabilities, class_names=names, threshold=threshold)
+        shares = {
+            name: checked_number(getattr(self, name), name=name, minimum=0) for name in ("novelty", "novelty_limit")
+        }
+        for name, share in shares.items():
+            if share > 1:
+                raise InputError(f"{name} is {share:g}; expected a probability, 0 to 1")
+        put(self, probabilities=probabilities, class_names=names, threshold=threshold, **shares)
 
     def __repr__(self) -> str:
-        sure = "" if self.sure else f", not sure below {self.threshold:.2f}"
+        unsure = f", novel above {self.novelty_limit:.2f}" if self.novel else f", not sure below {self.threshold:.2f}"
+        sure = "" if self.sure else unsure
         return f"Prediction({self.label} {self.confidence:.2f} of {len(self.class_names)} classes{sure})"
 
     @property
@@ -52,8 +65,13 @@ class Prediction:
 
     @property
     def sure(self) -> bool:
-        """Whether the confidence reaches the threshold."""
-        return self.confidence >= self.threshold
+        """Whether the confidence reaches the threshold, and the image is not `novel`."""
+        return self.confidence >= self.threshold and not self.novel
+
+    @property
+    def novel(self) -> bool:
+        """Whether the image is unlike what the classifier was trained on: the novelty is above its limit."""
+        return self.novelty > self.novelty_limit
 
     def among(self, class_names: Sequence[str]) -> "Prediction":
         """The same, where the object is known to be of one of some of the classes.
@@ -74,7 +92,7 @@ class Prediction:
         kept = np.array([self.probabilities[self.class_names.index(name)] for name in class_names])
         if not kept.sum() > 0:
             raise InputError(f"{', '.join(class_names) or 'no class'}: together of probability 0; name other classes")
-        return Prediction(probabilities=kept / kept.sum(), class_names=tuple(class_names), threshold=self.threshold)
+        return dataclasses.replace(self, probabilities=kept / kept.sum(), class_names=tuple(class_names))
 
     @property
     def answer(self) -> str:

@@ -222,6 +222,10 @@ def plot_prediction(
     return np.array([left, right])
 
 
+def _answer(prediction: Prediction) -> str:
+    return f"{prediction.answer}: novelty {prediction.novelty:.2f}" if prediction.novel else prediction.answer
+
+
 def _draw_bars(axes: Axes, prediction: Prediction) -> None:
     """The classes from top to bottom as the network has them, so that pictures can be compared."""
     names, shares = prediction.class_names, prediction.probabilities
@@ -240,7 +244,7 @@ def _draw_bars(axes: Axes, prediction: Prediction) -> None:
         label += f" (dashed: threshold {prediction.threshold:.2f})"
         axes.axvline(prediction.threshold, color="black", linewidth=1, linestyle="--", zorder=3)
     axes.set_yticks(np.arange(len(names)), names)
-    axes.set(xlim=(0, 1.12), ylim=(len(names) - 0.4, -0.6), xlabel=label, title=prediction.answer)
+    axes.set(xlim=(0, 1.12), ylim=(len(names) - 0.4, -0.6), xlabel=label, title=_answer(prediction))
     axes.set_xticks(np.linspace(0, 1, 6))
     axes.set_facecolor("white")
     axes.spines[["top", "right"]].set_visible(False)

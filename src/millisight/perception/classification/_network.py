@@ -150,6 +150,11 @@ def _slices(power: np.ndarray, z: np.ndarray) -> np.ndarray:
     return np.moveaxis(power @ resampling_weights(z, depths).T, -1, 0)
 
 
+def novelty_of(logits: np.ndarray) -> np.ndarray:
+    """(N,) probability of the last of the classes, what is of none, of logits (N, C + 1)."""
+    return np.exp(logits[..., -1] - np.logaddexp.reduce(logits, axis=-1))
+
+
 def sheet_was_brightest(taken: float) -> bool:
     """Whether the brightest voxel went with the sheets, by the maximum without them over that with them [dB]."""
     return taken < _LEAST_TAKEN_DB
@@ -194,17 +199,19 @@ class NetworkClassifier:
         self._session = open_network(
             path, self.description["sha256"], needed_by="the classifier", channels=len(CLASSIFIER_CHANNELS)
         )
-        outputs = self._session.get_outputs()[0].shape[1:]
-        if outputs != [len(self.class_names)]:
+        self._limit: float | None = self.description.get("novelty", {}).get("limit")
+        outputs, expected = self._session.get_outputs()[0].shape[1:], len(self.class_names) + (self._limit is not None)
+        if outputs != [expected]:
             raise FormatError(
-                f"{printable(path)} has outputs of shape {outputs} for the {len(self.class_names)} classes that its "
-                "description names; copy both again"
+                f"{printable(path)} has outputs of shape {outputs} for the {expected} classes that its description "
+                "names; copy both again"
             )
 
     def classify(self, image: SarImage, mask: Mask, *, other_band: SarImage | None = None) -> Prediction:
         """The calibrated probability of each class, the mean over the image's eight symmetries, sheets taken off.
 
-        What was under a sheet has a calibration of its own.
+        What was under a sheet has a calibration of its own. The prediction's novelty is the probability that the image
+        shows what is of no class: nothing, a lid, or a scan too sparse.
 
         Parameters
         ----------
@@ -223,15 +230,18 @@ class NetworkClassifier:
             other_band = without_sheets(other_band, frequency=LOW_BAND) if len(self.bands) > 1 else None
         cleaned = without_sheets(image, frequency=HIGH_BAND)
         channels = classifier_input(cleaned, mask, other_band=other_band)
-        (logits,) = self._session.run(None, {self._session.get_inputs()[0].name: square_symmetries(channels)})
+        (views,) = self._session.run(None, {self._session.get_inputs()[0].name: square_symmetries(channels)})
+        logits = views.mean(axis=0, dtype=np.float64)
         covered = sheet_was_brightest(taken_db(cleaned))
         how = self.description.get("calibration", {}).get("covered" if covered else "open", self.description)
-        scaled = logits.mean(axis=0, dtype=np.float64) / how["temperature"]
+        scaled = logits[: len(self.class_names)] / how["temperature"]
         probabilities = np.exp(scaled - scaled.max())
+        novel = {} if self._limit is None else {"novelty": float(novelty_of(logits)), "novelty_limit": self._limit}
         return Prediction(
             probabilities=probabilities / probabilities.sum(),
             class_names=self.class_names,
             threshold=how["threshold"],
+            **novel,
         )
 
 
@@ -261,6 +271,10 @@ def _description(path: Path) -> dict[str, Any]:
     apart = held.get("calibration", {})
     if not isinstance(apart, dict) or not all(isinstance(how, dict) for how in apart.values()):
         raise DamagedFileError(f"{printable(path)}: calibration is {apart!r}; expected tables of numbers")
+    novelty = held.get("novelty", {})
+    limit = novelty.get("limit", 0.5) if isinstance(novelty, dict) else None
+    if isinstance(limit, bool) or not isinstance(limit, int | float) or not 0 < limit <= 1:
+        raise DamagedFileError(f"{printable(path)}: novelty is {novelty!r}; expected a table with a limit of 0 to 1")
     for how in (held, *apart.values()):
         for key, most in (("temperature", np.inf), ("threshold", 1)):
             value = how.get(key)

@@ -11,6 +11,7 @@ from ._augmentation import seen_otherwise as seen_otherwise
 from ._augmentation import with_noise as with_noise
 from ._bands import BANDS as BANDS
 from ._bands import DEPTH as DEPTH
+from ._calibration import area_under_curve as area_under_curve
 from ._classifier import ClassifierRecipe as ClassifierRecipe
 from ._loop import Lesson as Lesson
 from ._loop import Schedule as Schedule

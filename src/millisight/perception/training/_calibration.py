@@ -1,5 +1,6 @@
 """How sure a classifier may be of its answers: the temperature and the threshold that suit the validation scenes."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -52,6 +53,41 @@ def calibration_of(logits: np.ndarray, labels: np.ndarray, covered: np.ndarray) 
             threshold = best_threshold(logits[some] / temperature, labels[some])
             found[name] = {"temperature": temperature, "threshold": threshold}
     return found
+
+
+def novelty_scores(novelty: np.ndarray, shown: Sequence[str], known: np.ndarray) -> dict[str, Any]:
+    """The limit above which an answer is not given, and how well novelty parts what is of a class from what is not.
+
+    Parameters
+    ----------
+    novelty : (N,) probabilities
+    shown : (N,) what each example shows
+    known : (N,) bool, whether it is of a class
+
+    Returns
+    -------
+    dict
+        "limit", which 95 % of what is of a class stay below; by what is of none the area under the receiver's operating
+        characteristic, "auroc", and the share that is refused, "refused".
+    """
+    limit = float(np.quantile(novelty[known], _SURE))
+    auroc, refused = {}, {}
+    for name in sorted({name for name, own in zip(shown, known, strict=True) if not own}):
+        some = novelty[[one == name for one in shown]]
+        auroc[name] = round(area_under_curve(novelty[known], some), 4)
+        refused[name] = round(float((some > limit).mean()), 4)
+    return {"limit": round(limit, 4), "auroc": auroc, "refused": refused}
+
+
+def area_under_curve(low: np.ndarray, high: np.ndarray) -> float:
+    """The share of pairs of a value of `low` (N,) and one of `high` (M,) in which the latter is the larger; ties half.
+
+    The area under the receiver's operating characteristic, by ranks (Mann and Whitney 1947).
+    """
+    from scipy.stats import rankdata
+
+    ranks = rankdata(np.concatenate([low, high]))[len(low) :]
+    return float((ranks.sum() - len(high) * (len(high) + 1) / 2) / (len(low) * len(high)))
 
 
 def answer_scores(logits: np.ndarray, labels: np.ndarray) -> dict[str, float]:

@@ -4,30 +4,35 @@ import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from millisight.core import check_known, checked_integer, checked_number, checked_record, printable, put, record
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.meshes import CATALOGUE, PAPER_CLASSES, object_name
-from millisight.perception import power_levels
 from millisight.perception.classification import (
     CLASSIFIER_CHANNELS,
     CLASSIFIER_SIDE,
-    masked_channels,
+    novelty_of,
     sheet_was_brightest,
     square_symmetries,
 )
-from millisight.perception.segmentation import WaveSegmenter
 from millisight.perception.training import _augmentation as augmentation
-from millisight.perception.training._bands import BANDS, DEPTH
+from millisight.perception.training._bands import BANDS
 from millisight.perception.training._calibration import (
     answer_scores,
     best_temperature,
     best_threshold,
     calibration_of,
     cross_entropy,
+    novelty_scores,
+)
+from millisight.perception.training._classifier_examples import (
+    ClassifierExample,
+    FoundMasks,
+    example_aside,
+    example_of,
 )
 from millisight.perception.training._loop import Schedule, run
 from millisight.perception.training._scenes import (
@@ -36,24 +41,25 @@ from millisight.perception.training._scenes import (
 )
 from millisight.perception.training._sources import meshes_in, simulations_in
 from millisight.perception.training._training import RECIPES, SceneRequest, TrainingScene, TrainingScenes, held_back
-from millisight.perception.training._whole import ECHOES, WholeScene, WholeSettings
+from millisight.perception.training._whole import ECHOES, WholeSettings
 
 if TYPE_CHECKING:
     from torch import Tensor, nn
 
 PHYSICS = "paper's simulator: specular and edge reflections of vertices"
 
-SHIPPED = "shipped"
 _BANDS = {"small": ("77_ghz", "24_ghz"), "paper": ("77_ghz",)}  # by network
 _RANDOM = {shape: name for name, shape in RANDOM_OBJECTS.items()}  # names of scenes of a class's random shapes
 _STRETCH = 0.25
-_ONE_BAND = 0.3  # of the examples have no 24 GHz image
 _HELD_EVERY = 6  # scene of each object is for validation
 _HELD_VIEWS = 3  # examples of each scene of validation
 _POOL_SEED = 1 << 21  # apart from any epoch's, and from validation's
-_FOUND, _ERRING = 0.6, 0.9  # of the examples have a mask of the segmenter; further ones up to 0.9 an erring one
-_TOUCHED = 0.2  # least intersection over union of a found mask with the object
 _SMOOTHING = 0.05  # of the labels
+_SPARSE = 1500, 1000, 500, 250  # positions over an object: two to five times too few at 77 GHz
+_ASIDE = 1 / 3  # of what is of no class are masks beside the object of another scene
+EMPTY, SPARSE, ASIDE = "nothing there", "sparse scan", "mask beside the object"
+"""What is of no class; the first two are names of scenes."""
+_NO_OBJECTS = {*RANDOM_OBJECTS, EMPTY, SPARSE}
 
 
 @RECIPES.add("classifier")
@@ -81,6 +87,8 @@ class ClassifierRecipe:
     masks : of whom examples have masks, besides true and disturbed ones: "shipped", the shipped segmenter "wave"; a
         file of weights as of `millisight train segmenter`; "": nobody
     examples : of each class as many and of each of its scenes; an epoch has them all, each turned or mirrored
+    novel : simulations of what no class is: half of scenes with nothing there, half of scans that are too sparse; with
+        masks beside the objects they are one class more, whose probability is an answer's novelty. 0: none
     schedule : its seed is that of everything
     whole : whole scenes of each simulated object; they show one
     """
@@ -103,6 +111,7 @@ class ClassifierRecipe:
     parts: str = "both"
     network: str = "small"
     masks: str = ""
+    novel: int = 0
     batch: int = 32
     examples: int = 6000
     schedule: Schedule = field(default_factory=Schedule)
@@ -133,6 +142,7 @@ class ClassifierRecipe:
             },
             batch=checked_integer(self.batch, name="batch"),
             examples=checked_integer(self.examples, name="examples", minimum=self.batch),
+            novel=checked_integer(self.novel, name="novel", minimum=0),
             whole=dataclasses.replace(self.whole, empty=0.0, several=0.0, parts=self.parts),
         )
         _check_classes(self.objects, self.drawn)
@@ -195,7 +205,21 @@ class ClassifierRecipe:
                 SceneRequest(_side(number), name, number, label, settings, source)
                 for number, (name, source) in enumerate(self.simulated(shape))
             ]
-        return requests
+        return requests + [self._novel_request(number) for number in range(self.novel)]
+
+    def _novel_request(self, number: int) -> SceneRequest:
+        """Scenes of what is of no class, of random shapes: in turn without the shape, and too sparsely scanned."""
+        settings = SceneSettings(vertices=self.vertices, positions=self.positions, widest=self.widest)
+        pair, sparse = divmod(number, 2)
+        shown = list(RANDOM_OBJECTS)[pair % len(RANDOM_OBJECTS)]
+        if sparse:
+            few = _SPARSE[pair % len(_SPARSE)]
+            settings = dataclasses.replace(settings, positions=min(few, self.positions))
+        label, side = len(self.objects), _side(pair)
+        return SceneRequest(
+            side, SPARSE if sparse else EMPTY, pair, label, settings, shown=shown,
+            whole=None if sparse else dataclasses.replace(self.whole, empty=1.0),
+        )  # fmt: skip
 
     def simulated(self, shape: str) -> list[tuple[str, Path]]:
         """Names of a class's objects, and the folders of their simulated images in the dataset."""
@@ -233,13 +257,6 @@ def _check_classes(objects: Mapping[str, Sequence[str]], drawn: int) -> None:
             raise InputError(f"{name} is named more than once in classes; expected each object in one class, once")
 
 
-class ClassifierExample(NamedTuple):
-    """Channels (C, S, S) as float16, which is fine enough for levels, and the index of the class."""
-
-    channels: np.ndarray
-    label: int
-
-
 class ClassifierLesson:
     """Classes from channels; see `Lesson`."""
 
@@ -248,31 +265,51 @@ class ClassifierLesson:
 
     def __init__(self, recipe: ClassifierRecipe, scenes: TrainingScenes):
         self.recipe, self.scenes, self.seed = recipe, scenes, recipe.schedule.seed
-        by = _FoundMasks(recipe.masks) if recipe.masks else None
+        by = FoundMasks(recipe.masks) if recipe.masks else None
         self.masks_of: str | None = None if by is None else by.sha256
+        self.classes: int = len(recipe.objects)
         held = held_back(
             scenes,
             lambda one, rng: (
                 example_of(one.whole, rng, by),
                 one.label,
+                one.name,
                 sheet_was_brightest(one.whole.taken_db[BANDS[0]]),
             ),
             views=_HELD_VIEWS,
             seed=self.seed,
         )
+        if recipe.novel:
+            held += held_back(
+                {"validation": [one for one in scenes["validation"] if one.label < self.classes]},
+                lambda one, rng: (example_aside(one.whole, rng), self.classes, ASIDE, False),
+                views=1,
+                seed=self.seed,
+            )
         self.held = [channels for channels, *_ in held]
-        self.labels, self.covered = (np.array([one[i] for one in held]) for i in (1, 2))
+        self.labels, self.covered = (np.array([one[i] for one in held]) for i in (1, 3))
+        self.shown = [one[2] for one in held]
         rng, some = np.random.default_rng([self.seed, _POOL_SEED]), scenes["training"]
         self.pool = [
-            ClassifierExample(example_of(some[i].whole, rng, by).astype(np.float16), some[i].label)
+            ClassifierExample(self._example(some[i], some, rng, by).astype(np.float16), some[i].label)
             for i in balanced(some, recipe.examples, rng)
         ]
+
+    def _example(
+        self, one: TrainingScene, others: Sequence[TrainingScene], rng: np.random.Generator, by: FoundMasks | None
+    ) -> np.ndarray:
+        """Of a scene; in place of some of those of no class, a mask beside the object of another scene."""
+        if one.label < self.classes or rng.random() >= _ASIDE:
+            return example_of(one.whole, rng, by)
+        while one.label == self.classes:
+            one = others[int(rng.integers(len(others)))]
+        return example_aside(one.whole, rng)
 
     def network(self) -> "nn.Module":
         """The recipe's."""
         from millisight.perception.training.networks import classifier_network
 
-        return classifier_network(self.recipe.network, len(self.recipe.objects))
+        return classifier_network(self.recipe.network, self.classes + (self.recipe.novel > 0))
 
     def batches(self, epoch: int) -> "Iterator[tuple[Tensor, ...]]":
         """Channels and labels: every example once, turned or mirrored; whole batches only."""
@@ -301,8 +338,11 @@ class ClassifierLesson:
     def describe(self, network: "nn.Module") -> dict[str, Any]:
         """Classes, calibration, and what `evaluation` needs to know of the scenes to find leaks."""
         recipe, scenes = self.recipe, self.scenes
-        logits = _logits(network, [square_symmetries(channels) for channels in self.held])
-        temperature = best_temperature(logits, self.labels)
+        every = _logits(network, [square_symmetries(channels) for channels in self.held])
+        known = self.labels < self.classes
+        logits, labels = every[known, : self.classes], self.labels[known]
+        temperature = best_temperature(logits, labels)
+        novelty = novelty_scores(novelty_of(every), self.shown, known) if recipe.novel else None
         return {
             "physics": PHYSICS,
             "network": recipe.network,
@@ -313,15 +353,15 @@ class ClassifierLesson:
             "masks": self.masks_of,
             "channels": list(CLASSIFIER_CHANNELS),
             "temperature": temperature,
-            "threshold": best_threshold(logits / temperature, self.labels),
-            "calibration": calibration_of(logits, self.labels, self.covered),
-            "validation": answer_scores(logits / temperature, self.labels),
-            "objects": {
-                side: sorted({one.name for one in some} - set(RANDOM_OBJECTS)) for side, some in scenes.items()
-            },
+            "threshold": best_threshold(logits / temperature, labels),
+            "calibration": calibration_of(logits, labels, self.covered[known]),
+            "validation": answer_scores(logits / temperature, labels),
+            **({} if novelty is None else {"novelty": novelty}),
+            "objects": {side: sorted({one.name for one in some} - _NO_OBJECTS) for side, some in scenes.items()},
             "poses": _poses(scenes),
             "scenes": {side: len(some) for side, some in scenes.items()},
             "drawn": {side: sum(one.name in RANDOM_OBJECTS for one in some) for side, some in scenes.items()},
+            "novel": {side: sum(one.label == self.classes for one in some) for side, some in scenes.items()},
             "seed": self.seed,
         }
 
@@ -347,46 +387,6 @@ def _poses(scenes: TrainingScenes) -> dict[str, list[list[float]]]:
     """How each object lay, scene after scene, in training and validation [degrees]."""
     poses: dict[str, list[list[float]]] = {}
     for some in scenes.values():
-        for scene in (one for one in some if one.name not in RANDOM_OBJECTS):
+        for scene in (one for one in some if one.name not in _NO_OBJECTS):
             poses.setdefault(scene.name, []).append([round(float(angle), 2) for angle in scene.angles_deg])
     return poses
-
-
-class _FoundMasks:
-    """The masks that the segmenter "wave" finds in training scenes; each is found once."""
-
-    def __init__(self, weights: str):
-        self._by = WaveSegmenter(None if weights == SHIPPED else weights)
-        self.sha256: str = self._by.description["sha256"]
-        self._found: dict[tuple[int, bool], np.ndarray] = {}
-
-    def __call__(self, scene: WholeScene, *, both: bool) -> np.ndarray | None:
-        """(A, B) bool; None where it hardly touches the object."""
-        key = id(scene), both
-        if key not in self._found:
-            band, low = BANDS
-            mask = self._by.canvas_mask(
-                scene.power(band),
-                scene.power(low) if both else None,
-                before=power_levels(scene.raw_power(band)),
-                taken_db=scene.taken_db[band],
-            )
-            self._found[key] = mask
-        mask, truth = self._found[key], scene.objects > 0
-        return mask if (mask & truth).sum() > _TOUCHED * (mask | truth).sum() else None
-
-
-def example_of(scene: WholeScene, rng: np.random.Generator, by: _FoundMasks | None = None) -> np.ndarray:
-    """(C, S, S) a classifier's input from a scene, masked and disturbed as drawn from `rng`."""
-    power = scene.power("77_ghz")
-    both = rng.random() >= _ONE_BAND and "24_ghz" in scene.levels
-    other = scene.power("24_ghz") if both else None
-    inside = scene.objects > 0
-    drawn = rng.random()
-    found = by(scene, both=both) if by is not None and drawn < _FOUND else None
-    if found is not None:
-        inside = found
-    elif drawn < _ERRING:
-        inside = augmentation.erring_mask(inside, power.max(axis=2), rng)
-    depths = DEPTH * np.arange(power.shape[2])
-    return augmentation.seen_otherwise(masked_channels(power, depths, inside.astype(np.float32), other), rng)

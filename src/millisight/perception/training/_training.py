@@ -40,6 +40,8 @@ class SceneRequest(NamedTuple):
     label : index of its class; 0 where there are no classes
     settings : how it is simulated
     source : folder of simulated images that it is read from, see `read_simulation`; None: it is made
+    shown : name of the object that is simulated, where `name` is not its own; None: it is
+    whole : how its whole scenes are made; None: as the recipe's
     """
 
     side: str
@@ -48,6 +50,8 @@ class SceneRequest(NamedTuple):
     label: int
     settings: SceneSettings
     source: Path | None = None
+    shown: str | None = None
+    whole: WholeSettings | None = None
 
 
 class TrainingScene(NamedTuple):
@@ -161,7 +165,7 @@ class _Maker:
     """Makes the whole scenes of one request."""
 
     def __init__(self, recipe: TrainingRecipe, request: SceneRequest, others: Sequence[SceneRequest], folder: Path):
-        self._whole, self._seed, self._folder = recipe.whole, recipe.schedule.seed, folder
+        self._whole, self._seed, self._folder = request.whole or recipe.whole, recipe.schedule.seed, folder
         self._request, self._others = request, others
         self._own = self._simulated(request)
         self.angles_deg: np.ndarray = self._own.angles_deg
@@ -190,13 +194,13 @@ class _Maker:
 
     def _digest(self) -> str:
         if self._request.source is None:
-            return scene_digest(self._request.name, self._request.settings, self._seed)
+            return scene_digest(self._request.shown or self._request.name, self._request.settings, self._seed)
         return simulation_digest(self._request.source)
 
     def _simulated(self, one: SceneRequest) -> SceneParts:
         if one.source is not None:
             return read_simulation(one.source, widest=one.settings.widest)
-        return cached_scene(one.name, one.number, one.settings, seed=self._seed, folder=self._folder)
+        return cached_scene(one.shown or one.name, one.number, one.settings, seed=self._seed, folder=self._folder)
 
 
 @one_thread()

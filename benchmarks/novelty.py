@@ -1,0 +1,124 @@
+"""How well the classifier tells what it knows from what it does not: AUROC of the novelty, and sure answers.
+
+    python benchmarks/novelty.py DATASET [DATASET ...] --odd DATASET --sparse DATASET [-o novelty.md]
+
+DATASETs hold whole scenes of objects of its classes, and empty cartons; `odd` and `sparse` are made as
+benchmarks/odd_shapes.py says. Masks are those of `wave`, as of a user's; lids are scenes of a shut carton, of which the
+mask is all of the lid.
+"""
+
+import argparse
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+import millisight as ms
+from millisight import datasets
+from millisight.core.errors import InputError
+from millisight.evaluation import HIGH, LOW, LabelledScene, wilson_interval
+from millisight.perception import HIGH_BAND, project, sheets_in
+from millisight.perception.classification import classifier, classify
+from millisight.perception.segmentation import WaveSegmenter, find_mask
+from millisight.perception.training import area_under_curve
+
+NAMED = "classes"
+
+
+class Answer(NamedTuple):
+    """Of a scene that was answered: novelty, and the class where the answer is sure, "" where it is not."""
+
+    novelty: float
+    sure: str
+
+
+class Answers:
+    """Answers by what the scenes show; and how many of these were refused because nothing was found."""
+
+    def __init__(self) -> None:
+        self.given: dict[str, list[Answer]] = {}
+        self.nothing: dict[str, int] = {}
+        self._segmenter, self._by = WaveSegmenter(), classifier()
+
+    def add(self, kind: str, scene: LabelledScene, mask: ms.Mask | None = None) -> None:
+        """Of a scene with both bands; in the mask that `wave` finds, or another."""
+        image, other = scene.images[HIGH], scene.images.get(LOW)
+        condition = "nlos" if scene.sight != "los" and mask is None else "los"
+        given, nothing = self.given.setdefault(kind, []), self.nothing.setdefault(kind, 0)
+        mask = mask or find_mask(self._segmenter, project(image, other_band=other), condition=condition).mask
+        try:
+            found = classify(image, mask, other_band=other, condition=condition, method=self._by)
+        except InputError:  # nothing under the mask
+            self.nothing[kind] = nothing + 1
+            return
+        given.append(Answer(found.novelty, found.label if found.sure else ""))
+
+
+def scenes_of(root: Path, *, empty: bool) -> Iterator[LabelledScene]:
+    dataset = datasets.open(root)
+    for files in datasets.find_empties(dataset) if empty else datasets.find_scenes(dataset):
+        yield files.read(truth="exact", view=False)
+
+
+def lid_of(scene: LabelledScene) -> ms.Mask | None:
+    """The lid that is known to lie over a scene, as a mask; None: none was found."""
+    image = scene.images[HIGH]
+    sheets = sheets_in(image, frequency=HIGH_BAND, covered=True).sheets
+    if not sheets:
+        return None
+    flat, grid = sheets[0], image.grid.xy
+    x, y = grid.x[:, None], grid.y
+    inside = (flat.lower[0] <= x) & (x <= flat.upper[0]) & (flat.lower[1] <= y) & (y <= flat.upper[1])
+    return ms.Mask(grid_xy=grid, inside=inside) if inside.any() else None
+
+
+def share(count: int, of: int) -> str:
+    low, high = wilson_interval(count, of)
+    return f"{count} of {of} ({100 * low:.0f} to {100 * high:.0f} %)"
+
+
+def table(answers: Answers, limit: float) -> str:
+    known = np.array([one.novelty for sight in ("in sight", "hidden") for one in answers.given.get(sight, ())])
+    lines = [
+        "| shown | nothing found | AUROC | refused as novel | sure answers | of a class but other |",
+        "|---|---|---|---|---|---|",
+    ]
+    for kind, given in answers.given.items():
+        novelty, total = np.array([one.novelty for one in given]), len(given) + answers.nothing[kind]
+        area = "" if kind in ("in sight", "hidden") or not len(given) else f"{area_under_curve(known, novelty):.2f}"
+        refused = share(int((novelty > limit).sum()), len(given)) if len(given) else ""
+        sure, named = sum(bool(one.sure) for one in given), sum(one.sure not in ("", "other") for one in given)
+        lines.append(
+            f"| {kind} | {answers.nothing[kind]} of {total} | {area} | {refused} | {share(sure, total)} | {named} |"
+        )
+    return "\n".join(lines)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("datasets", nargs="+", type=Path)
+    parser.add_argument("--odd", type=Path)
+    parser.add_argument("--sparse", type=Path)
+    parser.add_argument("-o", "--output", type=Path)
+    options = parser.parse_args()
+    answers = Answers()
+    for root in options.datasets:
+        for scene in scenes_of(root, empty=False):
+            answers.add("in sight" if scene.sight == "los" else "hidden", scene)
+            lid = None if scene.sight == "los" else lid_of(scene)
+            if lid is not None:
+                answers.add("a lid", scene, lid)
+        for scene in scenes_of(root, empty=True):
+            answers.add("an empty carton", scene)
+    for kind, root in (("shapes of no class", options.odd), ("sparse scans", options.sparse)):
+        for scene in scenes_of(root, empty=False) if root else ():
+            answers.add(kind, scene)
+    text = table(answers, classifier().description["novelty"]["limit"])
+    if options.output:
+        options.output.write_text(text + "\n")
+    print(text)
+
+
+if __name__ == "__main__":
+    main()
