@@ -23,8 +23,6 @@ from millisight.perception.classification import classifier, classify
 from millisight.perception.segmentation import WaveSegmenter, find_mask
 from millisight.perception.training import area_under_curve
 
-NAMED = "classes"
-
 
 class Answer(NamedTuple):
     """Of a scene that was answered: novelty, and the class where the answer is sure, "" where it is not."""

@@ -1,4 +1,4 @@
-"""The grid of an image and the outline drawn over it, as options name them."""
+"""The grid of an image, its memory, and the outline drawn over it, as options name them."""
 
 import numpy as np
 
@@ -9,6 +9,8 @@ from millisight.imaging import grid_around, scene_bounds
 
 # By so much may the box of an outline differ from that of the simulated scene, which was resampled [m].
 _MISFIT = 0.01
+
+_BYTES = {"M": 1e6, "G": 1e9, "T": 1e12}
 
 
 def parse_grid(text: str | None, capture: Capture) -> VoxelGrid:
@@ -34,6 +36,25 @@ def parse_grid(text: str | None, capture: Capture) -> VoxelGrid:
         if text is None:
             raise
         raise InputError(f"--grid is {text!r}: {error}") from error
+
+
+def parse_bytes(text: str) -> float:
+    """The size that --memory names, such as 8GB or 500MB [bytes].
+
+    Raises
+    ------
+    InputError
+        It is no size, or has no unit.
+    """
+    value = text.strip().upper().removesuffix("B")
+    number, unit = value.rstrip("KMGT"), value[len(value.rstrip("KMGT")) :]
+    try:
+        size = float(number) * _BYTES[unit]
+    except (KeyError, ValueError):
+        size = 0.0
+    if not 0 < size < float("inf"):
+        raise InputError(f"--memory is {text!r}; expected a size with its unit, such as 8GB or 500MB")
+    return size
 
 
 def outline_mesh(outline: str, capture: Capture) -> TriangleMesh:

@@ -7,8 +7,8 @@ from typing import Annotated, Any
 import typer
 
 from millisight.cli.console import check_outputs, end_with_failures, in_options, say, summed_up
-from millisight.cli.grids import outline_mesh
-from millisight.cli.image_steps import ImageSettings, check_stated, image_of, oddities
+from millisight.cli.grids import outline_mesh, parse_bytes
+from millisight.cli.image_steps import ImageSettings, check_stated, image_of, large_image_of, oddities
 from millisight.cli.options import RadarChoice
 from millisight.cli.sources import Source, sources
 from millisight.core import check_known, checked_colormap, colormap_in_use, make_folder
@@ -109,6 +109,14 @@ def image(
             "[default: none, or as the description states]"
         ),
     ] = None,
+    memory: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SIZE",
+            help="Memory to use at most, such as 8GB: an image that needs more is formed in slabs, kept on disk; an "
+            "interrupted run goes on with those that are done. [default: the image at once]",
+        ),
+    ] = None,
     plot: Annotated[
         Path | None,
         typer.Option(help="Write a picture of the three projections (PNG, SVG, PDF); a folder for several captures."),
@@ -138,6 +146,8 @@ def image(
 
     Example: millisight image my_scan.toml --data raw/ --slices scan.png
 
+    Example: millisight image hall.capture.h5 --grid 2.5mm --memory 8GB
+
     Example: millisight image MITO_Dataset/004_sugar_box -o images/ --plot images/ --clock apply
     """
     if colormap is not None:
@@ -148,6 +158,8 @@ def image(
         check_known("--clutter", clutter, CLUTTER)
     if outline is not None and plot is None and slices is None:
         raise InputError("--outline is drawn over pictures; add --plot or --slices")
+    if memory is not None and (as_published or plot is not None or slices is not None):
+        raise InputError("--memory writes the image alone; leave --as-published, --plot and --slices out")
     if as_published and any(one is not None for one in (method, window, tolerance)):
         raise InputError("--as-published is a method of its own; leave --method, --window and --tolerance out")
     settings = ImageSettings(
@@ -164,6 +176,7 @@ def image(
         outline=outline,
         db=db,
         colormap=colormap,
+        memory=None if memory is None else parse_bytes(memory),
     )
     found = sources(captures, radar)
     empties = {(source.path, source.radar) for source in settings.background}
@@ -225,13 +238,22 @@ def _image_one(source: Source, outputs: _Outputs, settings: ImageSettings, *, la
         for note in (*opened.notes, *oddities(opened.capture)):
             say(note)
         check_stated(opened.capture, settings)
+        if settings.memory is not None:
+            large = large_image_of(outputs.image, opened, source, settings, settings.memory, label)
+            if large is not None:
+                _say_written(*large, outputs.image)
+                return
         mesh = None if settings.outline is None else outline_mesh(settings.outline, opened.capture)
         formed = image_of(opened, source, settings, label)
     metadata = {**formed.metadata, "asked": settings.asked}
     save(outputs.image, SarImage(grid=formed.grid, values=formed.values, metadata=metadata))
-    say(f"peak: {formed.magnitude.max():.4g} at {', '.join(f'{p * 100:.1f}' for p in formed.peak)} cm")
-    say(f"wrote {outputs.image}")
+    _say_written(float(formed.magnitude.max()), formed.peak, outputs.image)
     _draw(formed, mesh, outputs, settings)
+
+
+def _say_written(peak: float, place: Any, path: Path) -> None:
+    say(f"peak: {peak:.4g} at {', '.join(f'{p * 100:.1f}' for p in place)} cm")
+    say(f"wrote {path}")
 
 
 def _done(outputs: _Outputs, settings: ImageSettings) -> bool:

@@ -5,12 +5,25 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from millisight.cli.console import progress, say, say_sampling
 from millisight.cli.grids import parse_grid
 from millisight.cli.sources import Opened, Source
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.data import Capture, SarImage, VoxelGrid
-from millisight.imaging import CLUTTER, METHODS, WINDOWS, form_as_published, form_image, remove_sheets, sampling
+from millisight.imaging import (
+    CLUTTER,
+    METHODS,
+    WINDOWS,
+    form_as_published,
+    form_image,
+    form_image_to,
+    image_slabs,
+    memory_needed,
+    remove_sheets,
+    sampling,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +43,7 @@ class ImageSettings:
     outline: str | None
     db: bool
     colormap: str | None = None
+    memory: float | None = None  # [bytes]
 
     @property
     def asked(self) -> dict[str, Any]:
@@ -46,6 +60,40 @@ class ImageSettings:
 
 def image_of(opened: Opened, source: Source, settings: ImageSettings, label: str) -> SarImage:
     """The image of a capture, with all that comes before and after it."""
+    capture, voxels, clutter = prepared(opened, source, settings, label)
+    formed = _form(capture, voxels, settings, label)
+    return _uncovered(formed, clutter, frequency=capture.radar.waveform.center_frequency)[0]
+
+
+def large_image_of(
+    path: Path, opened: Opened, source: Source, settings: ImageSettings, memory: float, label: str
+) -> tuple[float, np.ndarray] | None:
+    """Write the image in slabs, of at most that memory [bytes]; its peak and its place [m]. None: it fits whole."""
+    capture, voxels = opened.capture, parse_grid(settings.grid, opened.capture)
+    needed = memory_needed(capture, voxels)
+    if needed <= memory:
+        return None
+    slabs = len(image_slabs(capture, voxels, memory=memory))
+    say(
+        f"memory: the image takes about {needed / 1e9:.2g} GB whole; it is formed in {slabs} slabs of at most "
+        f"{memory / 1e9:.2g} GB, with {8 * voxels.size / 1e9:.2g} GB on disk for what is done"
+    )
+    capture, voxels, clutter = prepared(opened, source, settings, label)
+    if clutter != "none":
+        raise InputError(
+            "no sheet was found in the frames, and an image in slabs cannot be searched for one: leave --clutter out, "
+            "or give more --memory"
+        )
+    method, window = _stated_settings(capture, settings)
+    with progress(f"{label}image by {method}") as report:
+        return form_image_to(
+            path, capture, voxels, memory=memory, method=method, window=window, tolerance=settings.tolerance,
+            asked=settings.asked, progress=report,
+        )  # fmt: skip
+
+
+def prepared(opened: Opened, source: Source, settings: ImageSettings, label: str) -> tuple[Capture, VoxelGrid, str]:
+    """The capture as it is imaged, the voxels, and what clutter is still to be taken off the image."""
     capture = _without_background(opened.capture, source, settings)
     voxels = parse_grid(settings.grid, capture)
     capture = _on_time(Opened(capture, opened.log), voxels, settings.clock, label)
@@ -57,8 +105,7 @@ def image_of(opened: Opened, source: Source, settings: ImageSettings, label: str
     capture = _in_focus(capture, voxels, settings.focus, label)
     clutter = settings.clutter or _stated(capture).get("clutter") or "none"
     capture, taken = _uncovered(capture, clutter, grid=voxels)
-    formed = _form(capture, voxels, settings, label)
-    return formed if taken else _uncovered(formed, clutter, frequency=capture.radar.waveform.center_frequency)[0]
+    return capture, voxels, "none" if taken else clutter
 
 
 def oddities(capture: Capture) -> list[str]:
@@ -104,14 +151,18 @@ def _form(capture: Capture, voxels: VoxelGrid, settings: ImageSettings, label: s
         say("as published: the nearest of 4096 range bins below, and the phase of the first frequency, not paper Eq. 1")
         with progress(f"{label}image as published") as report:
             return form_as_published(capture, voxels, progress=report)
-    stated = _stated(capture)
-    method = settings.method or str(stated.get("method", "fast"))
-    window = settings.window or stated.get("window") or "none"
+    method, window = _stated_settings(capture, settings)
     with progress(f"{label}image by {method}") as report:
         return form_image(
-            capture, voxels, method=method, window=None if window == "none" else window,
-            tolerance=settings.tolerance, progress=report,
+            capture, voxels, method=method, window=window, tolerance=settings.tolerance, progress=report
         )  # fmt: skip
+
+
+def _stated_settings(capture: Capture, settings: ImageSettings) -> tuple[str, Any]:
+    """Method and window as asked, or as the capture's description states them."""
+    stated = _stated(capture)
+    window = settings.window or stated.get("window") or "none"
+    return settings.method or str(stated.get("method", "fast")), None if window == "none" else window
 
 
 def _without_background(capture: Capture, source: Source, settings: ImageSettings) -> Capture:

@@ -20,9 +20,10 @@ from typing import Any, TypeVar, overload
 import numpy as np
 
 from millisight import data
-from millisight.core import atomic_path, check_readable, check_record_suffix, printable
+from millisight.core import atomic_path, check_readable, check_record_suffix, check_shape, printable
 from millisight.core.errors import DamagedFileError, FileError, FormatError, InputError
-from millisight.data import PHASE_SIGN, Capture
+from millisight.data import Capture
+from millisight.io._about import ABOUT
 from millisight.io._seal import chunk_extents, seal_holds, write_seal
 from millisight.io._sink import Sink
 
@@ -40,39 +41,6 @@ RECORDS = {
     )
 }  # fmt: skip
 
-# What a reader in another language needs to know of an array, by the field's name, or the record's and the field's.
-_ABOUT = {
-    "times": {"unit": "s", "axes": "pose"},
-    "positions": {"unit": "m", "axes": "pose, (x y z)", "frame": "world"},
-    "orientations": {"axes": "pose, (x y z w)", "frame": "radar to world"},
-    "tx_positions": {"unit": "m", "axes": "transmitter, (x y z)", "frame": "radar"},
-    "rx_positions": {"unit": "m", "axes": "receiver, (x y z)", "frame": "radar"},
-    "tx_points": {"unit": "m", "axes": "pose, transmitter, (x y z)", "frame": "world"},
-    "rx_points": {"unit": "m", "axes": "pose, receiver, (x y z)", "frame": "world"},
-    "frames": {"axes": "pose, transmitter, receiver, sample", "phase_sign": PHASE_SIGN},
-    "values": {"axes": "x, y, z", "frame": "world"},
-    "inside": {"axes": "x, y", "frame": "world"},
-    "VolumeMask.inside": {"axes": "x, y, z", "frame": "world"},
-    "labels": {"axes": "x, y", "frame": "world"},
-    "scores": {"axes": "instance"},
-    "x": {"unit": "m", "frame": "world"},
-    "y": {"unit": "m", "frame": "world"},
-    "z": {"unit": "m", "frame": "world"},
-    "vertices": {"unit": "m", "axes": "vertex, (x y z)", "frame": "world"},
-    "faces": {"axes": "face, corner"},
-    "rgb": {"axes": "row, column, (r g b)"},
-    "depth": {"unit": "depth_unit", "axes": "row, column", "frame": "camera"},
-    "pixels": {"axes": "row, column"},
-    "points": {"unit": "m", "axes": "row, column, (x y z)", "frame": "camera"},
-    "pose": {"unit": "m", "axes": "row, column", "frame": "camera to robot base"},
-    "intrinsics": {"fx_unit": "pixels", "fy_unit": "pixels", "cx_unit": "pixels", "cy_unit": "pixels"},
-    "waveform": {"start_frequency_unit": "Hz", "slope_unit": "Hz/s", "sample_rate_unit": "Hz"},
-    "radar": {"path_offset_unit": "m"},
-    "layers": {"moved_unit": "m", "offset_unit": "m", "error_unit": "m"},
-    "thicknesses": {"unit": "m", "axes": "layer"},
-    "indices": {"axes": "layer"},
-    "normal": {"axes": "(x y z)", "frame": "world"},
-}
 _CHUNK_BYTES = 1 << 20
 _MESHES = (".stl", ".obj", ".ply", ".off", ".glb")
 _EXTRAS = "extras"
@@ -104,26 +72,63 @@ def save(
     FileError
         The folder is missing, read-only, or full.
     """
-    import h5py
-
     if type(record).__name__ not in RECORDS:
         raise InputError(f"save got {type(record).__name__}; expected one of {', '.join(sorted(RECORDS))}")
     check_record_suffix(path)
     if isinstance(record, Capture):
         record.frames_of(slice(0, 1))  # refuses, before anything is written, one whose file was closed
+    newer = ("tx_points", "rx_points", "layers")
+    placed = isinstance(record, Capture) and any(getattr(record, name) is not None for name in newer)
+    with _sealed(path, _PLACED_VERSION if placed else SCHEMA_VERSION, reproducible=reproducible) as (file, sink):
+        _write(file, record, sink)
+        for name, value in (extras or {}).items():
+            _write_extra(file, name, value, sink)
+
+
+def save_image(
+    path: str | os.PathLike[str], grid: data.VoxelGrid, values: Any, metadata: Mapping[str, Any] | None = None
+) -> None:
+    """Write an image whose values need not be in memory, as `save` writes a SarImage.
+
+    Parameters
+    ----------
+    path : the file
+    grid : of the image
+    values : (X, Y, Z) complex64: anything with `shape`, `dtype`, `size` and slices along x, read a part at a time
+    metadata : provenance; what JSON can hold
+
+    Raises
+    ------
+    InputError
+        The values are of another shape than the grid.
+    UnknownNameError, FileError
+        As `save`.
+    """
+    check_shape(values.shape, name="values", shape=grid.shape)
+    check_record_suffix(path)
+    with _sealed(path, SCHEMA_VERSION) as (file, sink):
+        file.attrs["record"] = data.SarImage.__name__
+        _write(file.create_group("grid"), grid, sink)
+        about = _write_array(file, "values", values, sink).attrs
+        for name, text in ABOUT["values"].items():
+            about[name] = text
+        file.attrs["metadata"] = _JSON + json.dumps(dict(metadata or {}))
+
+
+@contextmanager
+def _sealed(path: str | os.PathLike[str], version: int, *, reproducible: bool = False) -> Iterator[tuple[Any, Sink]]:
+    """A new file with its provenance, to be written; sealed and renamed once all of it is there."""
+    import h5py
+
     with atomic_path(path) as temporary, open(temporary, "w+b") as raw:
         with Sink(raw) as sink, h5py.File(sink, "w") as file:
             file.attrs["format"] = "millisight"
-            newer = ("tx_points", "rx_points", "layers")
-            placed = isinstance(record, Capture) and any(getattr(record, name) is not None for name in newer)
-            file.attrs["schema_version"] = _PLACED_VERSION if placed else SCHEMA_VERSION
+            file.attrs["schema_version"] = version
             file.attrs["code_version"] = importlib.metadata.version("millisight")
             if not reproducible:
                 file.attrs["command"] = printable(shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]]))
                 file.attrs["created"] = datetime.now(UTC).isoformat(timespec="seconds")
-            _write(file, record, sink)
-            for name, value in (extras or {}).items():
-                _write_extra(file, name, value, sink)
+            yield file, sink
             extents = chunk_extents(file)
         write_seal(raw, extents)
 
@@ -271,7 +276,7 @@ def _write(group: Any, record: Any, sink: Sink) -> None:
             group.attrs[field.name] = value if plain else _JSON + json.dumps(value)
             continue
         own = f"{type(record).__name__}.{field.name}"
-        for name, text in _ABOUT.get(own, _ABOUT.get(field.name, {})).items():
+        for name, text in ABOUT.get(own, ABOUT.get(field.name, {})).items():
             about[name] = text
 
 

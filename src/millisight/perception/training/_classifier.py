@@ -15,11 +15,9 @@ from millisight.perception.classification import (
     CLASSIFIER_CHANNELS,
     CLASSIFIER_SIDE,
     novelty_of,
-    sheet_was_brightest,
     square_symmetries,
 )
 from millisight.perception.training import _augmentation as augmentation
-from millisight.perception.training._bands import BANDS
 from millisight.perception.training._calibration import (
     answer_scores,
     best_temperature,
@@ -31,8 +29,11 @@ from millisight.perception.training._calibration import (
 from millisight.perception.training._classifier_examples import (
     ClassifierExample,
     FoundMasks,
+    HeldExample,
     example_aside,
     example_of,
+    examples_in_use,
+    under_sheet,
 )
 from millisight.perception.training._loop import Schedule, run
 from millisight.perception.training._scenes import (
@@ -268,27 +269,20 @@ class ClassifierLesson:
         by = FoundMasks(recipe.masks) if recipe.masks else None
         self.masks_of: str | None = None if by is None else by.sha256
         self.classes: int = len(recipe.objects)
-        held = held_back(
+        self.held: list[HeldExample] = held_back(
             scenes,
-            lambda one, rng: (
-                example_of(one.whole, rng, by),
-                one.label,
-                one.name,
-                sheet_was_brightest(one.whole.taken_db[BANDS[0]]),
-            ),
+            lambda one, rng: HeldExample(example_of(one.whole, rng, by), one.label, one.name, under_sheet(one)),
             views=_HELD_VIEWS,
             seed=self.seed,
         )
         if recipe.novel:
-            held += held_back(
+            self.held += held_back(
                 {"validation": [one for one in scenes["validation"] if one.label < self.classes]},
-                lambda one, rng: (example_aside(one.whole, rng), self.classes, ASIDE, False),
+                lambda one, rng: HeldExample(example_aside(one.whole, rng), self.classes, ASIDE, covered=False),
                 views=1,
                 seed=self.seed,
             )
-        self.held = [channels for channels, *_ in held]
-        self.labels, self.covered = (np.array([one[i] for one in held]) for i in (1, 3))
-        self.shown = [one[2] for one in held]
+        self.used: list[HeldExample] = self.held if by is None else list(examples_in_use(scenes["validation"], by))
         rng, some = np.random.default_rng([self.seed, _POOL_SEED]), scenes["training"]
         self.pool = [
             ClassifierExample(self._example(some[i], some, rng, by).astype(np.float16), some[i].label)
@@ -332,17 +326,18 @@ class ClassifierLesson:
 
     def score(self, network: "nn.Module") -> float:
         """Less the mean cross-entropy."""
-        logits = _logits(network, [channels[None] for channels in self.held])
-        return -float(cross_entropy(logits, self.labels).mean())
+        logits = _logits(network, [one.channels[None] for one in self.held])
+        return -float(cross_entropy(logits, np.array([one.label for one in self.held])).mean())
 
     def describe(self, network: "nn.Module") -> dict[str, Any]:
         """Classes, calibration, and what `evaluation` needs to know of the scenes to find leaks."""
         recipe, scenes = self.recipe, self.scenes
-        every = _logits(network, [square_symmetries(channels) for channels in self.held])
-        known = self.labels < self.classes
-        logits, labels = every[known, : self.classes], self.labels[known]
+        every = _logits(network, [square_symmetries(one.channels) for one in self.used])
+        labels, covered = (np.array([getattr(one, name) for one in self.used]) for name in ("label", "covered"))
+        known = labels < self.classes
+        novelty = novelty_scores(novelty_of(every), [one.shown for one in self.used], known) if recipe.novel else None
+        logits, labels, covered = every[known, : self.classes], labels[known], covered[known]
         temperature = best_temperature(logits, labels)
-        novelty = novelty_scores(novelty_of(every), self.shown, known) if recipe.novel else None
         return {
             "physics": PHYSICS,
             "network": recipe.network,
@@ -354,7 +349,7 @@ class ClassifierLesson:
             "channels": list(CLASSIFIER_CHANNELS),
             "temperature": temperature,
             "threshold": best_threshold(logits / temperature, labels),
-            "calibration": calibration_of(logits, labels, self.covered[known]),
+            "calibration": calibration_of(logits, labels, covered),
             "validation": answer_scores(logits / temperature, labels),
             **({} if novelty is None else {"novelty": novelty}),
             "objects": {side: sorted({one.name for one in some} - _NO_OBJECTS) for side, some in scenes.items()},

@@ -1,14 +1,16 @@
 """Examples that classifiers learn from: a scene under a mask, and what is of no class under one."""
 
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from millisight.perception import power_levels
-from millisight.perception.classification import masked_channels
+from millisight.perception.classification import masked_channels, sheet_was_brightest
 from millisight.perception.segmentation import WaveSegmenter
 from millisight.perception.training import _augmentation as augmentation
 from millisight.perception.training._bands import BANDS, DEPTH
+from millisight.perception.training._training import TrainingScene
 from millisight.perception.training._whole import WholeScene
 
 SHIPPED = "shipped"
@@ -27,6 +29,15 @@ class ClassifierExample(NamedTuple):
 
     channels: np.ndarray
     label: int
+
+
+class HeldExample(NamedTuple):
+    """An example of validation: channels (C, S, S), index of the class, what is shown, whether under a sheet."""
+
+    channels: np.ndarray
+    label: int
+    shown: str
+    covered: bool
 
 
 class FoundMasks:
@@ -101,7 +112,33 @@ def example_aside(scene: WholeScene, rng: np.random.Generator) -> np.ndarray:
     return _channels(scene, mask, rng, both=both)
 
 
+def example_found(scene: WholeScene, by: FoundMasks, *, both: bool) -> np.ndarray | None:
+    """(C, S, S) a classifier's input in the mask that `by` finds, undisturbed; None: it finds none, or lacks a band."""
+    if both and BANDS[1] not in scene.levels:
+        return None
+    mask = by.of(scene, both=both)
+    return _masked(scene, mask, both=both) if mask.any() else None
+
+
+def examples_in_use(scenes: Sequence[TrainingScene], by: FoundMasks) -> Iterator[HeldExample]:
+    """Examples as a classifier meets them in use: in whatever masks `by` finds, by one band and by both."""
+    for one in scenes:
+        for both in (False, True):
+            channels = example_found(one.whole, by, both=both)
+            if channels is not None:
+                yield HeldExample(channels, one.label, one.name, under_sheet(one))
+
+
+def under_sheet(scene: TrainingScene) -> bool:
+    """Whether the brightest of a scene's image was a sheet's."""
+    return sheet_was_brightest(scene.whole.taken_db[BANDS[0]])
+
+
 def _channels(scene: WholeScene, inside: np.ndarray, rng: np.random.Generator, *, both: bool) -> np.ndarray:
+    return augmentation.seen_otherwise(_masked(scene, inside, both=both), rng)
+
+
+def _masked(scene: WholeScene, inside: np.ndarray, *, both: bool) -> np.ndarray:
     power = scene.power(BANDS[0])
     other, depths = scene.power(BANDS[1]) if both else None, DEPTH * np.arange(power.shape[2])
-    return augmentation.seen_otherwise(masked_channels(power, depths, inside.astype(np.float32), other), rng)
+    return masked_channels(power, depths, inside.astype(np.float32), other)
