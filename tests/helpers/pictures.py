@@ -8,10 +8,11 @@ from scipy import ndimage
 def panels(path):
     """(rows, columns, 3) of each panel of a figure on white, colour bars left out, from left to right.
 
-    A panel is what hangs together and is not white; text is too small to count.
+    A panel is what hangs together and is not white, without its ticks; text is too small to count.
     """
     pixels = np.asarray(Image.open(path).convert("RGB"))
-    labels, _ = ndimage.label(ndimage.binary_fill_holes((pixels < 245).any(axis=-1)))
+    filled = ndimage.binary_fill_holes((pixels < 245).any(axis=-1))
+    labels, _ = ndimage.label(ndimage.binary_opening(filled, np.ones((15, 15))))
     found = [place for place in ndimage.find_objects(labels) if _is_panel([edge.stop - edge.start for edge in place])]
     return [pixels[place] for place in sorted(found, key=lambda place: (place[1].start, place[0].start))]
 
