@@ -59,7 +59,8 @@ def chromium(*flags: str) -> Iterator[Any]:
     # The driver's path is given, so Selenium looks for none on the network.
     driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(program))
     try:
-        driver.set_page_load_timeout(30)
+        driver.set_page_load_timeout(60)
+        driver.set_script_timeout(60)
         yield driver
     finally:
         driver.quit()

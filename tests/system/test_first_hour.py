@@ -275,7 +275,7 @@ def test_the_viewer_shows_the_shape_turns_cuts_slices_and_tells_values(bracket, 
     from selenium.webdriver.common.action_chains import ActionChains
 
     pytest.importorskip("viser", reason='needs viser: pip install "millisight[viewer]"')
-    words = [*printed("millisight view ", mug="bracket")[:2], "--no-browser"]
+    words = [*printed("millisight view ", mug="bracket"), "--no-browser"]
 
     def press(*keys):
         driver.find_element("css selector", "body").send_keys(*keys)
