@@ -2,6 +2,7 @@
 
 import json
 import signal
+import threading
 import time
 from contextlib import ExitStack
 
@@ -120,12 +121,14 @@ def test_the_view_zooms_about_the_pointer_and_moves(opened):
 
 
 def test_the_newest_answer_wins_and_errors_are_shown(driver, tmp_path):
+    clicked = threading.Event()
+
     class Slow(Discs):
         asked = 0
 
         def segment(self, picture, prompts):
             Slow.asked += 1
-            time.sleep(0.4 if len(prompts.points) == 1 else 0)
+            clicked.wait(0 if len(prompts.points) > 1 else 20)
             if len(prompts.points) == 4:
                 raise ms.errors.InputError("four points are <b>too many</b>")
             return super().segment(picture, prompts)
@@ -138,6 +141,7 @@ def test_the_newest_answer_wins_and_errors_are_shown(driver, tmp_path):
         time.sleep(0.1)  # it is being answered
         for column in (30, 50):
             page.hand([column, 10]).click().perform()
+        clicked.set()
         page.settled()
         assert page.mask_pixels == 3 * 29
         assert Slow.asked == 2  # the one in between was not asked for
