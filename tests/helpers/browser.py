@@ -3,7 +3,11 @@
 Debian has both programs (`apt-get install chromium chromium-driver`); nothing is downloaded here.
 """
 
+import os
+import re
 import shutil
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -55,7 +59,8 @@ def chromium(*flags: str) -> Iterator[Any]:
     # The driver's path is given, so Selenium looks for none on the network.
     driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(program))
     try:
-        driver.set_page_load_timeout(30)
+        driver.set_page_load_timeout(60)
+        driver.set_script_timeout(60)
         yield driver
     finally:
         driver.quit()
@@ -64,3 +69,22 @@ def chromium(*flags: str) -> Iterator[Any]:
 def complaints(driver: Any) -> list[str]:
     """What the page's console has held against it since the last call: errors of scripts, files not found."""
     return [entry["message"] for entry in driver.get_log("browser") if entry["level"] == "SEVERE"]
+
+
+@contextmanager
+def served(*words: str, cwd: Any, **environment: str) -> Iterator[tuple[Any, str]]:
+    """A command that serves a page, in a process of its own until the end: the process, and the address it prints."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "millisight.cli.main", *words], cwd=cwd, text=True,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, env={**os.environ, **environment},
+    )  # fmt: skip
+    try:
+        printed = ""
+        while not (found := re.search(r"http://[\w.]+:\d+\S*", printed)):
+            line = process.stdout.readline()
+            assert line, printed + process.stderr.read()
+            printed += line
+        yield process, found[0]
+    finally:
+        process.kill()
+        process.communicate()

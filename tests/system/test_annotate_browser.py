@@ -1,12 +1,10 @@
 """The annotator as a person meets it: a real browser, real clicks, and the files that come of them."""
 
 import json
-import os
-import re
 import signal
-import subprocess
-import sys
+import threading
 import time
+from contextlib import ExitStack
 
 import numpy as np
 import pytest
@@ -14,7 +12,8 @@ from PIL import Image
 
 import millisight as ms
 from helpers.annotating import Discs, radar_image
-from helpers.browser import chromium, complaints
+from helpers.annotator_page import Page
+from helpers.browser import chromium, complaints, served
 from millisight.data import Prompts
 from millisight.viz.annotator import Annotation, AnnotatorServer, open_picture
 
@@ -23,93 +22,6 @@ from millisight.viz.annotator import Annotation, AnnotatorServer, open_picture
 def driver():
     with chromium() as driver:
         yield driver
-
-
-class Page:
-    """The annotator's page in the browser, and hands on it; places are [column, row] on the picture."""
-
-    def __init__(self, driver, address):
-        self.driver = driver
-        driver.get(address)
-        self.settled()
-        self.canvas = driver.find_element("id", "canvas")
-
-    def settled(self):
-        """Wait until the page shows the answer to what was asked last."""
-        self.until("document.body.dataset.settled === 'true'")
-        self.frame()
-
-    def frame(self):
-        """Wait until the canvas is drawn anew."""
-        self.driver.execute_async_script("requestAnimationFrame(() => requestAnimationFrame(arguments[0]))")
-
-    def until(self, condition, seconds=10):
-        end = time.monotonic() + seconds
-        while not self.driver.execute_script(f"return {condition}"):
-            assert time.monotonic() < end, condition
-            time.sleep(0.01)
-
-    def text(self, name):
-        return self.driver.find_element("id", name).text
-
-    @property
-    def view(self):
-        """Scale, left and top of the picture on the canvas."""
-        return tuple(map(float, self.canvas.get_attribute("data-view").split()))
-
-    @property
-    def mask_pixels(self):
-        return int(self.driver.execute_script("return document.body.dataset.maskPixels"))
-
-    def offset(self, place):
-        """Of a place's pixel from the middle of the canvas, in whole pixels of the screen."""
-        scale, left, top = self.view
-        size = self.canvas.size
-        return (
-            round(left + (place[0] + 0.5) * scale - size["width"] / 2),
-            round(top + (place[1] + 0.5) * scale - size["height"] / 2),
-        )
-
-    def hand(self, place):
-        from selenium.webdriver import ActionChains
-
-        return ActionChains(self.driver, duration=0).move_to_element_with_offset(self.canvas, *self.offset(place))
-
-    def click(self, place, *, right=False):
-        hand = self.hand(place)
-        (hand.context_click() if right else hand.click()).perform()
-        self.settled()
-
-    def press(self, *keys):
-        from selenium.webdriver import ActionChains, Keys
-
-        hand = ActionChains(self.driver, duration=0)
-        for key in keys[:-1]:
-            hand.key_down(getattr(Keys, key))
-        hand.send_keys(getattr(Keys, keys[-1], keys[-1]))
-        for key in keys[:-1]:
-            hand.key_up(getattr(Keys, key))
-        hand.perform()
-        self.settled()
-
-    def wheel(self, place, amount):
-        from selenium.webdriver import ActionChains
-        from selenium.webdriver.common.actions.wheel_input import ScrollOrigin
-
-        origin = ScrollOrigin.from_element(self.canvas, *self.offset(place))
-        ActionChains(self.driver, duration=0).scroll_from_origin(origin, 0, amount).perform()
-        self.frame()
-
-    def brightness(self, place):
-        """Of the canvas at a place: the mean of red, green and blue."""
-        scale, left, top = self.view
-        x, y = left + (place[0] + 0.5) * scale, top + (place[1] + 0.5) * scale
-        return self.driver.execute_script(
-            "const pen = document.getElementById('canvas').getContext('2d');"
-            "const [r, g, b] = pen.getImageData(arguments[0], arguments[1], 1, 1).data; return (r + g + b) / 3",
-            x,
-            y,
-        )
 
 
 def photo(path):
@@ -209,12 +121,14 @@ def test_the_view_zooms_about_the_pointer_and_moves(opened):
 
 
 def test_the_newest_answer_wins_and_errors_are_shown(driver, tmp_path):
+    clicked = threading.Event()
+
     class Slow(Discs):
         asked = 0
 
         def segment(self, picture, prompts):
             Slow.asked += 1
-            time.sleep(0.4 if len(prompts.points) == 1 else 0)
+            clicked.wait(0 if len(prompts.points) > 1 else 20)
             if len(prompts.points) == 4:
                 raise ms.errors.InputError("four points are <b>too many</b>")
             return super().segment(picture, prompts)
@@ -227,6 +141,7 @@ def test_the_newest_answer_wins_and_errors_are_shown(driver, tmp_path):
         time.sleep(0.1)  # it is being answered
         for column in (30, 50):
             page.hand([column, 10]).click().perform()
+        clicked.set()
         page.settled()
         assert page.mask_pixels == 3 * 29
         assert Slow.asked == 2  # the one in between was not asked for
@@ -282,23 +197,8 @@ def test_colours_change_and_the_mask_does_not(driver, tmp_path):
 @pytest.fixture
 def command(tmp_path):
     """Starts `millisight annotate` as a process of its own; gives it and the address that it prints."""
-    started = []
-
-    def start(*arguments, **environment):
-        process = subprocess.Popen(
-            [sys.executable, "-m", "millisight.cli.main", "annotate", *arguments], cwd=tmp_path, text=True,
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE, env={**os.environ, **environment},
-        )  # fmt: skip
-        started.append(process)
-        line = process.stdout.readline()
-        found = re.search(r"http://127\.0\.0\.1:\d+/\S+/", line)
-        assert found, line + process.stderr.read()
-        return process, found[0]
-
-    yield start
-    for process in started:
-        process.kill()
-        process.communicate()
+    with ExitStack() as stack:
+        yield lambda *words, **settings: stack.enter_context(served("annotate", *words, cwd=tmp_path, **settings))
 
 
 def test_the_command_ends_with_its_page(driver, command, tmp_path):

@@ -7,9 +7,11 @@ import sys
 import zipfile
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import millisight as ms
+from helpers import pictures
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -97,24 +99,44 @@ def test_the_wheel_holds_what_the_code_reads(wheel):
     assert not [name for name in names if name.startswith(("tests/", "docs/")) or name.endswith(".h5")]
 
 
-def test_the_wheel_works_in_a_clean_environment(wheel, tmp_path):
-    """Installed with its dependencies from the index into an empty environment, away from the source."""
-    python = tmp_path / "venv" / "bin" / "python"
-    subprocess.run([sys.executable, "-m", "venv", str(tmp_path / "venv")], check=True, timeout=120)
+@pytest.fixture(scope="module")
+def clean(wheel, tmp_path_factory):
+    """The folder of an environment that has the wheel, what it depends on by the index, and no extra."""
+    folder = tmp_path_factory.mktemp("clean")
+    subprocess.run([sys.executable, "-m", "venv", str(folder)], check=True, timeout=120)
     subprocess.run(
-        [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", str(wheel)], check=True, timeout=600
-    )
+        [folder / "bin" / "python", "-m", "pip", "install", "--quiet", "--disable-pip-version-check", str(wheel)],
+        check=True, timeout=600,
+    )  # fmt: skip
+    return folder
+
+
+def test_the_wheel_works_in_a_clean_environment(clean, tmp_path):
+    """Away from the source."""
+    python = clean / "bin" / "python"
     done = subprocess.run(
         [python, "-I", "-c", SMOKE], cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False
     )
     assert done.returncode == 0, done.stderr
-    assert str(tmp_path / "venv") in done.stdout
+    assert str(clean) in done.stdout
     assert done.stdout.split()[1:] == ["True", "True"]
     told = subprocess.run(
         [python, "-I", "-m", "pip", "list"], capture_output=True, text=True, check=True, timeout=60
     ).stdout
     assert "torch" not in told
     shown = subprocess.run(
-        [tmp_path / "venv" / "bin" / "millisight", "--version"], capture_output=True, text=True, check=True, timeout=60
+        [clean / "bin" / "millisight", "--version"], capture_output=True, text=True, check=True, timeout=60
     )
     assert shown.stdout.strip() == ms.__version__
+
+
+def test_the_wheel_runs_the_demo_without_extras(clean, tmp_path):
+    done = subprocess.run(
+        [clean / "bin" / "millisight", "demo"], cwd=tmp_path, capture_output=True, text=True, timeout=900, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert "scissors in a shut carton: not segmented: " in done.stdout
+    assert 'pip install "millisight[perception]"' in done.stdout
+    _, _, through = pictures.panels(tmp_path / "demo" / "carton.png")
+    assert np.ptp(pictures.brightness(through)) > 100
+    assert (tmp_path / "demo" / "index.html").exists()

@@ -284,16 +284,18 @@ def progress(label: str, *, compiles: bool = True) -> Iterator[Progress]:
     else:
         if label_now != label:
             typer.echo(label_now, err=True)
-        spoken = started
+        spoken, first = started, None
 
         def report(done: int, total: int) -> None:
-            nonlocal spoken
+            nonlocal spoken, first
             interrupts.check()
             now = time.monotonic()
+            first = first or (now, done)  # what came before may be the kernels' compilation
             if done < total and now - spoken > 10:
                 spoken = now
-                left = (now - started) * (total - done) / done
-                typer.echo(f"{label}: {100 * done // total} %, about {left:.0f} s left", err=True)
+                pace = (now - first[0]) / (done - first[1]) if done > first[1] else None
+                left = "" if pace is None else f", about {pace * (total - done):.0f} s left"
+                typer.echo(f"{label}: {100 * done // total} %{left}", err=True)
 
         yield report
     interrupts.check()

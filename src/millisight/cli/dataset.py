@@ -174,6 +174,46 @@ def download(
     end_with_failures([f"{path}: {in_options(reason)}" for path, reason in done.failures])
 
 
+@app.command("push")
+def push(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Dataset that was generated or converted.")],
+    repository: Annotated[str, typer.Argument(metavar="OWNER/NAME", help="On the Hugging Face Hub; made if missing.")],
+    licence: Annotated[
+        str | None, typer.Option("--license", help="Licence, by its name on the hub, such as cc-by-4.0.")
+    ] = None,
+    public: Annotated[
+        bool, typer.Option("--public", help="Make a new repository public. [default: only its owner sees it]")
+    ] = False,
+    revision: Annotated[str, typer.Option(help="Branch.")] = "main",
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Print the dataset card and what would be pushed; send nothing.")
+    ] = False,
+) -> None:
+    """Push a dataset made here to the Hugging Face Hub, with a card that says what is simulated, and how.
+
+    Log in first: `hf auth login`. Run it again to continue after an interruption: what the hub has is not sent again.
+
+    Example: millisight dataset push data OWNER/NAME --license cc-by-4.0 --dry-run
+    """
+    with progress("push", compiles=False) as report:
+        try:
+            done = datasets.push(
+                folder, repository, licence=licence, public=public, revision=revision, dry_run=dry_run, progress=report
+            )
+        except ImportError as error:
+            raise InputError(str(error)) from error
+    if dry_run:
+        say(done.card)
+    for path in done.left_out:
+        say(f"not pushed, since the manifest does not list it: {path}")
+    if licence is None:
+        say("note: the card names no licence, so nobody may use the data; choose one with --license")
+    told = f"{done.repository}: {done.files} files, {done.size / 1e6:.1f} MB"
+    say(f"{told}; nothing was sent" if dry_run else f"{told}; {done.there} files existed already")
+    if not dry_run:
+        say(f"pushed to {done.address}")
+
+
 _HEADER = ("id", "name", "exp", "angles", "los", "nlos", "radars", "images", "simulated", "masks", "camera", "raw",
            "omitted", "missing")  # fmt: skip
 

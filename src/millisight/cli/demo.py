@@ -119,8 +119,9 @@ def demo(
     page = write_page(output, title="What a millimetre-wave radar sees", introduction=_INTRODUCTION, items=items)
     say(f"wrote {page} and its pictures in {time.monotonic() - started:.0f} s: open it in a browser")
     say("what to try next:")
-    for command, what in NEXT.items():
-        say(f"  {command.format(folder=output):<62}{what}")
+    commands = {command.format(folder=output): what for command, what in NEXT.items()}
+    for command, what in commands.items():
+        say(f"  {command:<{max(map(len, commands))}}  {what}")
 
 
 _CAPTIONS = {

@@ -5,8 +5,8 @@ import sys
 from millisight.cli import interrupts
 
 GO_ON = (
-    "dataset convert", "dataset download", "evaluate classification", "evaluate segmentation", "evaluate simulator",
-    "generate", "train classifier", "train released", "train segmenter",
+    "dataset convert", "dataset download", "dataset push", "evaluate classification", "evaluate segmentation",
+    "evaluate simulator", "generate", "train classifier", "train released", "train segmenter",
 )  # fmt: skip
 """Commands whose next run continues where this one stopped."""
 

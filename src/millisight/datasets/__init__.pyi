@@ -29,6 +29,7 @@ from ._published import SplitImage as SplitImage
 from ._published import published_experiment as published_experiment
 from ._published import published_split as published_split
 from ._published import read_split as read_split
+from ._push import push as push
 from ._released import released_examples as released_examples
 from ._runner import ItemRun as ItemRun
 from ._runner import evaluate as evaluate

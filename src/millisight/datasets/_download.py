@@ -1,13 +1,14 @@
 """The published dataset from the Hugging Face Hub, whole or some objects of it; resumable."""
 
 import os
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing, contextmanager
+from collections.abc import Callable, Sequence
+from contextlib import closing
 from pathlib import Path, PurePosixPath
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from millisight.core import make_folder, printable, record
 from millisight.core.errors import FileError, InputError, UnknownNameError
+from millisight.datasets._hub import explained, hub_library
 from millisight.datasets._manifest import size_of
 from millisight.datasets._published import empty_scenes_of
 from millisight.datasets._workers import each
@@ -114,8 +115,8 @@ def download(
 
 def _listing(repository: str, revision: str, endpoint: str | None) -> tuple[str, list[RemoteFile]]:
     """The commit that `revision` is, and all files in it."""
-    hub = _hub()
-    with _explained(hub, repository, revision):
+    hub = hub_library()
+    with explained(hub, repository, revision):
         api = hub.HfApi(endpoint=endpoint)
         commit = str(api.dataset_info(repository, revision=revision).sha)
         tree = api.list_repo_tree(repository, recursive=True, revision=commit, repo_type="dataset")
@@ -142,9 +143,9 @@ def _chosen(files: list[RemoteFile], objects: Sequence[str]) -> tuple[RemoteFile
 
 def _fetch(job: _Job) -> None:
     """One file, in a process of its own; what is whole and of this commit is not asked for again."""
-    hub = _hub()
+    hub = hub_library()
     hub.utils.disable_progress_bars()
-    with _explained(hub, job.repository, job.commit):
+    with explained(hub, job.repository, job.commit):
         hub.hf_hub_download(
             job.repository,
             job.path,
@@ -164,41 +165,3 @@ def _check_room(root: Path, needed: int) -> None:
             f"{needed / 1e9:.1f} GB must be downloaded, but the free space in {printable(root)} is {room / 1e9:.1f} "
             "GB; choose another folder, or fewer objects"
         )
-
-
-def _hub() -> Any:
-    try:
-        import huggingface_hub
-        import huggingface_hub.errors
-        import huggingface_hub.utils
-    except ImportError as error:
-        raise ImportError('the download needs huggingface_hub: pip install "millisight[hub]"') from error
-    return huggingface_hub
-
-
-@contextmanager
-def _explained(hub: Any, repository: str, revision: str) -> Iterator[None]:
-    """The hub's errors, of which there are many kinds, as ours, with what to do."""
-    try:
-        yield
-    except FileError:
-        raise
-    except Exception as error:
-        status = getattr(getattr(error, "response", None), "status_code", None)
-        reason = " ".join(str(error).split())
-        if isinstance(error, hub.errors.GatedRepoError) or status == 403:
-            advice = "you may not read it yet: ask for access on its page, log in with `hf auth login`, and try again"
-        elif isinstance(error, hub.errors.RevisionNotFoundError):
-            advice = f"it has no revision {revision!r}: choose another with --revision"
-        elif isinstance(error, hub.errors.RepositoryNotFoundError) or status == 401:
-            advice = "there is no such dataset, or it is private: check the name, or log in with `hf auth login`"
-        elif status is not None:
-            advice = f"the hub answers {status} ({reason}): try again later; what was downloaded is kept"
-        elif isinstance(error, hub.errors.HFValidationError):
-            advice = f"that is not the name of a repository ({reason}): expected owner/name"
-        else:
-            advice = (
-                f"the hub cannot be reached, or the connection broke ({type(error).__name__}: {reason}): check the "
-                "network and try again; what was downloaded is kept"
-            )
-        raise FileError(f"{repository}: {advice}") from error
