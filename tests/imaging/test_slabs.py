@@ -114,9 +114,9 @@ def test_the_command_forms_slabs_where_the_memory_does_not_suffice(capture, tmp_
     grid = ("--grid", "-40cm:40cm:4mm,-4cm:4cm:4mm,-3cm:3cm:4mm")
     small = run(*grid, "--memory", "604MB", "-o", str(tmp_path / "a.h5"))
     assert small.returncode == 0, small.stderr
-    assert "slabs of at most 0.6 GB" in small.stdout + small.stderr
+    assert "is formed in 3 slabs of at most 0.6 GB" in small.stdout + small.stderr
     large = run(*grid, "--memory", "8GB", "-o", str(tmp_path / "b.h5"))
-    assert "slabs" not in large.stdout + large.stderr
+    assert "is formed in" not in large.stdout + large.stderr
     a, b = (ms.load(tmp_path / name).values for name in ("a.h5", "b.h5"))
     np.testing.assert_allclose(a, b, atol=0.01 * abs(b).max())
     for wrong in ("8", "lots", "-1GB", "0GB", "nanGB"):

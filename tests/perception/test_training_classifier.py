@@ -245,10 +245,12 @@ def test_what_lay_under_sheets_is_calibrated_apart():
     labels = rng.integers(0, 2, 400)
     right = np.where(covered, rng.random(400) < 0.7, rng.random(400) < 0.95)
     logits = 2.0 * (np.eye(2)[np.where(right, labels, 1 - labels)])
-    apart = calibration_of(logits, labels, covered)
+    apart = calibration_of(logits, labels, covered, np.arange(400))
     assert set(apart) == {"open", "covered"}
     assert apart["covered"]["temperature"] > 1.5 * apart["open"]["temperature"]
-    assert set(calibration_of(logits, labels, np.arange(400) < 99)) == {"open"}  # too few for one of their own
+    assert set(calibration_of(logits, labels, np.arange(400) < 99, np.arange(400))) == {
+        "open"
+    }  # too few for one of their own
 
 
 def test_an_image_whose_lid_was_brightest_has_the_calibration_of_such(monkeypatch):
@@ -349,6 +351,17 @@ def test_the_shipped_weights_are_those_of_the_recipe_and_saw_no_test():
     assert told["class_names"] == list(PUBLISHED_CLASSES)
     assert set(told["calibration"]) == {"open", "covered"}
     assert told["physics"].startswith("paper's simulator")
+
+
+def test_an_object_that_was_seen_often_counts_once():
+    # One object of eleven is taken for another in all of its twenty answers, the surest.
+    confidence = np.concatenate([np.full(20, 0.99), np.linspace(0.9, 0.6, 40)])
+    logits = np.log(np.stack([confidence, 1 - confidence], axis=1))
+    labels = np.array([1] * 20 + [0] * 40)
+    objects = np.array([0] * 20 + list(np.arange(40) % 40 + 1))
+    assert best_threshold(logits, labels) == pytest.approx(0.99)  # 40 of 60 are right
+    assert best_threshold(logits, labels, objects) == pytest.approx(0.6)  # 40 of 41 are
+    assert best_threshold(logits[:25], labels[:25], objects[:25]) == pytest.approx(0.99)  # too few
 
 
 def test_neither_the_rig_nor_torch_is_loaded_where_it_is_not_used():

@@ -7,6 +7,7 @@ import numpy as np
 
 _SURE = 0.95  # of the answers that are given should be right: on validation
 _FEWEST = 100  # answers that a calibration of their own takes
+_FEWEST_OBJECTS = 10  # that are answered about surely
 
 
 def cross_entropy(logits: np.ndarray, labels: np.ndarray) -> np.ndarray:
@@ -28,16 +29,31 @@ def best_temperature(logits: np.ndarray, labels: np.ndarray) -> float:
     return round(float(2**found.x), 4)
 
 
-def best_threshold(logits: np.ndarray, labels: np.ndarray) -> float:
-    """The lowest confidence from which on 95 % of the answers are right."""
+def best_threshold(logits: np.ndarray, labels: np.ndarray, objects: np.ndarray | None = None) -> float:
+    """The lowest confidence from which on 95 % of the answers are right.
+
+    Parameters
+    ----------
+    logits : (N, C)
+    labels : (N,) indices of the right classes
+    objects : (N,) numbers of what was seen: each counts as one, however often it was, and ten of them must have
+        answers; None: every answer counts
+    """
     right, confidence = _answers(logits, labels)
-    order = np.argsort(-confidence, kind="stable")
-    share = np.cumsum(right[order]) / np.arange(1, len(order) + 1)
-    enough = np.flatnonzero(share >= _SURE)
-    return round(float(confidence[order[enough[-1]]] if len(enough) else confidence.max()), 4)
+    _, numbers = np.unique(np.arange(len(labels)) if objects is None else objects, return_inverse=True)
+    hits, seen, found = np.zeros(numbers.max() + 1), np.zeros(numbers.max() + 1), None
+    for i in np.argsort(-confidence, kind="stable"):
+        hits[numbers[i]] += right[i]
+        seen[numbers[i]] += 1
+        some = seen > 0
+        if (objects is None or some.sum() >= _FEWEST_OBJECTS) and (hits[some] / seen[some]).mean() >= _SURE:
+            found = confidence[i]
+    return round(float(confidence.max() if found is None else found), 4)
 
 
-def calibration_of(logits: np.ndarray, labels: np.ndarray, covered: np.ndarray) -> dict[str, dict[str, float]]:
+def calibration_of(
+    logits: np.ndarray, labels: np.ndarray, covered: np.ndarray, objects: np.ndarray
+) -> dict[str, dict[str, float]]:
     """Temperature and threshold of the answers about "covered" and about "open" objects, each where there are many.
 
     Parameters
@@ -45,12 +61,13 @@ def calibration_of(logits: np.ndarray, labels: np.ndarray, covered: np.ndarray) 
     logits : (N, C)
     labels : (N,) indices of the right classes
     covered : (N,) bool, whether the brightest of the image was a sheet's
+    objects : (N,) see `best_threshold`
     """
     found = {}
     for name, some in (("open", ~covered), ("covered", covered)):
         if some.sum() >= _FEWEST:
             temperature = best_temperature(logits[some], labels[some])
-            threshold = best_threshold(logits[some] / temperature, labels[some])
+            threshold = best_threshold(logits[some] / temperature, labels[some], objects[some])
             found[name] = {"temperature": temperature, "threshold": threshold}
     return found
 

@@ -33,7 +33,7 @@ from millisight.perception.training._classifier_examples import (
     example_aside,
     example_of,
     examples_in_use,
-    under_sheet,
+    held_example,
 )
 from millisight.perception.training._loop import Schedule, run
 from millisight.perception.training._scenes import (
@@ -269,20 +269,24 @@ class ClassifierLesson:
         by = FoundMasks(recipe.masks) if recipe.masks else None
         self.masks_of: str | None = None if by is None else by.sha256
         self.classes: int = len(recipe.objects)
+        views, held = recipe.whole.views, scenes["validation"]
+        number = {id(one): index // views for index, one in enumerate(held)}  # of the object; a scene is one view
         self.held: list[HeldExample] = held_back(
             scenes,
-            lambda one, rng: HeldExample(example_of(one.whole, rng, by), one.label, one.name, under_sheet(one)),
+            lambda one, rng: held_example(one, example_of(one.whole, rng, by), number[id(one)]),
             views=_HELD_VIEWS,
             seed=self.seed,
         )
         if recipe.novel:
             self.held += held_back(
-                {"validation": [one for one in scenes["validation"] if one.label < self.classes]},
-                lambda one, rng: HeldExample(example_aside(one.whole, rng), self.classes, ASIDE, covered=False),
+                {"validation": [one for one in held if one.label < self.classes]},
+                lambda one, rng: HeldExample(
+                    example_aside(one.whole, rng), self.classes, ASIDE, False, number[id(one)]
+                ),
                 views=1,
                 seed=self.seed,
             )
-        self.used: list[HeldExample] = self.held if by is None else list(examples_in_use(scenes["validation"], by))
+        self.used: list[HeldExample] = self.held if by is None else list(examples_in_use(held, by, views=views))
         rng, some = np.random.default_rng([self.seed, _POOL_SEED]), scenes["training"]
         self.pool = [
             ClassifierExample(self._example(some[i], some, rng, by).astype(np.float16), some[i].label)
@@ -333,10 +337,12 @@ class ClassifierLesson:
         """Classes, calibration, and what `evaluation` needs to know of the scenes to find leaks."""
         recipe, scenes = self.recipe, self.scenes
         every = _logits(network, [square_symmetries(one.channels) for one in self.used])
-        labels, covered = (np.array([getattr(one, name) for one in self.used]) for name in ("label", "covered"))
+        labels, covered, numbers = (
+            np.array([getattr(one, name) for one in self.used]) for name in ("label", "covered", "number")
+        )
         known = labels < self.classes
         novelty = novelty_scores(novelty_of(every), [one.shown for one in self.used], known) if recipe.novel else None
-        logits, labels, covered = every[known, : self.classes], labels[known], covered[known]
+        logits, labels, covered, numbers = every[known, : self.classes], labels[known], covered[known], numbers[known]
         temperature = best_temperature(logits, labels)
         return {
             "physics": PHYSICS,
@@ -348,8 +354,8 @@ class ClassifierLesson:
             "masks": self.masks_of,
             "channels": list(CLASSIFIER_CHANNELS),
             "temperature": temperature,
-            "threshold": best_threshold(logits / temperature, labels),
-            "calibration": calibration_of(logits, labels, covered),
+            "threshold": best_threshold(logits / temperature, labels, numbers),
+            "calibration": calibration_of(logits, labels, covered, numbers),
             "validation": answer_scores(logits / temperature, labels),
             **({} if novelty is None else {"novelty": novelty}),
             "objects": {side: sorted({one.name for one in some} - _NO_OBJECTS) for side, some in scenes.items()},

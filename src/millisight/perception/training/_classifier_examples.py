@@ -32,12 +32,22 @@ class ClassifierExample(NamedTuple):
 
 
 class HeldExample(NamedTuple):
-    """An example of validation: channels (C, S, S), index of the class, what is shown, whether under a sheet."""
+    """An example of validation.
+
+    Attributes
+    ----------
+    channels : (C, S, S)
+    label : index of the class
+    shown : name of what is shown
+    covered : whether the brightest of the image was a sheet's
+    number : of the simulated object, which several examples show
+    """
 
     channels: np.ndarray
     label: int
     shown: str
     covered: bool
+    number: int
 
 
 class FoundMasks:
@@ -120,18 +130,22 @@ def example_found(scene: WholeScene, by: FoundMasks, *, both: bool) -> np.ndarra
     return _masked(scene, mask, both=both) if mask.any() else None
 
 
-def examples_in_use(scenes: Sequence[TrainingScene], by: FoundMasks) -> Iterator[HeldExample]:
-    """Examples as a classifier meets them in use: in whatever masks `by` finds, by one band and by both."""
-    for one in scenes:
+def examples_in_use(scenes: Sequence[TrainingScene], by: FoundMasks, *, views: int) -> Iterator[HeldExample]:
+    """Examples as a classifier meets them in use: in whatever masks `by` finds, by one band and by both.
+
+    Every `views` scenes show one object.
+    """
+    for index, one in enumerate(scenes):
         for both in (False, True):
             channels = example_found(one.whole, by, both=both)
             if channels is not None:
-                yield HeldExample(channels, one.label, one.name, under_sheet(one))
+                yield held_example(one, channels, index // views)
 
 
-def under_sheet(scene: TrainingScene) -> bool:
-    """Whether the brightest of a scene's image was a sheet's."""
-    return sheet_was_brightest(scene.whole.taken_db[BANDS[0]])
+def held_example(scene: TrainingScene, channels: np.ndarray, number: int) -> HeldExample:
+    """An example of a scene of validation."""
+    covered = sheet_was_brightest(scene.whole.taken_db[BANDS[0]])
+    return HeldExample(channels, scene.label, scene.name, covered, number)
 
 
 def _channels(scene: WholeScene, inside: np.ndarray, rng: np.random.Generator, *, both: bool) -> np.ndarray:
