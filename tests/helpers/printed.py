@@ -31,6 +31,7 @@ LEFT_OUT = {
     r"(?<!--)\b(bench24|unseen|tiny|ball-or-box|mine|data|mito|both)\b|_ghz\.image": "made by one that is left out",
     r"--method sam\b": "needs weights that a page tells how to get",
     r"\bFOLDER\b|letter_r_22ghz": "real captures: tests/imaging runs them where they are",
+    r"\bhall\.": "takes minutes and gigabytes: tests/imaging/test_slabs.py has a small one",
     r"^millisight demo": "tests/system/test_main_job.py runs it",
     r"(classify|evaluate (segmentation|classification)) .*MITO_Dataset": "the images of the miniature are too coarse",
 }
