@@ -1,8 +1,8 @@
 """The test that nothing here was made on, once a release: every figure of docs/explanation/results.md.
 
-    python benchmarks/results.py DATASET [DATASET ...] -o docs/explanation/results.md
+    python benchmarks/results.py DATASET [DATASET ...] --recipe examples/recipes/unseen.toml -o docs/explanation/results.md
 
-The datasets are made by examples/recipes/unseen.toml, or by parts of it. Compares `wave` with blind masks, and with the
+The datasets are made by examples/recipes/unseen.toml, or by a part of it such as unseen18.toml. Compares `wave` with blind masks, and with the
 one threshold that suits these very images best; counts the empty cartons in which nothing is found; and classifies
 what was found. The page states date, commit, weights and number of scenes.
 """
@@ -162,6 +162,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("datasets", nargs="+", type=Path)
     parser.add_argument("-o", "--output", type=Path, default=Path("docs/explanation/results.md"))
+    parser.add_argument("--recipe", default="examples/recipes/unseen.toml", help="that the datasets were made by")
     options = parser.parse_args()
     commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=True)
     weights = {"wave": WaveSegmenter().description["sha256"][:8], "classifier": classifier().description["sha256"][:8]}
@@ -174,7 +175,7 @@ def main() -> None:
 Made on {datetime.date.today().isoformat()} at commit {commit.stdout.strip()} by `python benchmarks/results.py`, weights
 {told}. Whole scenes by the virtual rig, simulated, not real: objects that no network, threshold or look used
 (`test` of `examples/objects.toml`), off the middle of images that show 9 to 15 cm around them; cartons of random size,
-thickness, place and tilt of the lid, drawn by `examples/recipes/unseen.toml`. Networks were trained on other objects by
+thickness, place and tilt of the lid, drawn by `{options.recipe}`. Networks were trained on other objects by
 other physics. Medians over scenes; in brackets 95 % bootstrap intervals.
 
 ## Masks
