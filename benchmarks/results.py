@@ -1,10 +1,10 @@
 """The test that nothing here was made on, once a release: every figure of docs/explanation/results.md.
 
-    python benchmarks/results.py DATASET [DATASET ...] --recipe examples/recipes/unseen.toml -o docs/explanation/results.md
+    python benchmarks/results.py DATASET [DATASET ...] --recipe examples/recipes/unseen.toml
 
-The datasets are made by examples/recipes/unseen.toml, or by a part of it such as unseen18.toml. Compares `wave` with blind masks, and with the
-one threshold that suits these very images best; counts the empty cartons in which nothing is found; and classifies
-what was found. The page states date, commit, weights and number of scenes.
+The datasets are made by examples/recipes/unseen.toml, or by a part of it such as unseen18.toml. Compares `wave` with
+blind masks, and with the one threshold that suits these very images best; counts the empty cartons in which nothing is
+found; and classifies what was found. The page states date, commit, weights and number of scenes.
 """
 
 import argparse
