@@ -26,11 +26,9 @@ from ._metrics import Metric as Metric
 from ._metrics import mask_metric as mask_metric
 from ._metrics import medians as medians
 from ._metrics import score_mask as score_mask
-from ._point_cloud import CLOUD_SUFFIXES as CLOUD_SUFFIXES
 from ._point_cloud import FScore as FScore
 from ._point_cloud import f_score as f_score
 from ._point_cloud import point_cloud as point_cloud
-from ._point_cloud import write_point_cloud as write_point_cloud
 from ._scenes import BOTH as BOTH
 from ._scenes import CAMERA as CAMERA
 from ._scenes import EMPTY as EMPTY

@@ -21,3 +21,7 @@ from ._sheets import SheetRemoval as SheetRemoval
 from ._sheets import remove_sheets as remove_sheets
 from ._synchronise import estimate_clock as estimate_clock
 from ._windows import WINDOWS as WINDOWS
+from ._windows import Window as Window
+from ._windows import aperture_weights as aperture_weights
+from ._windows import range_weights as range_weights
+from ._windows import window_pair as window_pair

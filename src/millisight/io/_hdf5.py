@@ -35,8 +35,9 @@ RECORDS = {
     cls.__name__: cls
     for cls in (
         data.Waveform, data.AntennaArray, data.Radar, data.Trajectory, data.Layers, Capture, data.VoxelGrid,
-        data.PixelGrid, data.SarImage, data.Mask, data.VolumeMask, data.Instances, data.Prediction, data.TriangleMesh,
-        data.Material, data.SceneObject, data.Scene, data.Intrinsics, data.CameraFrame, data.CameraMask,
+        data.PixelGrid, data.SarImage, data.Mask, data.VolumeMask, data.Instances, data.Prediction, data.PointCloud,
+        data.TriangleMesh, data.Surface, data.Material, data.SceneObject, data.Scene, data.Intrinsics,
+        data.CameraFrame, data.CameraMask,
     )
 }  # fmt: skip
 
@@ -64,6 +65,12 @@ _ABOUT = {
     "depth": {"unit": "depth_unit", "axes": "row, column", "frame": "camera"},
     "pixels": {"axes": "row, column"},
     "points": {"unit": "m", "axes": "row, column, (x y z)", "frame": "camera"},
+    "PointCloud.points": {"unit": "m", "axes": "point, (x y z)", "frame": "world"},
+    "magnitude": {"axes": "point"},
+    "normals": {"axes": "point, (x y z)", "frame": "world"},
+    "place_sigma": {"unit": "m", "axes": "point"},
+    "normal_sigma_deg": {"unit": "degrees", "axes": "point"},
+    "sigma": {"unit": "m", "axes": "vertex"},
     "pose": {"unit": "m", "axes": "row, column", "frame": "camera to robot base"},
     "intrinsics": {"fx_unit": "pixels", "fy_unit": "pixels", "cx_unit": "pixels", "cy_unit": "pixels"},
     "waveform": {"start_frequency_unit": "Hz", "slope_unit": "Hz/s", "sample_rate_unit": "Hz"},
