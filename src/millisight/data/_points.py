@@ -75,11 +75,18 @@ class PointCloud:
 
     def chosen(self, which: np.ndarray) -> "PointCloud":
         """Some of the points: `which` is (N,) bool, or their indices."""
-        arrays = {
-            name: None if (held := getattr(self, name)) is None else held[which]
-            for name in ("points", "magnitude", "normals", "place_sigma", "normal_sigma_deg")
-        }
-        return PointCloud(**arrays, metadata=self.metadata)
+
+        def some(held: np.ndarray | None) -> np.ndarray | None:
+            return None if held is None else held[which]
+
+        return PointCloud(
+            points=self.points[which],
+            magnitude=some(self.magnitude),
+            normals=some(self.normals),
+            place_sigma=some(self.place_sigma),
+            normal_sigma_deg=some(self.normal_sigma_deg),
+            metadata=self.metadata,
+        )
 
 
 def _some(value: Any, name: str, count: int | str, *rest: int, dtype: Any = np.float64) -> np.ndarray:

@@ -54,6 +54,10 @@ from ._statistics import bootstrap_interval as bootstrap_interval
 from ._statistics import mcnemar as mcnemar
 from ._statistics import sign_flip as sign_flip
 from ._statistics import wilson_interval as wilson_interval
+from ._surface_truth import SurfaceScores as SurfaceScores
+from ._surface_truth import TrueSurface as TrueSurface
+from ._surface_truth import score_surface as score_surface
+from ._surface_truth import true_surface as true_surface
 from ._tables import Table as Table
 from ._task import TASKS as TASKS
 from ._task import EvaluationItem as EvaluationItem
@@ -88,3 +92,5 @@ from .tasks.classification import ClassificationTask as ClassificationTask
 from .tasks.classification import Mistake as Mistake
 from .tasks.segmentation import SegmentationTask as SegmentationTask
 from .tasks.simulator import SimulatorTask as SimulatorTask
+from .tasks.surface import SurfaceTask as SurfaceTask
+from .tasks.surface import SurfaceTrial as SurfaceTrial

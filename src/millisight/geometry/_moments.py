@@ -143,7 +143,8 @@ def weighted_images(
     def part(number: int) -> Progress | None:
         if progress is None:
             return None
-        return lambda done, total: progress(number * total + done, (len(weights) + 1) * total)
+        report, count = progress, len(weights) + 1
+        return lambda done, total: report(number * total + done, count * total)
 
     def image(of: Capture, number: int) -> np.ndarray:
         return form_image(
@@ -208,10 +209,11 @@ def _unpulled(along: np.ndarray, power: np.ndarray, noise: np.ndarray, grid: Vox
     from scipy.ndimage import gaussian_filter
 
     widths = [_TOGETHER / float(np.diff(a).mean()) if len(a) > 1 else 0.0 for a in (grid.x, grid.y, grid.z)]
-    aside = gaussian_filter(power * along.imag**2, widths) - noise / 2
-    straight = gaussian_filter(power * along.real**2, widths)
+    real, imaginary = np.real(along), np.imag(along)
+    aside = gaussian_filter(power * imaginary**2, widths) - noise / 2
+    straight = gaussian_filter(power * real**2, widths)
     pull = np.clip(aside / np.maximum(straight, _TINY), 0, _MOST_PULL)
-    return along.real * (1 + pull)
+    return real * (1 + pull)
 
 
 def channel_middles(capture: Capture) -> np.ndarray:
