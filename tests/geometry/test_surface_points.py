@@ -149,7 +149,7 @@ def test_of_an_image_alone_a_plane_is_found():
     tilt = np.radians(mirrors.PLANE_TILT_DEG)
     truth = np.array([[np.sin(tilt), 0, np.cos(tilt)]])
     assert len(found) > 300
-    assert np.median(np.abs((found.points - FOOT) @ truth[0])) < 4e-3
+    assert np.median(np.abs((found.points - FOOT) @ truth[0])) < 8e-3
     assert np.median(angle_deg(found.normals, truth)) < 1
 
 

@@ -18,9 +18,11 @@ def radar(array: ms.AntennaArray | None = None, samples: int = 32) -> ms.Radar:
     )
 
 
-def capture_of(paths, array=None, *, size=0.24, step=0.003, noise=0.0, rng=0, shift=(0.0, 0.0, 0.0)) -> ms.Capture:
+def capture_of(paths, array=None, *, size=0.24, step=0.0025, noise=0.0, rng=0, shift=(0.0, 0.0, 0.0)) -> ms.Capture:
     """Frames of the path lengths that `paths(tx, rx)` gives for antennas (P, T, 1, 3) and (P, 1, R, 3) [m]."""
-    held, where = radar(array), ms.Trajectory.raster(size=(size, size), step=step)
+    held, raster = radar(array), ms.Trajectory.raster(size=(size, size), step=step)
+    # The aperture is the plane z = 0.
+    where = ms.Trajectory(times=raster.times, positions=raster.positions * [1, 1, 0])
     tx, rx = (where.placed(ends)[:, :, None] for ends in (held.array.tx_positions, held.array.rx_positions))
     lengths = paths(tx, rx.transpose(0, 2, 1, 3))
     frames = np.exp(-2j * np.pi / SPEED_OF_LIGHT * lengths[..., None] * held.waveform.frequencies)

@@ -90,7 +90,7 @@ def surface(
 
     Example: millisight surface mug.capture.h5 --grid 2mm -o mug.ply
 
-    Example: millisight surface carton.capture.h5 --clutter lid --points mug_points.ply --depth depth.png
+    Example: millisight surface scan.capture.h5 --clutter lid --points points.ply --depth depth.png
 
     Example: millisight surface mug.image.h5 -o mug.ply
     """

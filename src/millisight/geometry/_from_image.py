@@ -1,4 +1,4 @@
-"""Normals and places from a formed image alone, for data whose frames are not there (primer 28)."""
+"""Normals and places from a formed image alone, for data whose frames are not there (primer 23)."""
 
 import numpy as np
 

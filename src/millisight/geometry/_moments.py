@@ -1,4 +1,4 @@
-"""Where a voxel's echo comes to and how long it took: images of weighted frames (primer 23 to 26).
+"""Where a voxel's echo comes to and how long it took: images of weighted frames (primer 19 to 21).
 
 An image is a sum over channels and frequencies, and linear in the frames. So frames weighted by a coordinate of each
 channel's antenna, or by the frequency, give images A_x, A_y, A_z and F beside the image I itself, and of any voxel
@@ -204,7 +204,7 @@ def _unpulled(along: np.ndarray, power: np.ndarray, noise: np.ndarray, grid: Vox
     """(X, Y, Z) coordinate of the antennas that a mirror would be seen from, of the coherent mean (complex) [m].
 
     Of a taper exp(-p² / 2 w²) and an echo whose phase is a (p - p_0)² over the aperture the mean is p_0 / (1 - i t),
-    with t = 1 / (2 a w²): its real part is p_0 / (1 + t²), and t is the ratio of its parts (primer 25).
+    with t = 1 / (2 a w²): its real part is p_0 / (1 + t²), and t is the ratio of its parts (primer 20).
     """
     from scipy.ndimage import gaussian_filter
 

@@ -31,7 +31,7 @@ def surface_points(
     device: Literal["cpu", "cuda"] | str = "cpu",
     progress: Callable[[int, int], None] | None = None,
 ) -> PointCloud:
-    """Find oriented points on the surfaces that a capture, or an image, shows (primer 23 to 28).
+    """Find oriented points on the surfaces that a capture, or an image, shows (primer 19 to 23).
 
     Of a capture, images of weighted frames are formed beside the image itself: weighted by the coordinates of each
     channel's middle between TX and RX they tell where a voxel's echo comes to, and so the normal; weighted by the

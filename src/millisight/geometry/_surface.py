@@ -1,7 +1,7 @@
 """From oriented points to a mesh: heights that agree with the points' places and whose slopes agree with their normals.
 
 Points that hang together are a patch. Over the plane across a patch's mean normal the surface is a height h(u, v) on
-square cells, which minimises (primer 29)
+square cells, which minimises (primer 24)
 
     sum over points (h - h_i)² / σ_i²  +  sum over pairs of neighbouring cells (Δh - g d)² / (d τ)²,
 
@@ -30,7 +30,7 @@ LEAST_POINTS = 12
 def surface(
     points: PointCloud, *, spacing: float | None = None, least: int = LEAST_POINTS, reach: float | None = None
 ) -> Surface:
-    """Make a mesh of oriented points: of what was seen, holes left open (primer 29).
+    """Make a mesh of oriented points: of what was seen, holes left open (primer 24).
 
     Points that hang together make a patch, and each patch a height over its own plane: by weighted least squares of the
     points' places and of the slopes that their normals state, each by its standard deviation.
