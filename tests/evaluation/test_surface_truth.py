@@ -18,7 +18,7 @@ MESH = ms.TriangleMesh(vertices=BALL.vertices - [0, 0, 0.30], faces=BALL.faces)
 
 @pytest.fixture(scope="module")
 def capture():
-    return mirrors.capture_of(mirrors.ball(0.05), size=0.15, noise=0.6)
+    return mirrors.capture_of(mirrors.ball(0.05), size=0.15, step=0.003, noise=0.6)
 
 
 @pytest.fixture(scope="module")
@@ -86,7 +86,7 @@ class _Scene(SceneSource):
         return (Path("capture.h5"), Path("world.toml")) if band == "77 GHz" else ()
 
     def read_capture(self, band):
-        return mirrors.capture_of(mirrors.ball(0.05), size=0.15, noise=0.6)
+        return mirrors.capture_of(mirrors.ball(0.05), size=0.15, step=0.003, noise=0.6)
 
     def read_shape(self, band):
         return (MESH,)
@@ -105,7 +105,7 @@ def scene():
 
 
 def test_the_task_scores_points_and_baselines(scene, tmp_path):
-    task = SurfaceTask(spacing=(0.0025, 0.005))
+    task = SurfaceTask(spacing=(0.003, 0.006))
     planned = task.plan(_Data(scene))
     (item,) = planned.items
     results = json.loads(json.dumps(task.run(item)))

@@ -40,7 +40,7 @@ def shining(points, normals, within):
     ids=["sphere", "cylinder"],
 )
 def test_round_mirrors_have_their_place_and_normals(paths, radius, axes):
-    found = unthresholded(mirrors.capture_of(paths, noise=0.3), window="hann")
+    found = unthresholded(mirrors.capture_of(paths, noise=0.1), window="hann")
     across = (found.points - [0, 0, -0.25 - radius]) * axes
     away = np.linalg.norm(across, axis=1)
     truth = across / away[:, None]
