@@ -41,7 +41,8 @@ def evaluate(
 
     Parameters
     ----------
-    task : "simulator", "segmentation", "classification", "surface", or the name of a plug-in's; or a task with its options
+    task : "simulator", "segmentation", "classification", "surface", or the name of a plug-in's; or a task with its
+        options
     dataset : folder, or a dataset from `ms.datasets.open`
     output : folder for `index.html`, tables as Markdown and CSV, and figures; None: nothing is written
     objects : ids, names or folders of objects; none: all
