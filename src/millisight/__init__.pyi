@@ -3,6 +3,7 @@
 from . import calibration as calibration
 from . import datasets as datasets
 from . import evaluation as evaluation
+from . import geometry as geometry
 from . import perception as perception
 from . import rig as rig
 from . import viz as viz
@@ -29,6 +30,7 @@ from .data import SarImage as SarImage
 from .data import ScanRow as ScanRow
 from .data import Scene as Scene
 from .data import SceneObject as SceneObject
+from .data import Surface as Surface
 from .data import Trajectory as Trajectory
 from .data import TriangleMesh as TriangleMesh
 from .data import VolumeMask as VolumeMask
@@ -40,7 +42,8 @@ from .evaluation import FScore as FScore
 from .evaluation import align as align
 from .evaluation import f_score as f_score
 from .evaluation import point_cloud as point_cloud
-from .evaluation import write_point_cloud as write_point_cloud
+from .geometry import surface as surface
+from .geometry import surface_points as surface_points
 from .imaging import Focused as Focused
 from .imaging import autofocus as autofocus
 from .imaging import combine as combine
@@ -51,7 +54,9 @@ from .imaging import image_at as image_at
 from .imaging import sampling as sampling
 from .io import load as load
 from .io import open_capture as open_capture
+from .io import read_point_cloud as read_point_cloud
 from .io import save as save
+from .io import write_point_cloud as write_point_cloud
 from .io.description import read_scan as read_scan
 from .perception import power_prompts as power_prompts
 from .perception import project as project

@@ -6,7 +6,8 @@ import trimesh
 
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.data import PointCloud, SarImage, VoxelGrid
-from millisight.evaluation import point_cloud, write_point_cloud
+from millisight.evaluation import point_cloud
+from millisight.io import write_point_cloud
 
 GRID = VoxelGrid(x=np.array([0.1, 0.2, 0.4]), y=np.array([0.0, 0.5]), z=np.array([-0.3, -0.1]))
 

@@ -46,6 +46,10 @@ def one_of_each():
         ms.SarImage(grid=grid, values=np.arange(6).reshape(3, 2, 1) * (1 + 2j), metadata={"ö": "µ"}),
         ms.Mask(grid_xy=grid.xy, inside=[[True, False]] * 3),
         ms.VolumeMask(grid=grid, inside=[[[True], [False]]] * 3),
+        ms.PointCloud(
+            points=[[0, 0, 1]], normals=[[0, 0, 1]], place_sigma=[0.001], normal_sigma_deg=[2], metadata={"seen": True}
+        ),
+        ms.Surface(mesh=scene.mesh, sigma=np.full(len(scene.mesh.vertices), 1e-3), metadata={"patches": 1}),
         ms.Instances(grid_xy=grid.xy, labels=[[1, 2], [1, 0], [0, 0]], scores=[3.0, 2.0]),
         ms.Prediction(probabilities=[0.25, 0.75], class_names=("can", "box")),
         scene.mesh, scene.objects[0].material, scene.objects[0], scene + scene.moved((1, 0, 0)), intrinsics, layers,

@@ -17,6 +17,7 @@ from millisight.cli import (
     objects,
     segment,
     simulate,
+    surface,
     train,
     view,
 )
@@ -38,6 +39,7 @@ app.command("info")(info.info)
 app.command("objects")(objects.objects)
 app.command("segment")(segment.segment)
 app.command("classify")(classify.classify)
+app.command("surface")(surface.surface)
 app.command("view")(view.view)
 app.command("annotate")(annotate.annotate)
 app.command("collect")(collect.collect)

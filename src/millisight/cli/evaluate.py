@@ -260,6 +260,40 @@ def classification(
     )
 
 
+@app.command("surface")
+def surface(
+    root: Root,
+    output: Output = Path("surface-evaluation"),
+    spacing: Annotated[str, typer.Option(help="Spacing of the voxels along x and y, twice that along z.")] = "2mm",
+    clutter: Annotated[
+        str, typer.Option(help="Taken off captures out of sight: auto, lid or none. Others are left as they are.")
+    ] = "auto",
+    false_alarms: Annotated[
+        float, typer.Option(help="Probability that a voxel of noise alone is taken for a surface.")
+    ] = 1e-6,
+    objects: Objects = None,
+    sight: Sight = None,
+    experiment: ExperimentNumber = None,
+    failures: Annotated[int, typer.Option(min=0, help="Number of worst scenes to plot.")] = 4,
+    workers: Workers = None,
+    as_json: AsJson = False,
+) -> None:
+    """Compare oriented points of 77 GHz captures with the object's true surface: F-score, precision, recall, normals.
+
+    For scenes of the virtual rig, whose objects' shapes are known, with captures (keep = "captures" or "raw" in the
+    recipe). Two baselines on the same captures: voxels above 0.3 of the maximum, and of each column the voxel where the
+    image is largest. Writes OUT/index.html, and each table as Markdown and CSV. Run it again to continue after an
+    interruption.
+
+    Example: millisight evaluate surface bench24 -o surfaces
+    """
+    step = length(spacing, option="--spacing", metres=SMALL)
+    options = {"spacing": (step, 2 * step), "clutter": clutter, "false_alarms": false_alarms, "failures": failures}
+    _evaluate(
+        "surface", root, output, objects, sight, experiment, workers, as_json=as_json, label="surfaces", **options
+    )
+
+
 def _evaluate(
     task: str,
     dataset: Path,

@@ -6,7 +6,7 @@ from millisight.cli import interrupts
 
 GO_ON = (
     "dataset convert", "dataset download", "dataset push", "evaluate classification", "evaluate segmentation",
-    "evaluate simulator", "generate", "train classifier", "train released", "train segmenter",
+    "evaluate simulator", "evaluate surface", "generate", "train classifier", "train released", "train segmenter",
 )  # fmt: skip
 """Commands whose next run continues where this one stopped."""
 

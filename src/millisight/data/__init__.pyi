@@ -37,5 +37,6 @@ from ._scan import RawScan as RawScan
 from ._scan import ScanRow as ScanRow
 from ._scene import Scene as Scene
 from ._scene import SceneObject as SceneObject
+from ._surface import Surface as Surface
 from ._trajectory import Trajectory as Trajectory
 from ._volume_mask import VolumeMask as VolumeMask

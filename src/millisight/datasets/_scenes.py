@@ -8,7 +8,7 @@ import numpy as np
 
 from millisight.core import check_known, record, rotation_from_quaternion
 from millisight.core.errors import FileError, InputError
-from millisight.data import CameraFrame, CameraMask, Mask, SarImage
+from millisight.data import CameraFrame, CameraMask, Capture, Mask, RawScan, SarImage, TriangleMesh
 from millisight.datasets._dataset import Item, expect, read_item
 from millisight.datasets._empty import subtract_published_empty
 from millisight.datasets._published import (
@@ -125,6 +125,52 @@ class SceneFiles(SceneSource):
         if crop is None:
             return cropped_as_published(image, band, published), made_by
         return crop_slices(image, low=crop[0], high=crop[1]) if band == HIGH else image, made_by
+
+    def shape_paths(self, band: str) -> tuple[Path, ...]:
+        """The capture, and the world that the virtual rig scanned."""
+        capture, world = self._capture_of(band), self._world_of(band)
+        return () if capture is None or world is None else (capture.path, world)
+
+    def read_capture(self, band: str) -> Capture:
+        """The capture of a band.
+
+        Raises
+        ------
+        FileError, FormatError, DamagedFileError, InputError
+        """
+        item = self._capture_of(band)
+        if item is None:
+            return super().read_capture(band)
+        held = item.read()
+        return held.to_capture() if isinstance(held, RawScan) else held
+
+    def read_shape(self, band: str) -> tuple[TriangleMesh, ...]:
+        """Meshes of the objects as the virtual rig placed them.
+
+        Raises
+        ------
+        FileError, MeshError, InputError
+        """
+        from millisight.rig.virtual import World, build_layout
+
+        world = self._world_of(band)
+        if world is None:
+            return super().read_shape(band)
+        return tuple(part.mesh for thing in build_layout(World.from_toml(world)).objects for part in thing.parts)
+
+    def _capture_of(self, band: str) -> Item | None:
+        return next((item for item in self.turns if (item.kind, item.radar) == (mito.RAW, BANDS[band])), None)
+
+    def _world_of(self, band: str) -> Path | None:
+        """`truth/<experiment>/<radar>/world.toml`, below the folder that holds the objects' folders."""
+        if band not in self.images:
+            return None
+        experiment = self.images[band].path.parents[3]
+        for root in experiment.parents:
+            folder = root / mito.TRUTH / experiment.relative_to(root) / BANDS[band]
+            if (folder / "world.toml").is_file():
+                return folder / "world.toml"
+        return None
 
     def published_mask(self, band: str) -> Mask | None:
         """The mask beside an image.

@@ -26,11 +26,9 @@ from ._metrics import Metric as Metric
 from ._metrics import mask_metric as mask_metric
 from ._metrics import medians as medians
 from ._metrics import score_mask as score_mask
-from ._point_cloud import CLOUD_SUFFIXES as CLOUD_SUFFIXES
 from ._point_cloud import FScore as FScore
 from ._point_cloud import f_score as f_score
 from ._point_cloud import point_cloud as point_cloud
-from ._point_cloud import write_point_cloud as write_point_cloud
 from ._scenes import BOTH as BOTH
 from ._scenes import CAMERA as CAMERA
 from ._scenes import EMPTY as EMPTY
@@ -56,6 +54,10 @@ from ._statistics import bootstrap_interval as bootstrap_interval
 from ._statistics import mcnemar as mcnemar
 from ._statistics import sign_flip as sign_flip
 from ._statistics import wilson_interval as wilson_interval
+from ._surface_truth import SurfaceScores as SurfaceScores
+from ._surface_truth import TrueSurface as TrueSurface
+from ._surface_truth import score_surface as score_surface
+from ._surface_truth import true_surface as true_surface
 from ._tables import Table as Table
 from ._task import TASKS as TASKS
 from ._task import EvaluationItem as EvaluationItem
@@ -90,3 +92,5 @@ from .tasks.classification import ClassificationTask as ClassificationTask
 from .tasks.classification import Mistake as Mistake
 from .tasks.segmentation import SegmentationTask as SegmentationTask
 from .tasks.simulator import SimulatorTask as SimulatorTask
+from .tasks.surface import SurfaceTask as SurfaceTask
+from .tasks.surface import SurfaceTrial as SurfaceTrial

@@ -1,17 +1,13 @@
-"""Point clouds of radar images: the voxels above a threshold; how alike two are (paper Eq. 9-11); PLY and PCD files."""
+"""Point clouds of radar images: the voxels above a threshold; how alike two are (paper Eq. 9-11)."""
 
-import os
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from millisight.core import atomic_path, checked_array, checked_number, checked_path, checked_record
-from millisight.core.errors import InputError, UnknownNameError
+from millisight.core import checked_array, checked_number, checked_record
+from millisight.core.errors import InputError
 from millisight.data import PointCloud, SarImage
-
-CLOUD_SUFFIXES = (".ply", ".pcd")
 
 
 def point_cloud(image: SarImage, threshold: float = 0.3, *, relative: bool = True, flat: bool = False) -> PointCloud:
@@ -48,48 +44,6 @@ def _cloud(axes: tuple[np.ndarray, ...], values: np.ndarray, threshold: float, r
     where = np.nonzero(values > (threshold * values.max() if relative else threshold))
     points = np.stack([axis[i] for axis, i in zip(axes, where, strict=True)], axis=-1)
     return PointCloud(points=points, magnitude=values[where])
-
-
-def write_point_cloud(path: str | os.PathLike[str], cloud: PointCloud, *, binary: bool = True) -> None:
-    """Write a cloud as PLY or PCD, depending on the suffix: x, y, z as doubles [m] and `intensity`, |I|, as a float.
-
-    Raises
-    ------
-    UnknownNameError
-        The suffix is neither .ply nor .pcd.
-    FileError
-        The file cannot be written.
-    """
-    path = checked_path(path)
-    suffix = path.suffix.lower()
-    if suffix not in CLOUD_SUFFIXES:
-        raise UnknownNameError("point cloud format", suffix or Path(path).name, CLOUD_SUFFIXES)
-    rows = np.empty(len(cloud), dtype=[("x", "<f8"), ("y", "<f8"), ("z", "<f8"), ("intensity", "<f4")])
-    for i, name in enumerate("xyz"):
-        rows[name] = cloud.points[:, i]
-    rows["intensity"] = cloud.magnitude
-    header = (_ply_header if suffix == ".ply" else _pcd_header)(len(cloud), binary)
-    body = (
-        rows.tobytes() if binary else "".join(f"{x!r} {y!r} {z!r} {v:.9g}\n" for x, y, z, v in rows.tolist()).encode()
-    )
-    with atomic_path(path) as temporary:
-        temporary.write_bytes(header.encode("ascii") + body)
-
-
-def _ply_header(count: int, binary: bool) -> str:
-    properties = "".join(f"property double {name}\n" for name in "xyz")
-    return (
-        f"ply\nformat {'binary_little_endian' if binary else 'ascii'} 1.0\ncomment in metres, made by millisight\n"
-        f"element vertex {count}\n{properties}property float intensity\nend_header\n"
-    )
-
-
-def _pcd_header(count: int, binary: bool) -> str:
-    return (
-        "# .PCD v0.7 - in metres, made by millisight\nVERSION 0.7\nFIELDS x y z intensity\nSIZE 8 8 8 4\nTYPE F F F F\n"
-        f"COUNT 1 1 1 1\nWIDTH {count}\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {count}\n"
-        f"DATA {'binary' if binary else 'ascii'}\n"
-    )
 
 
 class FScore(NamedTuple):

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, Protocol
 
 from millisight.core import record
 from millisight.core.errors import InputError, MillisightError
-from millisight.data import Mask, SarImage
+from millisight.data import Capture, Mask, SarImage, TriangleMesh
 from millisight.evaluation._scenes import LabelledScene
 
 
@@ -98,6 +98,18 @@ class SceneSource(ABC):
         `crop` is the number of the lowest and of the highest slices that a 77 GHz image loses; None: as published of
         this scene, and none of others.
         """
+
+    def shape_paths(self, band: str) -> tuple[Path, ...]:
+        """Of a capture of that band and of the object's true shape; () where the dataset has not both."""
+        return ()
+
+    def read_capture(self, band: str) -> Capture:
+        """The capture of a band that `shape_paths` names."""
+        raise InputError(f"{self.name} has no capture of known shape at {band}")
+
+    def read_shape(self, band: str) -> tuple[TriangleMesh, ...]:
+        """Meshes of the object's parts, in the frame of its capture."""
+        raise InputError(f"{self.name} has no object of known shape at {band}")
 
     def published_mask(self, band: str) -> Mask | None:
         """The mask that the dataset has beside an image; None: there is none."""

@@ -24,3 +24,7 @@ from ._slabs import image_slabs as image_slabs
 from ._slabs import memory_needed as memory_needed
 from ._synchronise import estimate_clock as estimate_clock
 from ._windows import WINDOWS as WINDOWS
+from ._windows import Window as Window
+from ._windows import aperture_weights as aperture_weights
+from ._windows import range_weights as range_weights
+from ._windows import window_pair as window_pair

@@ -6,3 +6,7 @@ from ._hdf5 import provenance as provenance
 from ._hdf5 import save as save
 from ._hdf5 import save_image as save_image
 from ._photos import read_photo as read_photo
+from ._point_files import CLOUD_SUFFIXES as CLOUD_SUFFIXES
+from ._point_files import holds_points as holds_points
+from ._point_files import read_point_cloud as read_point_cloud
+from ._point_files import write_point_cloud as write_point_cloud

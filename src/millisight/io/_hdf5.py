@@ -36,8 +36,9 @@ RECORDS = {
     cls.__name__: cls
     for cls in (
         data.Waveform, data.AntennaArray, data.Radar, data.Trajectory, data.Layers, Capture, data.VoxelGrid,
-        data.PixelGrid, data.SarImage, data.Mask, data.VolumeMask, data.Instances, data.Prediction, data.TriangleMesh,
-        data.Material, data.SceneObject, data.Scene, data.Intrinsics, data.CameraFrame, data.CameraMask,
+        data.PixelGrid, data.SarImage, data.Mask, data.VolumeMask, data.Instances, data.Prediction, data.PointCloud,
+        data.TriangleMesh, data.Surface, data.Material, data.SceneObject, data.Scene, data.Intrinsics,
+        data.CameraFrame, data.CameraMask,
     )
 }  # fmt: skip
 

@@ -28,6 +28,8 @@ from ._figures_perception import plot_prediction as plot_prediction
 from ._figures_perception import plot_segmentation as plot_segmentation
 from ._figures_perception import plot_segmentation_steps as plot_segmentation_steps
 from ._figures_perception import plot_table as plot_table
+from ._figures_surface import plot_points as plot_points
+from ._figures_surface import plot_surface as plot_surface
 from ._figures_training import plot_augmentations as plot_augmentations
 from ._figures_training import plot_examples as plot_examples
 from ._figures_training import plot_random_shapes as plot_random_shapes

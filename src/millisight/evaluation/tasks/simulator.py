@@ -9,7 +9,7 @@ import numpy as np
 from millisight.core import check_known, check_writable, checked_integer, make_folder, put, record, write_text
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.data import PointCloud, SarImage
-from millisight.evaluation._point_cloud import CLOUD_SUFFIXES, FScore, write_point_cloud
+from millisight.evaluation._point_cloud import FScore
 from millisight.evaluation._scenes import LOW, SIGHTS
 from millisight.evaluation._simulator import (
     CloudSettings,
@@ -31,6 +31,7 @@ from millisight.evaluation.tasks._simulator_tables import (
     fitted_toml,
 )
 from millisight.imaging import combine
+from millisight.io import CLOUD_SUFFIXES, write_point_cloud
 from millisight.io.mito import checked_radar
 from millisight.perception import HIGH_BAND, LOW_BAND, without_sheets
 

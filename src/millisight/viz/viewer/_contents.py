@@ -16,12 +16,13 @@ from millisight.data import (
     SarImage,
     Scene,
     SceneObject,
+    Surface,
     Trajectory,
     TriangleMesh,
     VolumeMask,
     VoxelGrid,
 )
-from millisight.io import load, load_extras, mito, open_capture, provenance
+from millisight.io import holds_points, load, load_extras, mito, open_capture, provenance, read_point_cloud
 from millisight.meshes import FORMATS, load_mesh
 from millisight.viz import grid_box
 from millisight.viz.viewer._cover import MOST_SEARCHED, Cover, cover_of
@@ -30,7 +31,7 @@ from millisight.viz.viewer._titles import titles_of
 
 _LARGEST_PICKLE = 1 << 30  # [bytes]: a pickle can only be read whole
 _HDF5 = b"\x89HDF\r\n\x1a\n"
-_SHOWN = "SarImage, Mask, VolumeMask, Capture, Trajectory, TriangleMesh, SceneObject, Scene and PointCloud"
+_SHOWN = "SarImage, Mask, VolumeMask, Capture, Trajectory, TriangleMesh, Surface, SceneObject, Scene and PointCloud"
 _MODELS = {"_specular": "specular", "_edges": "edge"}
 
 
@@ -190,6 +191,8 @@ def _read(path: Path, found: _Found) -> None:
         _read_hdf5(path, found)
     elif path.suffix == ".pkl":
         _read_pickle(path, found)
+    elif path.suffix.lower() == ".ply" and holds_points(path):
+        found.points.append(read_point_cloud(path))
     elif path.suffix.lower().removeprefix(".") in FORMATS:
         found.mesh_files.append(path)
     else:
@@ -225,7 +228,7 @@ def _add(path: Path, record: Any, found: _Found) -> bool:
         found.meshes.append(record)
     elif isinstance(record, VolumeMask):
         found.meshes.append(record.surface())
-    elif isinstance(record, Scene | SceneObject):
+    elif isinstance(record, Surface | Scene | SceneObject):
         found.meshes.append(record.mesh)
     elif isinstance(record, PointCloud):
         found.points.append(record)

@@ -222,7 +222,7 @@ class Pane:
         return nodes
 
     def _draw_clouds(self, settings: ViewSettings) -> list[Any]:
-        """Points in space, coloured by their magnitude."""
+        """Points in space, coloured by their magnitude, those with normals with a short line along each."""
         nodes = []
         for i, cloud in enumerate(self.exhibit.points):
             kept = inside(cloud.points, settings.limits)
@@ -233,6 +233,12 @@ class Pane:
                 f"{self.name}/cloud_{i}", (cloud.points[kept] - self.middle).astype(np.float32), settings.colours(db),
                 point_size=0.008 * self.radius, point_shape="circle", precision="float32",
             ))  # fmt: skip
+            if cloud.normals is not None and kept.any():
+                some = np.flatnonzero(kept)
+                some = some[:: max(1, -(-len(some) // _MOST_NORMALS))]
+                ends = cloud.points[some] + 0.03 * self.radius * cloud.normals[some]
+                lines = np.stack([cloud.points[some], ends], axis=1)
+                nodes.append(self._lines(f"cloud_normals_{i}", lines, _NORMAL, 1.2))
         return nodes
 
     def _draw_normals(self, settings: ViewSettings) -> list[Any]:

@@ -1,0 +1,215 @@
+"""`millisight surface`: from a capture or an image to oriented points, a mesh and a depth map."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from millisight.cli.console import SMALL, answer_json, check_outputs, json_only, length, progress, say
+from millisight.cli.grids import parse_grid
+from millisight.cli.image_sources import read_as
+from millisight.cli.image_steps import oddities
+from millisight.cli.options import RadarChoice
+from millisight.cli.sources import sources
+from millisight.core import atomic_path, check_known, printable
+from millisight.core.errors import InputError, UnknownNameError
+from millisight.data import Capture, PointCloud, SarImage, Surface
+from millisight.imaging import CLUTTER
+
+_DEPTHS = (".npz", ".png")
+_UNIT = 1e-5  # of a depth picture's grey levels [m]
+
+
+def surface(
+    source: Annotated[
+        Path,
+        typer.Argument(
+            metavar="CAPTURE_OR_IMAGE",
+            help="Capture (HDF5), description of raw files (TOML), or an experiment of the published layout; or an "
+            "image (HDF5, processed_image*.pkl), which tells less: see below.",
+        ),
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="Mesh to write (PLY). [default: NAME.surface.ply in the source's folder]"),
+    ] = None,
+    points: Annotated[
+        Path | None, typer.Option(help="Also write the oriented points: PLY or PCD with normals, or HDF5.")
+    ] = None,
+    depth: Annotated[
+        Path | None,
+        typer.Option(
+            help="Also write a depth map seen from above: NPZ with x, y, z and sigma [m], or a PNG of 16 bits, 0.01 mm "
+            "a level above the lowest place, 0 where nothing was seen."
+        ),
+    ] = None,
+    grid: Annotated[
+        str | None,
+        typer.Option(
+            help="Voxels of a capture in which surfaces are searched: one spacing such as 2mm, or lower:upper:spacing "
+            "for x,y,z. Leave a quarter of each slice free around the object. [default: as for `millisight image`]"
+        ),
+    ] = None,
+    clutter: Annotated[
+        str, typer.Option(help="lid or auto: take lids and cloths over the object off before; none.")
+    ] = "none",
+    false_alarms: Annotated[
+        float, typer.Option(help="Probability that a voxel of noise alone is taken for a surface.")
+    ] = 1e-6,
+    spacing: Annotated[
+        str | None, typer.Option(help="Spacing of the mesh, such as 1mm. [default: that of the points]")
+    ] = None,
+    least: Annotated[int, typer.Option(min=3, help="Patches of fewer points are left out, as false alarms.")] = 12,
+    window: Annotated[
+        str, typer.Option(help="taylor; hann: normals of small round things to a degree, but less of their rim; none.")
+    ] = "taylor",
+    frequency: Annotated[
+        float | None, typer.Option(metavar="HZ", help="Centre of an image's band, if its file does not tell.")
+    ] = None,
+    radar: RadarChoice = None,
+    data: Annotated[
+        Path | None, typer.Option(help="Folder of the files named in a description. [default: its own folder]")
+    ] = None,
+    no_picture: Annotated[bool, typer.Option("--no-picture", help="Do not plot the surface (MESH.png).")] = False,
+    as_json: Annotated[
+        bool,
+        typer.Option(
+            "--json",
+            help='Print one JSON document: {"source", "output", "points", "patches", "vertices", "faces", "area", '
+            '"bounds", "sigma"}; areas and lengths in metres.',
+        ),
+    ] = False,
+) -> None:
+    """Make a mesh of the surface that a radar saw, with its uncertainty; what it did not see stays open.
+
+    Of a capture, the delay of each echo tells where the surface is, to fractions of a millimetre, and where the echo
+    comes to tells its normal. Of an image alone, the phase tells the normals and the maximum of |I| the place: rounded
+    things then lie centimetres too deep. Vertices carry normals and their standard deviation (place_sigma), and are
+    coloured by it.
+
+    Example: millisight surface mug.capture.h5 --grid 2mm -o mug.ply
+
+    Example: millisight surface scan.capture.h5 --clutter lid --points points.ply --depth depth.png
+
+    Example: millisight surface mug.image.h5 -o mug.ply
+    """
+    check_known("--clutter", clutter, CLUTTER)
+    if depth is not None and depth.suffix.lower() not in _DEPTHS:
+        raise UnknownNameError("depth map format", depth.suffix or depth.name, _DEPTHS)
+    step = None if spacing is None else length(spacing, option="--spacing", metres=SMALL)
+    with json_only(as_json):
+        opened, name = _opened(source, radar, data)
+        to = output or source.parent / f"{name}.surface.ply"
+        if to.suffix.lower() != ".ply":
+            raise UnknownNameError("mesh format", to.suffix or to.name, (".ply",))
+        picture = None if no_picture else to.with_suffix(".png")
+        check_outputs(to, points, depth, figures=(picture,), source=source)
+        found = _points(
+            opened, grid, clutter=clutter, false_alarms=false_alarms, frequency=frequency,
+            window=None if window == "none" else window,
+        )  # fmt: skip
+        say(f"{len(found)} oriented points")
+        from millisight.geometry import surface as surface_of
+
+        made = surface_of(found, spacing=step, least=least)
+        _write(to, made)
+        say(
+            f"{made.metadata['patches']} patches, {1e4 * made.mesh.area:.1f} cm², standard deviation "
+            f"{1e3 * float(np.median(made.sigma)):.2f} mm in the median"
+        )
+        say(f"wrote {to}")
+        if points is not None:
+            _write_points(points, found)
+            say(f"wrote {points}")
+        if depth is not None:
+            say(f"wrote {depth}{_write_depth(depth, made, float(made.metadata['history'][-1]['spacing']))}")
+        if picture is not None:
+            from millisight.viz import plot_surface, save_figure
+
+            save_figure(plot_surface(made, title=printable(name)), picture)
+            say(f"wrote {picture}")
+    if as_json:
+        answer_json({
+            "source": str(source), "output": str(to), "points": len(found), "patches": made.metadata["patches"],
+            "vertices": len(made.mesh.vertices), "faces": len(made.mesh.faces), "area": made.mesh.area,
+            "bounds": made.mesh.bounds, "sigma": float(np.median(made.sigma)),
+        })  # fmt: skip
+
+
+def _opened(source: Path, radar: str | None, data: Path | None) -> tuple[Capture | SarImage, str]:
+    """The image or the capture, in memory, and a name for its outputs."""
+    if source.suffix.lower() in (".h5", ".hdf5") or source.name.startswith("processed_image"):
+        from millisight.io import provenance
+
+        if source.suffix.lower() == ".pkl" or provenance(source)["record"] == "SarImage":
+            return read_as(SarImage, source), source.name.removesuffix(source.suffix).removesuffix(".image")
+    found = sources([source], radar)
+    if len(found) != 1:
+        names = ", ".join(one.name for one in found)
+        raise InputError(f"{source} holds {len(found)} captures ({names}); pass one, or choose with --radar")
+    with found[0].opened(data) as opened:
+        for note in (*opened.notes, *oddities(opened.capture)):
+            say(note)
+        capture = opened.capture
+        if not capture.in_memory:
+            from dataclasses import replace
+
+            capture = replace(capture, frames=capture.frames_of(slice(0, len(capture.trajectory))))
+        return capture, found[0].name
+
+
+def _points(opened: Capture | SarImage, grid: str | None, **settings: Any) -> PointCloud:
+    from millisight.geometry import surface_points
+
+    if isinstance(opened, SarImage):
+        if grid is not None:
+            raise InputError("--grid is of captures; an image has its own voxels")
+        settings.pop("window")
+        return surface_points(opened, **settings)
+    voxels = parse_grid(grid, opened)
+    say(f"grid: {' x '.join(map(str, voxels.shape))} voxels, {opened.channels} channels")
+    with progress("surface points") as report:
+        return surface_points(opened, voxels, progress=report, **settings)
+
+
+def _write(to: Path, made: Surface) -> None:
+    """The mesh, its vertices coloured by their standard deviation."""
+    from millisight.meshes import write_mesh
+    from millisight.viz import checked_colormap
+
+    share = np.clip(made.sigma / max(float(np.percentile(made.sigma, 95)), 1e-9), 0, 1)
+    write_mesh(to, made.mesh, sigma=made.sigma, colours=checked_colormap(None)(share, bytes=True)[:, :3])
+
+
+def _write_points(to: Path, found: PointCloud) -> None:
+    from millisight.io import CLOUD_SUFFIXES, save, write_point_cloud
+
+    if to.suffix.lower() in CLOUD_SUFFIXES:
+        write_point_cloud(to, found)
+    else:
+        save(to, found)
+
+
+def _write_depth(to: Path, made: Surface, step: float) -> str:
+    """The depth map; returns what is to be said of it."""
+    from PIL import Image
+
+    from millisight.data import PixelGrid
+    from millisight.geometry import depth_map
+
+    lower, upper = made.mesh.bounds[:, :2]
+    x, y = (
+        low + step * np.arange(int(np.ceil((high - low) / step)) + 1) for low, high in zip(lower, upper, strict=True)
+    )
+    z, sigma = depth_map(made, PixelGrid(x=x, y=y))
+    with atomic_path(to) as temporary:
+        if to.suffix.lower() == ".npz":
+            with open(temporary, "wb") as file:
+                np.savez_compressed(file, x=x, y=y, z=z, sigma=sigma)
+            return f": {' x '.join(map(str, z.shape))} pixels, {step * 1e3:.2g} mm apart"
+        lowest = float(np.nanmin(z)) - _UNIT
+        levels = np.nan_to_num(np.round((z - lowest) / _UNIT), nan=0.0).clip(0, 65535).astype(np.uint16)
+        # Rows of the picture run down y, columns along x, as the figures show it.
+        Image.fromarray(levels.T[::-1]).save(temporary, format="PNG")
+    return f": 0.01 mm a level above z = {lowest:.5f} m, {step * 1e3:.3g} mm a pixel"

@@ -1,0 +1,5 @@
+"""From images to geometry: oriented points, and surfaces of what a radar saw."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

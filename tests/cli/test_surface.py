@@ -1,0 +1,84 @@
+"""`millisight surface` as a user meets it: a capture, an image, and what cannot be."""
+
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import millisight as ms
+from helpers import mirrors
+from helpers.commands import run_here
+from millisight.meshes import load_mesh
+
+VOXELS = "-4cm:4cm:2mm,-4cm:4cm:2mm,-27.5cm:-23cm:3.75mm"
+
+
+@pytest.fixture(scope="module")
+def ball(tmp_path_factory):
+    """A capture of a ball of 5 cm radius, 25 cm under the aperture."""
+    path = tmp_path_factory.mktemp("ball") / "ball.capture.h5"
+    ms.save(path, mirrors.capture_of(mirrors.ball(0.05), size=0.15, step=0.003, noise=0.6))
+    return path
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return lambda *arguments: run_here("surface", *arguments)
+
+
+def test_a_capture_gives_a_mesh_points_a_depth_map_and_a_picture(ball, tmp_path, here):
+    asked = (str(ball), "--grid", VOXELS, "-o", "ball.ply", "--points", "points.ply", "--depth", "depth.npz", "--json")
+    code, out, err, _ = here(*asked)
+    assert code == 0, err
+    told = json.loads(out)
+    mesh, points = load_mesh(tmp_path / "ball.ply"), ms.read_point_cloud(tmp_path / "points.ply")
+    assert told["points"] == len(points) > 50
+    assert told["faces"] == len(mesh.faces) > 50
+    away = np.linalg.norm(mesh.vertices - np.array([0, 0, -0.30]), axis=1) - 0.05
+    assert np.median(np.abs(away)) < 2e-3
+    assert ms.read_point_cloud(tmp_path / "ball.ply").place_sigma is not None
+    with np.load(tmp_path / "depth.npz") as depth:
+        assert depth["z"].shape == (len(depth["x"]), len(depth["y"]))
+        assert np.nanmax(depth["z"]) == pytest.approx(-0.25, abs=2e-3)
+    assert (tmp_path / "ball.png").read_bytes().startswith(b"\x89PNG")
+    assert "oriented points" in err
+
+
+def test_a_depth_picture_states_its_levels(ball, tmp_path, here):
+    code, out, err, _ = here(str(ball), "--grid", VOXELS, "-o", "b.ply", "--depth", "depth.png", "--no-picture")
+    assert code == 0, err
+    lowest = float(out.split("above z = ")[1].split(" m")[0])
+    with Image.open(tmp_path / "depth.png") as picture:
+        levels = np.asarray(picture)
+    assert levels.dtype == np.uint16
+    assert lowest + 1e-5 * levels.max() == pytest.approx(-0.25, abs=2e-3)
+    assert not (tmp_path / "b.png").exists()
+
+
+def test_an_image_will_do(ball, tmp_path, here):
+    grid = ms.VoxelGrid.regular((-0.04, -0.04, -0.32), (0.04, 0.04, -0.23), (0.002, 0.002, 0.005))
+    ms.save(tmp_path / "ball.image.h5", ms.form_image(ms.load(ball), grid, window="taylor"))
+    code, out, err, _ = here("ball.image.h5")
+    assert code == 0, err
+    assert "wrote ball.surface.ply" in out
+    code, _, _, told = here("ball.image.h5", "--grid", "2mm")
+    assert code == 1
+    assert "--grid is of captures" in told
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (("--clutter", "roof"), "--clutter"),
+        (("-o", "ball.stl"), "mesh format"),
+        (("--depth", "depth.tif"), "depth map format"),
+        ((), "pass --grid"),
+        (("--grid", "20cm:24cm:2mm,20cm:24cm:2mm,-30cm:-24cm:4mm"), "expected at least 12"),
+    ],
+)
+def test_what_cannot_be_is_told(ball, here, options, told):
+    code, _, _, error = here(str(ball), *options)
+    assert code == 1
+    assert told in error

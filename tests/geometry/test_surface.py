@@ -1,0 +1,104 @@
+"""Meshes of oriented points: places, slopes, holes, patches, and depth maps."""
+
+import numpy as np
+import pytest
+
+import millisight as ms
+from millisight.core.errors import InputError
+from millisight.geometry import depth_map
+
+RADIUS = 0.04
+MIDDLE = np.array([0, 0, -RADIUS])
+
+
+def cap(reach=0.02, step=0.002, noise=0.0, tilt=0.0, rng=0):
+    """Points on the top of a sphere around (0, 0, -RADIUS), moved along their normals at random."""
+    x, y = (axis.ravel() for axis in np.meshgrid(*(np.arange(-reach, reach + step / 2, step),) * 2, indexing="ij"))
+    normals = np.stack([x, y, np.sqrt(RADIUS**2 - x**2 - y**2)], axis=1) / RADIUS
+    generator = np.random.default_rng(rng)
+    places = RADIUS * normals - [0, 0, RADIUS] + noise * generator.normal(size=(len(x), 1)) * normals
+    turned = normals + tilt * generator.normal(size=normals.shape)
+    turned /= np.linalg.norm(turned, axis=1, keepdims=True)
+    return ms.PointCloud(
+        points=places, normals=turned, place_sigma=np.full(len(x), noise),
+        normal_sigma_deg=np.full(len(x), np.degrees(tilt)),
+    )  # fmt: skip
+
+
+def off_sphere(mesh):
+    return np.abs(np.linalg.norm(mesh.vertices - MIDDLE, axis=1) - RADIUS)
+
+
+def test_a_sphere_is_met():
+    made = ms.surface(cap())
+    assert len(made.mesh.faces) > 500
+    assert off_sphere(made.mesh).max() < 3e-4
+    truth = (made.mesh.vertices - MIDDLE) / RADIUS
+    inner = np.abs(made.mesh.vertices[:, :2]).max(axis=1) < 0.018
+    cosines = (made.mesh.vertex_normals * truth).sum(axis=1)[inner]
+    assert np.degrees(np.arccos(np.clip(cosines, -1, 1))).max() < 3
+    assert made.metadata["patches"] == 1
+
+
+def test_normals_carry_a_surface_through_noisy_places():
+    noisy = cap(noise=1e-3, tilt=0.02)
+    raw = np.abs(np.linalg.norm(noisy.points - MIDDLE, axis=1) - RADIUS)
+    inner = np.abs((made := ms.surface(noisy)).mesh.vertices[:, :2]).max(axis=1) < 0.018
+    assert np.sqrt(np.mean(off_sphere(made.mesh)[inner] ** 2)) < 0.5 * np.sqrt(np.mean(raw**2))
+
+
+def test_holes_stay_open_and_patches_apart():
+    whole = cap()
+    ring = np.linalg.norm(whole.points[:, :2], axis=1) > 0.01
+    open_one = ms.surface(whole.chosen(ring))
+    middles = open_one.mesh.vertices[open_one.mesh.faces].mean(axis=1)
+    assert np.linalg.norm(middles[:, :2], axis=1).min() > 0.005
+    two = ms.PointCloud(
+        points=np.concatenate([whole.points, whole.points - [0, 0, 0.05]]), normals=np.concatenate([whole.normals] * 2)
+    )
+    assert ms.surface(two).metadata["patches"] == 2
+
+
+def test_false_alarms_are_left_out():
+    whole = cap()
+    stray = ms.PointCloud(
+        points=np.concatenate([whole.points, [[0, 0, 0.05], [0.03, 0, 0.06]]]),
+        normals=np.concatenate([whole.normals, [[0, 0, 1], [0, 0, 1]]]),
+    )
+    assert ms.surface(stray).mesh.bounds[1, 2] < 0.01
+
+
+def test_it_does_not_matter_how_the_surface_lies():
+    """Heights are over a patch's own plane: a turned one is the same, turned."""
+    level = cap()
+    turn = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
+    made = ms.surface(ms.PointCloud(points=level.points @ turn.T, normals=level.normals @ turn.T))
+    assert off_sphere(ms.TriangleMesh(vertices=made.mesh.vertices @ turn, faces=made.mesh.faces)).max() < 3e-4
+
+
+def test_a_depth_map_is_the_height_of_the_mesh():
+    made = ms.surface(cap(noise=1e-4))
+    axis = np.linspace(-0.03, 0.03, 13)
+    heights, sigma = depth_map(made, ms.PixelGrid(x=axis, y=axis))
+    x, y = np.meshgrid(axis, axis, indexing="ij")
+    inside = np.maximum(np.abs(x), np.abs(y)) < 0.019
+    assert inside.sum() == 49
+    truth = np.sqrt(RADIUS**2 - x[inside] ** 2 - y[inside] ** 2) - RADIUS
+    assert np.abs(heights[inside] - truth).max() < 4e-4
+    assert (sigma[inside] > 0).all()
+    assert np.isnan(heights[0, 0])
+    assert np.isnan(sigma[0, 0])
+
+
+def test_what_makes_no_surface_is_refused():
+    whole = cap()
+    with pytest.raises(InputError, match="no normals"):
+        ms.surface(ms.PointCloud(points=whole.points))
+    with pytest.raises(InputError, match="there are 3 points; expected at least 12"):
+        ms.surface(whole.chosen(np.arange(3)))
+    # Neighbours that face away from each other are of no one surface.
+    apart = ms.PointCloud(points=[[0.002 * i, 0, 0] for i in range(20)], normals=[[0, 0, (-1) ** i] for i in range(20)])
+    with pytest.raises(InputError, match="hang together"):
+        ms.surface(apart)
+    with pytest.raises(InputError, match="pass a larger spacing"):
+        ms.surface(whole, spacing=1e-6)
