@@ -9,6 +9,7 @@ from millisight.core import Metadata, check_shape, checked_array, checked_metada
 from millisight.core.errors import DamagedFileError, InputError
 from millisight.data._layers import Layers
 from millisight.data._radar import Radar
+from millisight.data._reach import check_reach
 from millisight.data._trajectory import Trajectory
 
 PHASE_SIGN = -1
@@ -45,7 +46,8 @@ class Capture:
     Raises
     ------
     InputError
-        The frames do not fit the radar and the trajectory, or hold NaN (on disk: found when they are read).
+        The frames do not fit the radar and the trajectory, or hold NaN (on disk: found when they are read), or an
+        antenna is beyond 1e9 m.
     """
 
     radar: Radar
@@ -70,7 +72,9 @@ class Capture:
         for name, count in (("tx_points", shape[1]), ("rx_points", shape[2])):
             points = getattr(self, name)
             if points is not None:
-                put(self, **{name: checked_array(points, name=name, shape=(shape[0], count, 3), unit="m")})
+                points = checked_array(points, name=name, shape=(shape[0], count, 3), unit="m")
+                check_reach(points, name)
+                put(self, **{name: points})
         if self.layers is not None:
             checked_record(self.layers, Layers, name="layers")
 
