@@ -212,14 +212,35 @@ def read_toml(path: str | os.PathLike[str], what: str) -> dict[str, Any]:
     FormatError
         It is too large, or no TOML.
     """
-    import tomllib
-
     path = check_readable(path)
     if path.stat().st_size > _LARGEST_TOML:
         raise FormatError(
             f"{printable(path)} has {path.stat().st_size} bytes; expected {what} of under {_LARGEST_TOML}"
         )
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
+        return parsed_toml(path.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError) as error:
         raise FormatError(f"{printable(path)} is not valid TOML: {error}") from error
+
+
+def parsed_toml(text: str) -> dict[str, Any]:
+    """The content of a TOML text, its integers no larger than 64 bits hold: others are in no unit, and fit no array.
+
+    Raises
+    ------
+    ValueError, RecursionError
+        It is no TOML.
+    """
+    import tomllib
+
+    content = tomllib.loads(text)
+    pending: list[Any] = [content]
+    while pending:  # a loop, since tables may be nested as deep as the text is long
+        value = pending.pop()
+        if isinstance(value, dict):
+            pending += value.values()
+        elif isinstance(value, list):
+            pending += value
+        elif isinstance(value, int) and not -(1 << 63) <= value < 1 << 64:
+            raise ValueError(f"an integer of {value.bit_length()} bits; expected 64 bits at most")
+    return content
