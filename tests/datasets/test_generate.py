@@ -180,8 +180,8 @@ COMMAND = "import sys, typer; from millisight.cli.generate import generate; type
 @pytest.mark.parametrize(
     "change",
     [
-        {"path": ["a"]}, {"path": 3}, {"size": "1"}, {"sha256": None}, {"sources": [{"path": [], "size": 1, "sha256": ""}]},
-        {"sources": 3}, {"path": "../out"},
+        {"path": ["a"]}, {"path": 3}, {"size": "1"}, {"sha256": None}, {"sources": 3}, {"path": "../out"},
+        {"sources": [{"path": [], "size": 1, "sha256": ""}]},
     ],
 )  # fmt: skip
 def test_a_damaged_line_of_the_journal_tells_nothing(tmp_path, change):

@@ -5,6 +5,7 @@ disk, a read-only folder, or Ctrl-C in the middle leaves what was there before, 
 """
 
 import os
+import re
 import secrets
 import stat
 from collections.abc import Iterator
@@ -21,6 +22,9 @@ RECORD_SUFFIXES = (".h5", ".hdf5")
 """What records are written as."""
 
 _LARGEST_TOML = 1 << 20  # bytes
+
+# Controls but tab and line feed, and the marks that reorder text.
+_STEERING = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
 
 
 @contextmanager
@@ -121,8 +125,12 @@ def same_file(a: Path, b: Path) -> bool:
 
 
 def printable(text: object) -> str:
-    """A text, such as a file's name in another encoding, as any terminal and any file can hold it."""
-    return str(text).encode("utf-8", "backslashreplace").decode("utf-8")
+    """A text, such as a file's name in another encoding, as any terminal and any file can hold it.
+
+    Characters that steer a terminal, or turn the direction of its text, are written as escapes.
+    """
+    plain = str(text).encode("utf-8", "backslashreplace").decode("utf-8")
+    return _STEERING.sub(lambda found: found[0].encode("unicode_escape").decode("ascii"), plain)
 
 
 def _claim(path: Path) -> tuple[Path, Path]:

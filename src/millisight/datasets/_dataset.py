@@ -11,7 +11,6 @@ from millisight.core.errors import FileError, FormatError, UnknownNameError
 from millisight.data import CameraFrame, CameraMask, Capture, Mask, Picture, RawScan, SarImage
 from millisight.io import load, load_extras, mito, read_photo
 
-
 CANNOT_LIST = "the folder cannot be listed, so what is in it is left out; check its permissions"
 """Of a folder that `unreadable` names."""
 
