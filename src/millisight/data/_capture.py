@@ -1,5 +1,6 @@
 """A capture: what a radar measured along a trajectory."""
 
+import os
 from dataclasses import field
 from typing import Any, cast
 
@@ -27,6 +28,11 @@ def check_follows_log(capture: "Capture") -> None:
         raise InputError("the capture states the antenna positions of each pose; a robot log cannot replace them")
     if capture.layers is not None:
         raise InputError("the capture already has layers; place its frames by the log first, then add the layers")
+
+
+def _was_cut(file: Any) -> bool:
+    """Whether an open h5py file is shorter than when it was opened: HDF5 reads what lies beyond its end as zeros."""
+    return file.driver == "sec2" and os.fstat(file.id.get_vfd_handle()).st_size < file.id.get_filesize()
 
 
 @record
@@ -155,6 +161,11 @@ class Capture:
             frames = self.frames[poses]
         except OSError as error:
             raise DamagedFileError(f"frames of poses {start} to {stop - 1} cannot be read: {error}") from error
+        if _was_cut(self.frames.file):
+            raise DamagedFileError(
+                f"frames of poses {start} to {stop - 1} cannot be trusted: the file was cut short while it was read; "
+                "make or copy it again"
+            )
         frames.flags.writeable = False
         return checked_array(
             frames, name=f"frames of poses {start} to {stop - 1}", shape=frames.shape, dtype=np.complex64
