@@ -48,12 +48,12 @@ def serial(**options: Any) -> Callable[[Callable[..., Any]], Any]:
 @contextmanager
 def _cache_in(folder: str) -> Iterator[None]:
     """Within the block, functions are given this cache."""
-    before = config.CACHE_DIR
-    config.CACHE_DIR = folder
+    settings: Any = config  # whose names are made while it is imported
+    before, settings.CACHE_DIR = settings.CACHE_DIR, folder
     try:
         yield
     finally:
-        config.CACHE_DIR = before
+        settings.CACHE_DIR = before
 
 
 def _temporary_folder() -> str:
