@@ -1,7 +1,9 @@
 """The command line as a user meets it: what it writes, what it says, and how it ends."""
 
+import dataclasses
 import os
 import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -362,6 +364,44 @@ def test_noise_has_the_stated_ratio_when_models_are_combined(tmp_path):
     assert 10 * np.log10(ratio) == pytest.approx(7, abs=0.2)
     assert noisy.metadata["history"][-1] == {"step": "add_noise", "snr_db": 7.0, "seed": 3}
     assert "snr_db is nan" in refused("simulate", "mug", "--snr-db", "nan", cwd=tmp_path)
+
+
+STEERING = "\x1b[31mred\x1b]0;title\x07 \x9b2J \x7f \u202egnp"
+
+
+def test_what_a_file_holds_does_not_steer_the_terminal(capture):
+    """Not the escapes in its metadata, in what is told of it on standard error, nor in names of files."""
+    held = ms.load(capture)
+    radar = dataclasses.replace(held.radar, name=STEERING)
+    odd = dataclasses.replace(held, radar=radar, metadata={**held.metadata, "source": STEERING})
+    ms.save(capture.parent / "odd.h5", odd)
+    (capture.parent / "\x1b[2J.h5").write_text("nothing")
+    code, out, err = run("info", "odd.h5", "\x1b[2J.h5", "\x1b[2J.toml", cwd=capture.parent)
+    assert code == 1
+    assert "\\x1b[31mred\\x1b]0;title\\x07" in out
+    assert err.count("\\x1b[2J.") >= 2
+    refusal = run("image", "\x1b[2J.h5", cwd=capture.parent)[2]
+    assert "\\x1b[2J.h5" in refusal
+    for text in (out, err, refusal):
+        assert not set("\x1b\x07\x9b\x7f\u202e") & set(text)
+
+
+@pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
+def test_with_closed_standard_streams_it_works(capture, closed):
+    """What libraries print must not go into the file that took the number of a closed stream."""
+    image = ["image", capture.name, "--grid", "2cm", "-o", "i.h5"]
+    command = shlex.join([sys.executable, "-m", "millisight.cli.main", *image])
+    done = subprocess.run(f"{command} {closed}", shell=True, cwd=capture.parent, capture_output=True, timeout=240)
+    assert done.returncode == 0, done.stderr
+    assert (b"wrote i.h5" in done.stdout) == (">&-" not in closed.replace("2>&-", ""))
+    assert ms.load(capture.parent / "i.h5").magnitude.max() > 0
+
+
+@pytest.mark.parametrize("threads", ["0", " 00", "-1"])
+def test_no_threads_get_one_clear_line(capture, threads):
+    environment = {**os.environ, "NUMBA_NUM_THREADS": threads}
+    line = refused("image", capture.name, "--grid", "2cm", "-o", "i.h5", cwd=capture.parent, env=environment)
+    assert f"NUMBA_NUM_THREADS is {threads.strip()}; expected a whole number of at least 1" in line
 
 
 @pytest.mark.skipif(os.name != "posix", reason="such names exist where names are bytes")

@@ -52,6 +52,11 @@ def test_waveform_derives_what_it_says():
         ("slope", -2e17, "the chirp falls to -4.3e"),
         ("slope", 0, "slope is 0 Hz/s with 4 samples"),
         ("sample_rate", float("nan"), "sample_rate is nan; expected a finite number in Hz"),
+        ("slope", 1e300, r"the chirp runs from 7.7e\+10 to 6e\+293 Hz; expected 1e\+15 Hz at most: check .*slope"),
+        ("slope", -1e300, r"the chirp falls to -6e\+293 Hz"),
+        ("sample_rate", 1e-300, "the chirp runs from .* to inf Hz; expected .*sample_rate"),
+        ("start_frequency", 1e300, r"the chirp runs from 1e\+300 to 1e\+300 Hz"),
+        ("samples_per_chirp", 10**12, "the chirp runs from .* to 1e"),
         ("samples_per_chirp", 0, "samples_per_chirp is 0"),
         ("samples_per_chirp", 2.5, "samples_per_chirp is 2.5; expected a whole number of at least 1"),
         ("samples_per_chirp", "4", "samples_per_chirp is '4'"),
@@ -162,6 +167,26 @@ def test_poses_are_interpolated_but_never_extrapolated():
 def test_quaternions_must_be_unit():
     with pytest.raises(InputError, match="expected unit quaternions"):
         ms.Trajectory(times=[0.0], positions=[[0, 0, 0]], orientations=[[0, 0, 0, 2]])
+
+
+def test_positions_beyond_reach_are_refused():
+    """Float64 no longer holds their phase, and 1e20 m once ended the process while it imaged."""
+    radar, here = ms.Radar.preset("mito-sim-24ghz"), ms.Trajectory(times=[0, 1], positions=np.zeros((2, 3)))
+    words = r"has coordinates of 1e\+20; expected under 1e\+09: correct or remove it"
+    for sign in (1, -1):
+        stray = np.array([[0, 0, 0], [0, sign * 1e20, 0]])
+        with pytest.raises(InputError, match=f"^positions {words}"):
+            ms.Trajectory(times=[0, 1], positions=stray)
+        for name in ("tx_points", "rx_points"):
+            with pytest.raises(InputError, match=f"^{name} {words}"):
+                ms.Capture(radar=radar, trajectory=here, frames=np.zeros((2, 1, 1, 256)), **{name: stray[:, None]})
+        for name in ("tx_positions", "rx_positions"):
+            with pytest.raises(InputError, match=f"^{name} {words}"):
+                ms.AntennaArray(
+                    **({"tx_positions": np.zeros((1, 3)), "rx_positions": np.zeros((1, 3))} | {name: stray})
+                )
+        with pytest.raises(InputError, match=r"path_offset is -?1e\+20 m; expected under 1e\+09 m"):
+            ms.Radar(name="far", waveform=radar.waveform, array=radar.array, path_offset=sign * 1e20)
 
 
 def test_a_callers_array_cannot_change_a_record():

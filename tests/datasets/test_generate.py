@@ -177,6 +177,22 @@ def test_the_number_of_threads_changes_no_byte(tmp_path):
 COMMAND = "import sys, typer; from millisight.cli.generate import generate; typer.run(generate)"
 
 
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"path": ["a"]}, {"path": 3}, {"size": "1"}, {"sha256": None}, {"sources": 3}, {"path": "../out"},
+        {"sources": [{"path": [], "size": 1, "sha256": ""}]},
+    ],
+)  # fmt: skip
+def test_a_damaged_line_of_the_journal_tells_nothing(tmp_path, change):
+    source = {"path": "a/job.json", "size": 1, "sha256": "0", "files": 1}
+    good = {"path": "a/b.h5", "kind": "image", "size": 1, "sha256": "0", "sources": [source], "notes": []}
+    lines = [[good], [good | change], {"path": 1}, 3, [3], [[good]]]
+    (tmp_path / JOURNAL_NAME).write_text("\n".join(map(json.dumps, lines)) + "\n[" + "[" * 100_000 + "\n\xff")
+    told = Ledger(tmp_path, {}).files(["a/job.json"])
+    assert [entry.path for entry in told] == ["a/b.h5"]
+
+
 def test_killed_with_no_chance_to_clean_up_it_goes_on_and_ends_with_the_same_bytes(made, tmp_path):
     out, _, _ = made
     again, recipe = tmp_path / "again", tmp_path / "recipe.toml"

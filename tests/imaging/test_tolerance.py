@@ -204,6 +204,19 @@ def test_antennas_kilometres_apart_take_no_more_memory_than_the_grid():
     assert compression.steering.shape[1] < 8 * 2 * 2 * np.sqrt(12) * 1e9 / C + 10
 
 
+@pytest.mark.parametrize("far", [1e5, 1e7, 1e9])
+def test_a_stray_pose_is_refused_before_it_takes_memory(far):
+    """One at 100 km took 6.5 GB, one at 10 000 km asked for 204 GiB."""
+    from millisight.imaging import path_bounds, range_steering
+
+    capture, box = far_capture(0.2), np.array([[-0.5, -0.05, -0.3], [0.5, 0.05, 0.3]])
+    stray = capture.tx_positions.copy()
+    stray[7] += far
+    assert range_steering(capture, *path_bounds(capture.tx_positions, capture.rx_positions, box), 8, None)[0].any()
+    with pytest.raises(InputError, match=r"paths from antenna to grid and back .* remove positions that are far"):
+        range_steering(capture, *path_bounds(stray, stray, box), 8, None)
+
+
 def test_nothing_beyond_a_profile_is_read():
     """Voxels far out of what the profiles cover, and further than an entry's number can say: finite, from inside."""
     rng = np.random.default_rng(1)

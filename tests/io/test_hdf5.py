@@ -17,7 +17,7 @@ from millisight.core.errors import DamagedFileError, FileError, FormatError, Inp
 from millisight.data import CameraFrame, CameraMask, Intrinsics, Layers
 from millisight.io import load_extras, provenance
 from millisight.io._hdf5 import RECORDS
-from millisight.io._seal import chunk_extents
+from millisight.io._seal import chunk_extents, write_seal
 
 
 def small_capture(receivers="iwr1443"):
@@ -487,3 +487,77 @@ def test_frames_damaged_on_disk_say_so(tmp_path):
     path.write_bytes(data)
     with ms.open_capture(path) as capture, pytest.raises(DamagedFileError, match="frames of poses 0 to 1 cannot be"):
         capture.frames_of(slice(0, 2))
+
+
+@pytest.fixture
+def chunked(tmp_path, monkeypatch):
+    """A capture file of several chunks of frames, and where in the file each of them lies: first byte and length."""
+    from millisight.io import _hdf5
+
+    capture = small_capture()
+    monkeypatch.setattr(_hdf5, "_CHUNK_BYTES", capture.frames[0].nbytes)
+    ms.save(tmp_path / "a.h5", capture)
+    places = []
+    with h5py.File(tmp_path / "a.h5") as file:
+        file["frames"].id.chunk_iter(lambda chunk: places.append((chunk.byte_offset, chunk.size)))
+    assert len(places) == 2
+    return tmp_path / "a.h5", places
+
+
+def test_a_chunk_of_zeros_is_no_data(chunked):
+    """Fletcher-32 of zeros is 0: only the seal tells them from what was written."""
+    path, ((start, length), _) = chunked
+    content = bytearray(path.read_bytes())
+    content[start : start + length] = bytes(length)
+    path.write_bytes(content)
+    with pytest.raises(DamagedFileError, match="its checksum differs"):
+        ms.load(path)
+    with pytest.raises(DamagedFileError, match="its checksum differs"), ms.open_capture(path):
+        pass
+
+
+def test_exchanged_chunks_are_no_data(chunked):
+    path, ((one, length), (other, _)) = chunked
+    content = bytearray(path.read_bytes())
+    both = content[one : one + length], content[other : other + length]
+    content[one : one + length], content[other : other + length] = both[::-1]
+    path.write_bytes(content)
+    with pytest.raises(DamagedFileError, match="its checksum differs"):
+        ms.load(path)
+
+
+def test_zeros_that_were_written_are_data(tmp_path):
+    grid = ms.VoxelGrid.regular((0, 0, 0), (0.02, 0.01, 0), 0.01)
+    ms.save(tmp_path / "zeros.h5", ms.SarImage(grid=grid, values=np.zeros(grid.shape)))
+    assert not ms.load(tmp_path / "zeros.h5").values.any()
+
+
+def test_files_of_before_are_read(chunked):
+    """Their extents are whole chunks, neighbours joined, the chunks' own checksums with them."""
+    path, _ = chunked
+    with h5py.File(path) as file:
+        end = file.id.get_filesize()
+        extents = chunk_extents(file)
+    with open(path, "r+b") as raw:
+        raw.seek(-48, os.SEEK_END)
+        count = int.from_bytes(raw.read(8), "little")
+        assert count == len(extents)
+        raw.truncate(end - 48 - 16 * count)
+        whole = extents + np.array([0, 4], "<u8")
+        joined = []
+        for start, length in whole.tolist():
+            if joined and start == sum(joined[-1]):
+                joined[-1][1] += length
+            else:
+                joined.append([start, length])
+        assert len(joined) < count
+        write_seal(raw, np.array(joined, "<u8"))
+    assert same(ms.load(path), small_capture())
+
+
+def test_a_capture_cut_short_while_it_is_read_is_damaged(chunked):
+    path, ((start, _), (other, _)) = chunked
+    with ms.open_capture(path) as capture:
+        os.truncate(path, max(start, other))
+        with pytest.raises(DamagedFileError, match="frames of poses 0 to 1 cannot be trusted: the file was cut short"):
+            capture.frames_of(slice(0, 2))

@@ -350,6 +350,12 @@ class TestTheServer:
         port = server.server_address[1]
         assert self.get(server, root + "about", Origin=f"http://127.0.0.1:{port}")[0] == 200
 
+    def test_an_address_that_cannot_be_split_is_answered(self, server):
+        for target in ("http://[/x", "//[/x"):
+            with socket.create_connection(server.server_address, timeout=10) as page:
+                page.sendall(f"GET {target} HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n".encode())
+                assert page.recv(100).startswith(b"HTTP/1.1 403 ")
+
     def test_nonsense_is_answered(self, server):
         root = urlsplit(server.address).path
         assert self.get(server, root + "../../etc/passwd")[0] == 404

@@ -532,6 +532,8 @@ def test_a_request_is_judged_by_its_whole_head(monkeypatch):
         assert answered(server, b"GET / HTTP/1.1\r\n" + own, evil + b"\r\n") == "HTTP/1.1 403 Forbidden"
         twice = b"GET / HTTP/1.1\r\n" + own + own + b"\r\n"
         assert answered(server, twice) == "HTTP/1.1 403 Forbidden"
+        for target in (b"http://[/x", b"//[/x", b"*", b""):
+            assert answered(server, b"GET " + target + b" HTTP/1.1\r\n" + own + b"\r\n") == "HTTP/1.1 403 Forbidden"
         assert answered(server, b"GET / HTTP/1.1\r\n\r\n") == "HTTP/1.1 403 Forbidden"
         assert answered(server, b"GET / HTTP/1.1\r\nX: " + (1 << 17) * b"x") in ("HTTP/1.1 403 Forbidden", "")
         assert answered(server, b"GET / HTTP/1.1\r\n") == ""  # it waits no longer

@@ -247,7 +247,7 @@ def end_with_failures(lines: Sequence[str]) -> None:
     if lines:
         typer.echo(f"failed: {len(lines)}", err=True)
         for line in lines:
-            typer.echo(f"  {line}", err=True)
+            typer.echo(f"  {printable(line)}", err=True)
         raise typer.Exit(1)
 
 

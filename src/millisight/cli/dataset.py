@@ -3,6 +3,7 @@
 import os
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -24,7 +25,7 @@ from millisight.cli.options import Objects, Sight, Workers, checked_sight
 from millisight.core import box, printable
 from millisight.core.errors import FileError, InputError, MillisightError
 from millisight.data import CameraFrame, CameraMask, Capture, Mask, Picture, RawScan, SarImage, Trajectory
-from millisight.datasets import Dataset, Experiment, Item, ObjectFolder, Simulation, find_object
+from millisight.datasets import CANNOT_LIST, Dataset, Experiment, Item, ObjectFolder, Simulation, find_object
 from millisight.io.mito import CAMERA_FRAME, CAMERA_MASK, IMAGE, INFO, RADAR_MASK, RADARS, RAW
 
 app: typer.Typer = Commands(
@@ -62,6 +63,8 @@ def list_(
     stray = [*dataset.stray, *(f"{one.folder.name}/{path}" for one in chosen for path in one.stray)]
     for path in stray:
         say(f"not part of the layout: {path}")
+    for path in replace(dataset, objects=tuple(chosen)).unreadable:
+        say(f"problem: {path}: {CANNOT_LIST}")
     say(f"{len(chosen)} objects, {sum(len(one.experiments) for one in chosen)} experiments")
 
 
@@ -278,6 +281,7 @@ def _tree(dataset: Dataset, chosen: list[ObjectFolder]) -> dict[str, Any]:
                 "meshes": list(one.meshes),
                 "missing": list(one.missing),
                 "stray": list(one.stray),
+                "unreadable": list(one.unreadable),
             }
             for one in chosen
         ],
@@ -297,6 +301,8 @@ def describe(path: Path) -> Iterator[str]:
         raise FileError(f"{printable(path)}: no such folder")
     one = find_object(path)
     place = Path(os.path.abspath(path))
+    hidden = [path for path in map(one.folder.joinpath, one.unreadable) if place in (path, *path.parents)]
+    yield from (f"failed: {path.relative_to(one.folder).as_posix()}: {CANNOT_LIST}" for path in hidden)
     if place == one.folder:
         yield f"object: {one.name}, id {one.id}{'' if one.role == 'object' else f', {one.role} scene'}"
         yield f"meshes: {', '.join(one.meshes) or 'none'}"
@@ -306,7 +312,7 @@ def describe(path: Path) -> Iterator[str]:
             yield from _missing(part)
         return
     chosen = [part for part in one.parts if part.folder == place or place in part.folder.parents]
-    if not chosen:
+    if not chosen and not hidden:
         raise FileError(
             f"{printable(path)} holds no experiment and no simulation; pass a folder los or nlos, or one above"
         )

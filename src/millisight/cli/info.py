@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from millisight.cli.console import answer, answer_json, in_options, json_only
-from millisight.core import check_readable
+from millisight.core import check_readable, printable
 from millisight.core.errors import FileError, InputError, MillisightError
 from millisight.data import RawScan
 
@@ -65,7 +65,7 @@ def info(
                 lines = _describe(path, declared, data)
         except MillisightError as error:
             told.append({"file": str(path), "error": in_options(str(error))})
-            typer.echo(f"millisight: {told[-1]['error']}", err=True)
+            typer.echo(f"millisight: {printable(told[-1]['error'])}", err=True)
             continue
         # A line without a name is a remark.
         named = [line.partition(": ") if ": " in line else ("remark", "", line) for line in lines]

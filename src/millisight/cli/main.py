@@ -1,5 +1,7 @@
 """The command `millisight`: where it starts and how it ends; errors become one line. The commands are in `app`."""
 
+import os
+import re
 import sys
 
 from millisight.cli import interrupts
@@ -15,6 +17,8 @@ def run() -> None:
     """Run the command line. Exit codes: 1 for an error, printed on one line; 130 for Ctrl-C; 143 for SIGTERM."""
     try:
         interrupts.listen()  # before anything else, since imports take half a second
+        _open_streams()
+        _check_threads()
         from millisight.cli.app import app
 
         app()
@@ -23,8 +27,45 @@ def run() -> None:
         line, code = _ending(error)
         if not line:
             raise
-        print("millisight: " + " ".join(line.split()), file=sys.stderr)  # noqa: T201
+        from millisight.core import printable
+
+        print("millisight: " + printable(" ".join(line.split())), file=sys.stderr)  # noqa: T201
         sys.exit(code)
+
+
+def _open_streams() -> None:
+    """Let the standard streams that the shell closed, as `2>&-` does, lead nowhere.
+
+    Else the next file that is opened takes the number of one, and what a library prints goes into it.
+    """
+    for number, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
+        try:
+            os.fstat(number)
+        except OSError:
+            place = os.open(os.devnull, os.O_RDWR)
+            if place != number:
+                os.dup2(place, number)
+                os.close(place)
+            os.set_inheritable(number, True)
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(number, mode, encoding="utf-8", closefd=False))  # noqa: SIM115
+
+
+def _check_threads() -> None:
+    """Refuse the number of threads at which Numba cannot even be imported.
+
+    Raises
+    ------
+    InputError
+    """
+    given = os.environ.get("NUMBA_NUM_THREADS", "1")
+    if re.fullmatch(r"\s*(-\d+|[+]?0+)\s*", given):
+        from millisight.core.errors import InputError
+
+        raise InputError(
+            f"NUMBA_NUM_THREADS is {given.strip()}; expected a whole number of at least 1: set it to the number of "
+            "cores to use, or remove it from the environment"
+        )
 
 
 def _ending(error: BaseException) -> tuple[str, int]:

@@ -4,14 +4,23 @@ One compilation leaves two machine codes of a parallel loop: LLVM optimises it b
 function around it. Numba runs the first in the process that compiles, but keeps the second, which later processes run;
 with `fastmath` their sums differ in the last digits. Here every process runs the second, so that results do not depend
 on which process compiled.
+
+What is kept carries a checksum: a damaged file is compiled anew, and no damaged code is run. Where neither the
+package's folder nor the user's cache can be written to, a temporary folder of the user's own is used.
 """
 
-from collections.abc import Callable
-from contextlib import suppress
+import hashlib
+import os
+import stat
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-from numba import njit
+from numba import config, njit
+from numba.core.caching import IndexDataCacheFile
 
 
 def kernel(**options: Any) -> Callable[[Callable[..., Any]], Any]:
@@ -25,11 +34,76 @@ def serial(**options: Any) -> Callable[[Callable[..., Any]], Any]:
     def compile_lazily(function: Callable[..., Any]) -> Any:
         try:
             return _as_kept(njit(cache=True, **options)(function))
-        except RuntimeError:
-            # Neither the package's folder nor the user's cache can be written to: compile in every process.
+        except RuntimeError:  # neither the package's folder nor the user's cache can be written to
+            pass
+        try:
+            with _cache_in(_temporary_folder()):
+                return _as_kept(njit(cache=True, **options)(function))
+        except (RuntimeError, OSError):  # nor a temporary one: compile in every process
             return _as_kept(njit(**options)(function))
 
     return compile_lazily
+
+
+@contextmanager
+def _cache_in(folder: str) -> Iterator[None]:
+    """Within the block, functions are given this cache."""
+    settings: Any = config  # whose names are made while it is imported
+    before, settings.CACHE_DIR = settings.CACHE_DIR, folder
+    try:
+        yield
+    finally:
+        settings.CACHE_DIR = before
+
+
+def _temporary_folder() -> str:
+    """A temporary folder that stays from process to process, and into which nobody else can put code.
+
+    Raises
+    ------
+    OSError
+        There is none, or somebody else's is in its place.
+    """
+    user = os.getuid() if hasattr(os, "getuid") else None
+    folder = Path(tempfile.gettempdir(), "millisight-kernels" if user is None else f"millisight-kernels-{user}")
+    folder.mkdir(mode=0o700, exist_ok=True)
+    found = folder.lstat()
+    private = user is None or (found.st_uid == user and not found.st_mode & 0o077)
+    if not stat.S_ISDIR(found.st_mode) or not private:
+        raise PermissionError(f"{folder} is not a folder of this user alone")
+    return str(folder)
+
+
+class _CheckedFiles(IndexDataCacheFile):
+    """Numba's files of a cache, each with a checksum behind it, where unpickling does not look.
+
+    A file without the right one is as if it were not there: it is compiled and written anew.
+    """
+
+    @contextmanager
+    def _open_for_write(self, filepath: str) -> Iterator[BytesIO]:
+        with super()._open_for_write(filepath) as file:
+            content = BytesIO()
+            yield content
+            file.write(content.getvalue() + hashlib.sha256(content.getvalue()).digest())
+
+    def _load_index(self) -> Any:
+        return super()._load_index() if _is_whole(self._index_path) else {}
+
+    def _load_data(self, name: str) -> Any:
+        path = self._data_path(name)
+        if not _is_whole(path):
+            raise OSError(f"{path} is damaged")  # which Numba takes for a file that was removed
+        return super()._load_data(name)
+
+
+def _is_whole(path: str) -> bool:
+    """Whether a file of a cache can be read, and is what was written."""
+    try:
+        content = Path(path).read_bytes()
+    except OSError:
+        return False
+    return hashlib.sha256(content[:-32]).digest() == content[-32:]
 
 
 def _as_kept(function: Any) -> Any:
@@ -39,6 +113,8 @@ def _as_kept(function: Any) -> Any:
     """
     compile_here, store = function._compiler.compile, function._cache
     load, save = store.load_overload, store.save_overload
+    if hasattr(store, "_cache_file"):
+        store._cache_file.__class__ = _CheckedFiles
     compiled: dict[Any, Any] = {}
 
     def compile_and_reload(arguments: Any, return_type: Any) -> Any:

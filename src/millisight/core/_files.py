@@ -5,6 +5,7 @@ disk, a read-only folder, or Ctrl-C in the middle leaves what was there before, 
 """
 
 import os
+import re
 import secrets
 import stat
 from collections.abc import Iterator
@@ -21,6 +22,9 @@ RECORD_SUFFIXES = (".h5", ".hdf5")
 """What records are written as."""
 
 _LARGEST_TOML = 1 << 20  # bytes
+
+# Controls but tab and line feed, and the marks that reorder text.
+_STEERING = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
 
 
 @contextmanager
@@ -121,8 +125,12 @@ def same_file(a: Path, b: Path) -> bool:
 
 
 def printable(text: object) -> str:
-    """A text, such as a file's name in another encoding, as any terminal and any file can hold it."""
-    return str(text).encode("utf-8", "backslashreplace").decode("utf-8")
+    """A text, such as a file's name in another encoding, as any terminal and any file can hold it.
+
+    Characters that steer a terminal, or turn the direction of its text, are written as escapes.
+    """
+    plain = str(text).encode("utf-8", "backslashreplace").decode("utf-8")
+    return _STEERING.sub(lambda found: found[0].encode("unicode_escape").decode("ascii"), plain)
 
 
 def _claim(path: Path) -> tuple[Path, Path]:
@@ -212,14 +220,35 @@ def read_toml(path: str | os.PathLike[str], what: str) -> dict[str, Any]:
     FormatError
         It is too large, or no TOML.
     """
-    import tomllib
-
     path = check_readable(path)
     if path.stat().st_size > _LARGEST_TOML:
         raise FormatError(
             f"{printable(path)} has {path.stat().st_size} bytes; expected {what} of under {_LARGEST_TOML}"
         )
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
+        return parsed_toml(path.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError) as error:
         raise FormatError(f"{printable(path)} is not valid TOML: {error}") from error
+
+
+def parsed_toml(text: str) -> dict[str, Any]:
+    """The content of a TOML text, its integers no larger than 64 bits hold: others are in no unit, and fit no array.
+
+    Raises
+    ------
+    ValueError, RecursionError
+        It is no TOML.
+    """
+    import tomllib
+
+    content = tomllib.loads(text)
+    pending: list[Any] = [content]
+    while pending:  # a loop, since tables may be nested as deep as the text is long
+        value = pending.pop()
+        if isinstance(value, dict):
+            pending += value.values()
+        elif isinstance(value, list):
+            pending += value
+        elif isinstance(value, int) and not -(1 << 63) <= value < 1 << 64:
+            raise ValueError(f"an integer of {value.bit_length()} bits; expected 64 bits at most")
+    return content

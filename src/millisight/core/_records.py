@@ -129,7 +129,7 @@ def checked_number(
             raise TypeError("not a single number")
         number = float(value)
     except (TypeError, ValueError, OverflowError) as error:
-        raise InputError(f"{name} is {value!r}; expected a number{f' in{unit}' if unit else ''}") from error
+        raise InputError(f"{name} is {_told(value)}; expected a number{f' in{unit}' if unit else ''}") from error
     if not np.isfinite(number):
         raise InputError(f"{name} is {number}; expected a finite number{f' in{unit}' if unit else ''}")
     if above is not None and not number > above:
@@ -137,6 +137,13 @@ def checked_number(
     if minimum is not None and not number >= minimum:
         raise InputError(f"{name} is {number:g}{unit}; expected at least {minimum:g}{unit}")
     return number
+
+
+def _told(value: Any) -> str:
+    """A value for a message; a whole number too long to be read by its size."""
+    if isinstance(value, int) and value.bit_length() > 64:
+        return f"{'-' if value < 0 else ''}2^{value.bit_length() - 1} or more"
+    return repr(value)
 
 
 def checked_numbers(
@@ -167,16 +174,16 @@ def checked_numbers(
 
 
 def checked_integer(value: Any, *, name: str, minimum: int = 1) -> int:
-    """`value` as an int of at least `minimum`; 4.0 is whole, "4" and True are no numbers.
+    """`value` as an int of at least `minimum` that 64 bits hold; 4.0 is whole, "4" and True are no numbers.
 
     Raises
     ------
     InputError
-        It is not whole, or below `minimum`.
+        It is not whole, below `minimum`, or too large.
     """
     whole = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
-    if not whole or not np.isfinite(value) or int(value) != value or value < minimum:
-        raise InputError(f"{name} is {value!r}; expected a whole number of at least {minimum}")
+    if not whole or not minimum <= value < 1 << 64 or int(value) != value:  # NaN and infinity fit no range
+        raise InputError(f"{name} is {_told(value)}; expected a whole number of at least {minimum}")
     return int(value)
 
 

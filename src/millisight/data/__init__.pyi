@@ -21,7 +21,7 @@ from ._material import Layer as Layer
 from ._material import Material as Material
 from ._material import material_named as material_named
 from ._mesh import TriangleMesh as TriangleMesh
-from ._mesh import check_reach as check_reach
+from ._mesh import check_mesh_reach as check_mesh_reach
 from ._picture import Picture as Picture
 from ._points import PointCloud as PointCloud
 from ._prediction import Prediction as Prediction

@@ -1,5 +1,6 @@
 """A capture: what a radar measured along a trajectory."""
 
+import os
 from dataclasses import field
 from typing import Any, cast
 
@@ -9,6 +10,7 @@ from millisight.core import Metadata, check_shape, checked_array, checked_metada
 from millisight.core.errors import DamagedFileError, InputError
 from millisight.data._layers import Layers
 from millisight.data._radar import Radar
+from millisight.data._reach import check_reach
 from millisight.data._trajectory import Trajectory
 
 PHASE_SIGN = -1
@@ -28,6 +30,11 @@ def check_follows_log(capture: "Capture") -> None:
         raise InputError("the capture already has layers; place its frames by the log first, then add the layers")
 
 
+def _was_cut(file: Any) -> bool:
+    """Whether an open h5py file is shorter than when it was opened: HDF5 reads what lies beyond its end as zeros."""
+    return file.driver == "sec2" and os.fstat(file.id.get_vfd_handle()).st_size < file.id.get_filesize()
+
+
 @record
 class Capture:
     """Frames of a radar along a trajectory.
@@ -45,7 +52,8 @@ class Capture:
     Raises
     ------
     InputError
-        The frames do not fit the radar and the trajectory, or hold NaN (on disk: found when they are read).
+        The frames do not fit the radar and the trajectory, or hold NaN (on disk: found when they are read), or an
+        antenna is beyond 1e9 m.
     """
 
     radar: Radar
@@ -70,7 +78,9 @@ class Capture:
         for name, count in (("tx_points", shape[1]), ("rx_points", shape[2])):
             points = getattr(self, name)
             if points is not None:
-                put(self, **{name: checked_array(points, name=name, shape=(shape[0], count, 3), unit="m")})
+                points = checked_array(points, name=name, shape=(shape[0], count, 3), unit="m")
+                check_reach(points, name)
+                put(self, **{name: points})
         if self.layers is not None:
             checked_record(self.layers, Layers, name="layers")
 
@@ -151,6 +161,11 @@ class Capture:
             frames = self.frames[poses]
         except OSError as error:
             raise DamagedFileError(f"frames of poses {start} to {stop - 1} cannot be read: {error}") from error
+        if _was_cut(self.frames.file):
+            raise DamagedFileError(
+                f"frames of poses {start} to {stop - 1} cannot be trusted: the file was cut short while it was read; "
+                "make or copy it again"
+            )
         frames.flags.writeable = False
         return checked_array(
             frames, name=f"frames of poses {start} to {stop - 1}", shape=frames.shape, dtype=np.complex64

@@ -6,12 +6,14 @@ import numpy as np
 
 from millisight.core import box, checked_array, checked_numbers, put, record
 from millisight.core.errors import InputError
+from millisight.data._reach import check_reach
 
 _MOST_VOXELS = 1e11  # 800 GB of complex64
 
 
 def _coordinates(value: np.ndarray, name: str) -> np.ndarray:
     coordinates = checked_array(value, name=name, shape=(name.upper(),), unit="m")
+    check_reach(coordinates, f"grid coordinates {name}")
     if not (np.diff(coordinates) > 0).all():
         raise InputError(f"grid coordinates {name} must increase strictly; sort them and remove repeats")
     return coordinates

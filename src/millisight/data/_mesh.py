@@ -6,8 +6,7 @@ import numpy as np
 
 from millisight.core import box, checked_array, late, put, record
 from millisight.core.errors import MeshError
-
-_FARTHEST = 1e9  # coordinate, in the file's unit or in metres: beyond it float64 resolves no micrometre
+from millisight.data._reach import check_reach
 
 
 @record
@@ -32,7 +31,7 @@ class TriangleMesh:
 
     def __post_init__(self) -> None:
         vertices = checked_array(self.vertices, name="vertices", shape=("V", 3), unit="m")
-        check_reach(vertices, "the mesh")
+        check_mesh_reach(vertices, "the mesh")
         faces = checked_array(self.faces, name="faces", shape=("F", 3), dtype=np.int64)
         if faces.min() < 0 or faces.max() >= len(vertices):
             raise MeshError(
@@ -151,18 +150,14 @@ class TriangleMesh:
         return TriangleMesh(vertices=vertices, faces=self.faces)
 
 
-def check_reach(vertices: np.ndarray, name: str) -> None:
-    """Refuse coordinates so large that areas and volumes would overflow or drown in rounding.
+def check_mesh_reach(vertices: np.ndarray, name: str) -> None:
+    """Refuse vertices beyond the reach of `check_reach`.
 
     Raises
     ------
     MeshError
     """
-    farthest = float(np.abs(vertices).max(initial=0))
-    if farthest > _FARTHEST:
-        raise MeshError(
-            f"{name} has coordinates of {farthest:.3g}; expected under {_FARTHEST:g}: it is damaged, export it again"
-        )
+    check_reach(vertices, name, advice="it is damaged, export it again", error=MeshError)
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:

@@ -18,6 +18,9 @@ from millisight.core import (
     record_from_file,
 )
 from millisight.core.errors import InputError
+from millisight.data._reach import FARTHEST, check_reach
+
+_HIGHEST = 1e15  # frequency [Hz], of light; beyond it a wavelength of the band may be zero
 
 
 @record
@@ -48,9 +51,13 @@ class Waveform:
         )
         if samples > 1 and self.slope == 0:
             raise InputError(f"slope is 0 Hz/s with {samples} samples; expected a sweep, or a single sample")
-        if not self.frequencies[-1] > 0:
+        last = self.start_frequency + self.frequency_step * (samples - 1)
+        if last <= 0:
+            raise InputError(f"the chirp falls to {last:g} Hz; expected more than 0 Hz at its last sample")
+        if not max(self.start_frequency, last) <= _HIGHEST:  # not a number where an infinite step meets one sample
             raise InputError(
-                f"the chirp falls to {self.frequencies[-1]:g} Hz; expected more than 0 Hz at its last sample"
+                f"the chirp runs from {self.start_frequency:.3g} to {last:.3g} Hz; expected {_HIGHEST:g} Hz at most: "
+                "check start_frequency, slope and sample_rate, in Hz, Hz/s and Hz"
             )
 
     @classmethod
@@ -106,11 +113,10 @@ class AntennaArray:
     rx_positions: np.ndarray
 
     def __post_init__(self) -> None:
-        put(
-            self,
-            tx_positions=checked_array(self.tx_positions, name="tx_positions", shape=("T", 3), unit="m"),
-            rx_positions=checked_array(self.rx_positions, name="rx_positions", shape=("R", 3), unit="m"),
-        )
+        for name, count in (("tx_positions", "T"), ("rx_positions", "R")):
+            positions = checked_array(getattr(self, name), name=name, shape=(count, 3), unit="m")
+            check_reach(positions, name)
+            put(self, **{name: positions})
 
     def __repr__(self) -> str:
         both = np.concatenate([self.tx_positions, self.rx_positions])
@@ -145,6 +151,8 @@ class Radar:
         checked_record(self.waveform, Waveform, name="waveform")
         checked_record(self.array, AntennaArray, name="array")
         put(self, path_offset=checked_number(self.path_offset, name="path_offset", unit="m"))
+        if abs(self.path_offset) > FARTHEST:
+            raise InputError(f"path_offset is {self.path_offset:.3g} m; expected under {FARTHEST:g} m: correct it")
 
     def __repr__(self) -> str:
         first, last = self.waveform.frequencies[[0, -1]] / 1e9

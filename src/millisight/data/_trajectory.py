@@ -17,6 +17,7 @@ from millisight.core import (
     rotation_from_quaternion,
 )
 from millisight.core.errors import InputError
+from millisight.data._reach import check_reach
 
 _MOST_POSITIONS = 1e8  # of a raster; their frames would fill hundreds of gigabytes
 
@@ -30,6 +31,11 @@ class Trajectory:
     times : (P,) [s]
     positions : (P, 3) the radar frame's origin in the world frame [m]
     orientations : (P, 4) unit quaternions x, y, z, w, radar to world; None: not turned
+
+    Raises
+    ------
+    InputError
+        A shape does not fit, a value is NaN or infinite, a position is beyond 1e9 m, or a quaternion is not a unit one.
     """
 
     times: np.ndarray
@@ -38,6 +44,7 @@ class Trajectory:
 
     def __post_init__(self) -> None:
         positions = checked_array(self.positions, name="positions", shape=("P", 3), unit="m")
+        check_reach(positions, "positions")
         times = checked_array(self.times, name="times", shape=(len(positions),), unit="s")
         put(self, times=times, positions=positions)
         if self.orientations is not None:

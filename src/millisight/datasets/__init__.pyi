@@ -1,4 +1,5 @@
 from ._convert import convert as convert
+from ._dataset import CANNOT_LIST as CANNOT_LIST
 from ._dataset import Dataset as Dataset
 from ._dataset import Experiment as Experiment
 from ._dataset import Item as Item

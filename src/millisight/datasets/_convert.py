@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 from millisight.core import atomic_path, checked_number, make_folder, printable, record, same_file, write_text
 from millisight.core.errors import FileError, InputError
 from millisight.datasets import _mito
-from millisight.datasets._dataset import Dataset, Item
+from millisight.datasets._dataset import CANNOT_LIST, Dataset, Item
 from millisight.datasets._manifest import (
     Manifest,
     ManifestEntry,
@@ -99,7 +99,7 @@ def convert(
     """
     dataset = root if isinstance(root, Dataset) else _mito.open(root)
     items = [item for item in dataset.items if not item.converted]
-    if all(item.kind in _COPIED for item in items):
+    if all(item.kind in _COPIED for item in items) and not dataset.unreadable:
         raise InputError(f"{printable(dataset.root)} holds no file left to convert: all are converted")
     if min_distance is not None:
         min_distance = checked_number(min_distance, name="min_distance", unit="m", minimum=0)
@@ -107,7 +107,8 @@ def convert(
     if same_file(out, dataset.root):
         raise InputError(f"{printable(out)} is the dataset itself; choose another output folder")
     settings = {"conversion": _VERSION, "schema": SCHEMA_VERSION, "min_distance": min_distance}
-    kept, notes, failures = 0, [], []
+    kept, notes = 0, []
+    failures = [(path, CANNOT_LIST) for path in dataset.unreadable]
     with _Ledger(out, settings) as ledger:
         jobs = [ledger.job(item, dataset.root) for item in items]
         with closing(each(_convert, jobs, workers=workers)) as outcomes:
@@ -124,7 +125,7 @@ def convert(
                     progress(count, len(jobs))
     return Converted(
         manifest=ledger.manifest,
-        made=len(items) - kept - len(failures),
+        made=len(items) - kept - (len(failures) - len(dataset.unreadable)),
         kept=kept,
         notes=tuple(sorted(notes)),
         failures=tuple(sorted(failures)),

@@ -11,6 +11,9 @@ from millisight.core.errors import FileError, FormatError, UnknownNameError
 from millisight.data import CameraFrame, CameraMask, Capture, Mask, Picture, RawScan, SarImage
 from millisight.io import load, load_extras, mito, read_photo
 
+CANNOT_LIST = "the folder cannot be listed, so what is in it is left out; check its permissions"
+"""Of a folder that `unreadable` names."""
+
 
 @record
 class Item:
@@ -206,6 +209,7 @@ class ObjectFolder:
     experiments, simulations : by angles, number and sight
     meshes : names of mesh files
     stray : paths within the folder that the layout has no place for
+    unreadable : paths within the folder, of folders that cannot be listed, so that nobody knows what is in them
     """
 
     id: str
@@ -216,6 +220,7 @@ class ObjectFolder:
     simulations: tuple[Simulation, ...]
     meshes: tuple[str, ...]
     stray: tuple[str, ...]
+    unreadable: tuple[str, ...] = ()
 
     @property
     def missing(self) -> tuple[str, ...]:
@@ -262,6 +267,11 @@ class Dataset:
             f"Dataset({printable(self.root)}: {len(self.objects)} objects, {len(self.experiments)} experiments, "
             f"{simulations} simulations)"
         )
+
+    @property
+    def unreadable(self) -> tuple[str, ...]:
+        """Folders in the dataset that cannot be listed, relative to its root."""
+        return tuple((Path(one.folder.name) / path).as_posix() for one in self.objects for path in one.unreadable)
 
     def __len__(self) -> int:
         return sum(len(one.parts) for one in self.objects)
@@ -323,7 +333,7 @@ class Dataset:
             )
             for one in chosen.objects
         )
-        return replace(chosen, objects=tuple(one for one in narrowed if one.parts))
+        return replace(chosen, objects=tuple(one for one in narrowed if one.parts or one.unreadable))
 
     def torch(
         self,

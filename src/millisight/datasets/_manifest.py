@@ -120,7 +120,7 @@ def read_manifest(folder: str | os.PathLike[str]) -> Manifest | None:
         raise FormatError(f"{name} is of version {head.get('version')}; this millisight reads {_VERSION}: upgrade it")
     entries = {}
     for number, line in enumerate(lines[1:], 2):
-        entry = _entry(name, number, _parsed(name, number, line))
+        entry = manifest_entry(_parsed(name, number, line), f"{name}, line {number}")
         entries[entry.path] = entry
     settings = head.get("settings")
     if not isinstance(settings, dict):
@@ -161,15 +161,23 @@ def _parsed(name: str, number: int, line: bytes) -> dict[str, Any]:
     return value
 
 
-def _entry(name: str, number: int, value: dict[str, Any]) -> ManifestEntry:
+def manifest_entry(value: Any, place: str) -> ManifestEntry:
+    """The entry that a mapping of a manifest or a journal holds; `place`: where it stands, for messages.
+
+    Raises
+    ------
+    DamagedFileError
+    """
     try:
-        sources = tuple(ManifestSource(**source) for source in value.pop("sources"))
-        entry = ManifestEntry(**{**value, "notes": tuple(value.get("notes", ()))}, sources=sources)
-        sizes = (entry.size, *(source.size for source in sources))
-        right = all(isinstance(size, int) for size in sizes) and isinstance(entry.sha256, str)
+        sources = tuple(ManifestSource(**source) for source in value["sources"])
+        entry = ManifestEntry(**{**value, "notes": tuple(value.get("notes", ())), "sources": sources})
         inside = not PurePosixPath(entry.path).is_absolute() and ".." not in PurePosixPath(entry.path).parts
-    except (KeyError, TypeError) as error:
-        raise DamagedFileError(f"{name}, line {number}: {error}; convert again") from error
+    except (KeyError, TypeError, AttributeError) as error:
+        raise DamagedFileError(f"{place}: {error}; convert again") from error
+    right = all(
+        isinstance(one.path, str) and isinstance(one.sha256, str) and isinstance(one.size, int)
+        for one in (entry, *sources)
+    )
     if not right or not inside:
-        raise DamagedFileError(f"{name}, line {number}: sizes, checksum or path are invalid; convert again")
+        raise DamagedFileError(f"{place}: sizes, checksum or path are invalid; convert again")
     return entry

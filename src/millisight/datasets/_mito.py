@@ -3,6 +3,7 @@
 A converted dataset has the same folders, with `.h5` files in them, and is found in the same way.
 """
 
+import logging
 import os
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import NamedTuple
 
 from millisight.core import checked_path, printable
 from millisight.core.errors import FileError
-from millisight.datasets._dataset import Dataset, Experiment, Item, ObjectFolder, Simulation
+from millisight.datasets._dataset import CANNOT_LIST, Dataset, Experiment, Item, ObjectFolder, Simulation
 from millisight.datasets._published import published_experiment
 from millisight.io import mito
 
@@ -21,9 +22,13 @@ _TEXTURES = (".mtl", ".png", ".jpg")
 _PROMPTS = ".prompts.json"  # points that `millisight annotate` writes beside a mask
 _BESIDE = (mito.SPLITS_NAME, mito.TRUTH)
 
+logger = logging.getLogger(__name__)
+
 
 def open(root: str | os.PathLike[str]) -> Dataset:
     """Open a dataset in the published layout, by file names, without reading files.
+
+    Folders in it that cannot be listed are logged as warnings, and named in `unreadable`.
 
     Raises
     ------
@@ -40,14 +45,17 @@ def open(root: str | os.PathLike[str]) -> Dataset:
         elif not _belongs_beside(entry.name):
             stray.append(entry.name)
     # A folder of the layout has at least one of these; any other folder may be named with an underscore too.
-    known = [one for one in objects if one.experiments or one.simulations]
+    known = [one for one in objects if one.parts or one.unreadable]
     stray += [one.folder.name for one in objects if one not in known]
-    if not known:
+    dataset = Dataset(root=root, objects=tuple(known), stray=tuple(sorted(stray)))
+    for path in dataset.unreadable:
+        logger.warning("%s: %s", printable(root / path), CANNOT_LIST)
+    if not len(dataset):
         raise FileError(
             f"{printable(root)} holds no object of the published layout; expected folders such as "
-            "004_sugar_box/robot_collected/0_0_0/exp1/los"
+            "004_sugar_box/robot_collected/0_0_0/exp1/los" + (" that may be read" if dataset.unreadable else "")
         )
-    return Dataset(root=root, objects=tuple(known), stray=tuple(sorted(stray)))
+    return dataset
 
 
 def _belongs_beside(name: str) -> bool:
@@ -131,12 +139,16 @@ def _short_name(experiment: Path) -> str:
 
 
 class _Walk:
-    """One object's folder, looked through by names; what is in no known place gathers in `stray`."""
+    """One object's folder, looked through by names.
+
+    What is in no known place gathers in `stray`, folders that cannot be listed in `unreadable`.
+    """
 
     def __init__(self, folder: Path, *, generated: bool = False):
         self.folder = folder
         self._generated = generated
         self.stray: list[Path] = []
+        self.unreadable: list[Path] = []
 
     def object(self) -> ObjectFolder:
         identity = mito.object_of(self.folder.name)
@@ -164,6 +176,7 @@ class _Walk:
             simulations=tuple(sorted(simulations, key=lambda s: s.angles)),
             meshes=tuple(meshes),
             stray=tuple(path.relative_to(self.folder).as_posix() for path in self.stray),
+            unreadable=tuple(path.relative_to(self.folder).as_posix() for path in self.unreadable),
         )
 
     def _turned(self, above: os.DirEntry) -> Iterator[tuple[Path, tuple[int, int, int]]]:
@@ -266,7 +279,7 @@ class _Walk:
         try:
             return _listed(folder)
         except FileError:
-            self.stray.append(Path(folder))
+            self.unreadable.append(Path(folder))
             return []
 
 

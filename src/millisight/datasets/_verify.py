@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from millisight.core import record
 from millisight.datasets import _mito
-from millisight.datasets._dataset import Dataset, Item
+from millisight.datasets._dataset import CANNOT_LIST, Dataset, Item
 from millisight.datasets._manifest import MANIFEST_NAME, ManifestEntry, checksum, read_manifest
 from millisight.datasets._workers import each
 from millisight.io import open_capture
@@ -20,7 +20,7 @@ class Checked:
     """What was found of one item."""
 
     path: str  # relative to the dataset
-    kind: str  # of the item, or "listed" of a file that only the manifest names
+    kind: str  # of the item; "listed" of a file that only the manifest names, "folder" of one that cannot be listed
     problems: tuple[str, ...] = ()  # what is lost, damaged or missing of it
     notes: tuple[str, ...] = ()  # what is odd, and nothing is lost
 
@@ -43,6 +43,8 @@ def verify(
 ) -> tuple[Checked, ...]:
     """Open and check every file of a dataset, published or converted; one result per item, sorted by path.
 
+    A folder that cannot be listed is a result, too, and a problem.
+
     For a published dataset, pickles are read, shapes and values of arrays are checked, and for raw captures the times
     of the log, the length, order, gaps and numbers of each file, and missing rows. For a converted one, each file is
     read and compared with its checksum in the manifest.
@@ -64,7 +66,7 @@ def verify(
     entries = manifest.entries if manifest is not None else {}
     paths = list(items)
     jobs = [_Job(item, entries.get(path)) for path, item in items.items()]
-    found = []
+    found = [Checked(path=path, kind="folder", problems=(CANNOT_LIST,)) for path in dataset.unreadable]
     with closing(each(_check, jobs, workers=workers)) as outcomes:
         for count, outcome in enumerate(outcomes, 1):
             path = paths[outcome.number]

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from millisight.core import SPEED_OF_LIGHT, check_device
+from millisight.core.errors import InputError
 from millisight.data import Capture, VoxelGrid
 from millisight.imaging._check import Check, Deviation, of_whole
 from millisight.imaging._lengths import boxes, grid_in
@@ -20,6 +21,9 @@ OVERSAMPLING = 8
 # voxel-channel pairs at most about a second, so that progress shows and Ctrl-C is heard.
 _BLOCK_BYTES = 256_000_000
 _BLOCK_PAIRS = 1_000_000_000
+
+# Values of the matrix that makes range profiles of frames: 1 GB, and some gigabytes while it is made.
+_MOST_STEERING = 1 << 27
 
 # Profiles of all poses start at one path length unless they are so many times longer by it.
 _LONGER = 1.5
@@ -208,12 +212,24 @@ def range_steering(
 
     Entry m of a profile is the frame's answer at path length nearest + m / per_metre, range-compressed, the
     carrier's phase over the path removed (it turns too fast to interpolate) but not that over the path offset.
+
+    Raises
+    ------
+    InputError
+        The matrix would be too large, as a single stray pose makes it.
     """
     waveform = capture.radar.waveform
     bandwidth = waveform.bandwidth or SPEED_OF_LIGHT / max(furthest - nearest, 1.0)
     per_metre = oversampling * bandwidth / SPEED_OF_LIGHT
     # Two more entries than the span: one for the interpolation's far side, one for the rounding of float32.
-    paths = nearest + np.arange(int(np.ceil((furthest - nearest) * per_metre)) + 3) / per_metre
+    entries = int(np.ceil((furthest - nearest) * per_metre)) + 3
+    if entries * waveform.samples_per_chirp > _MOST_STEERING:
+        raise InputError(
+            f"the paths from antenna to grid and back are {nearest:.4g} to {furthest:.4g} m long; expected a span of "
+            f"{_MOST_STEERING / waveform.samples_per_chirp / per_metre:.3g} m at most for this radar: remove positions "
+            "that are far from the others, or choose a smaller grid"
+        )
+    paths = nearest + np.arange(entries) / per_metre
     offset = capture.radar.path_offset
     baseband = (waveform.frequencies - waveform.center_frequency) / SPEED_OF_LIGHT
     carrier = waveform.center_frequency / SPEED_OF_LIGHT

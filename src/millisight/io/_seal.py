@@ -1,13 +1,16 @@
-"""A seal at the end of our HDF5 files: a checksum of all but the arrays' chunks, which carry their own.
+"""A seal at the end of our HDF5 files: a checksum of all but the arrays' values, whose chunks carry their own.
 
 HDF5's older structures have no checksums: a single damaged byte can send the library into an endless loop, or crash the
 process. So the seal is checked before HDF5 opens the file. It follows HDF5's own last byte, where every other reader
 leaves it alone:
 
-    extents   (n, 2) uint64, little-endian: first byte and length of each run of chunks, in order
+    extents   (n, 2) uint64, little-endian: first byte and length of the values of each chunk, in order
     n         uint64
     SHA-256   32 bytes, of the bytes of the file outside the extents, in order, and of the extents
     magic     8 bytes
+
+The chunks' own checksums, Fletcher-32 of 4 bytes behind the values, lie outside the extents: so a chunk of zeros, whose
+checksum is 0, and one that was exchanged for another are found without reading a value. Files of before leave them out.
 """
 
 import hashlib
@@ -18,26 +21,22 @@ import numpy as np
 
 _MAGIC = b"MSIGHT\x01\n"
 _TAIL = 8 + 32 + len(_MAGIC)
+_FLETCHER = 4  # bytes
 
 
 def chunk_extents(file: Any) -> np.ndarray:
-    """Where the chunks of an open h5py file lie, neighbours joined: (n, 2) uint64, first byte and length, in order."""
+    """Where the values of the chunks of an open h5py file lie: (n, 2) uint64, first byte and length, in order."""
     import h5py
 
     found: list[tuple[int, int]] = []
 
     def visit(_name: str, item: Any) -> None:
         if isinstance(item, h5py.Dataset) and item.chunks is not None:
-            item.id.chunk_iter(lambda chunk: found.append((chunk.byte_offset, chunk.size)))
+            own = _FLETCHER if item.fletcher32 else 0
+            item.id.chunk_iter(lambda chunk: found.append((chunk.byte_offset, chunk.size - own)))
 
     file.visititems(visit)
-    joined: list[list[int]] = []
-    for start, length in sorted(found):
-        if joined and start == sum(joined[-1]):
-            joined[-1][1] += length
-        else:
-            joined.append([start, length])
-    return np.array(joined, dtype="<u8").reshape(-1, 2)
+    return np.array(sorted(found), dtype="<u8").reshape(-1, 2)
 
 
 def write_seal(raw: BinaryIO, extents: np.ndarray) -> None:

@@ -16,7 +16,7 @@ from scipy.sparse.csgraph import connected_components
 
 from millisight.core import check_known, printable
 from millisight.core.errors import FileError, MeshError
-from millisight.data import TriangleMesh, check_reach
+from millisight.data import TriangleMesh, check_mesh_reach
 
 if TYPE_CHECKING:
     import trimesh
@@ -196,7 +196,7 @@ def _mended(vertices: np.ndarray, faces: np.ndarray, name: str) -> tuple[np.ndar
     unfit = int((~np.isfinite(vertices).all(axis=1)).sum())
     if unfit:
         raise MeshError(f"{name} has {unfit} vertices that are NaN or infinite; remove them or export it again")
-    check_reach(vertices, name)
+    check_mesh_reach(vertices, name)
     vertices, faces = _merged(vertices, faces)
 
     done = []

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from millisight.core import make_folder, printable
-from millisight.core.errors import FileError, InputError
+from millisight.core.errors import DamagedFileError, FileError, InputError
 from millisight.datasets import (
     MANIFEST_NAME,
     Manifest,
@@ -22,7 +22,7 @@ from millisight.datasets import (
     read_manifest,
     write_manifest,
 )
-from millisight.datasets._manifest import size_of
+from millisight.datasets._manifest import manifest_entry, size_of
 
 JOURNAL_NAME = ".journal.jsonl"
 _LOCK_NAME = ".lock"
@@ -109,18 +109,15 @@ def job_source(path: Path, name: str) -> ManifestSource:
 
 
 def _journal(out: Path) -> Iterator[list[ManifestEntry]]:
-    """What the journal tells; a last line that was cut off tells nothing."""
+    """What the journal tells; a line that was cut off or damaged tells nothing."""
     try:
         lines = (out / JOURNAL_NAME).read_bytes().splitlines()
     except OSError:
         return
     for line in lines:
         try:
-            yield [
-                ManifestEntry(**{**value, "sources": tuple(ManifestSource(**source) for source in value["sources"])})
-                for value in json.loads(line)
-            ]
-        except (ValueError, TypeError, KeyError):
+            yield [manifest_entry(value, JOURNAL_NAME) for value in json.loads(line)]
+        except (ValueError, TypeError, RecursionError, DamagedFileError):
             continue
 
 

@@ -6,7 +6,6 @@ A value is written out, in SI units, or refers to an array: `{array = "f", unit 
 
 import os
 import re
-import tomllib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from millisight.core import as_array, check_readable, checked_integer, checked_path, printable
+from millisight.core import as_array, check_readable, checked_integer, checked_path, parsed_toml, printable
 from millisight.core.errors import FileError, FormatError, InputError, UnknownNameError
 from millisight.io.arrays import TEXT_SUFFIXES, read_array, read_table
 
@@ -43,7 +42,7 @@ def parse(path: str | os.PathLike[str]) -> dict[str, Any]:
     try:
         if os.path.getsize(path) > _LONGEST:
             raise ValueError(f"{os.path.getsize(path)} bytes are too many for a description")
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return parsed_toml(path.read_text(encoding="utf-8"))
     except (ValueError, RecursionError) as error:
         raise FormatError(f"{printable(path)} is not a description in TOML: {error}") from error
 

@@ -148,7 +148,11 @@ class _Handler(BaseHTTPRequestHandler):
     def _path(self) -> str | None:
         """What is asked for, after the secret; None, refused, where the request is not the page's own."""
         ours = asked_by_own_page(_HOST, self.headers.get("Host"), self.headers.get("Origin"))
-        secret, _, rest = urlsplit(self.path).path.removeprefix("/").partition("/")
+        try:
+            secret, _, rest = urlsplit(self.path).path.removeprefix("/").partition("/")
+        except ValueError:  # of an address such as http://[/
+            ours = False
+            secret, rest = "", ""
         if ours and secrets.compare_digest(secret.encode(), self.server.secret.encode()):
             return rest
         self._refuse(HTTPStatus.FORBIDDEN, "open the address that millisight annotate printed")

@@ -139,7 +139,7 @@ class _Gate(asyncio.Protocol):
         if not complete and len(head) <= _LONGEST_HEAD:
             return
         self._judged()
-        if complete and asked_by_own_page(self._listening, *_host_and_origin(head)):
+        if complete and _names_a_path(head) and asked_by_own_page(self._listening, *_host_and_origin(head)):
             protocol = self._factory()
             self._transport.set_protocol(protocol)
             protocol.connection_made(self._transport)
@@ -151,6 +151,12 @@ class _Gate(asyncio.Protocol):
                 b"Content-Length: %d\r\n\r\n%b" % (len(text), text)
             )
             self._transport.close()
+
+
+def _names_a_path(head: bytes) -> bool:
+    """Whether a request is for a path of this server, as browsers send it, and not for an address or nonsense."""
+    target = head.partition(b"\r\n")[0].split(b" ")[1:2]
+    return bool(target) and target[0].startswith(b"/") and not target[0].startswith(b"//")
 
 
 def _host_and_origin(head: bytes) -> tuple[str | None, str | None]:
