@@ -105,6 +105,8 @@ def test_what_is_known_is_written_beside_a_picture(mug, run, tmp_path):
         "confidence": 0.95,
         "sure": True,
         "threshold": 0.6,
+        "novelty": 0.0,
+        "novelty_limit": 1.0,
         "probabilities": {"can": 0.04, "box": 0.95, "sphere": 0.01},
         "image": "mug.image.h5",
         "other_band": "mug24.h5",

@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 import millisight as ms
-from helpers import mirrors
+from helpers import solid_mirrors
 from helpers.commands import run_here
 from millisight.meshes import load_mesh
 
@@ -18,7 +18,7 @@ VOXELS = "-4cm:4cm:2mm,-4cm:4cm:2mm,-27.5cm:-23cm:3.75mm"
 def ball(tmp_path_factory):
     """A capture of a ball of 5 cm radius, 25 cm under the aperture."""
     path = tmp_path_factory.mktemp("ball") / "ball.capture.h5"
-    ms.save(path, mirrors.capture_of(mirrors.ball(0.05), size=0.15, step=0.003, noise=0.6))
+    ms.save(path, solid_mirrors.capture_of(solid_mirrors.ball(0.05), size=0.15, step=0.003, noise=0.6))
     return path
 
 

@@ -8,7 +8,7 @@ import pytest
 import trimesh
 
 import millisight as ms
-from helpers import mirrors
+from helpers import solid_mirrors
 from millisight.core.errors import InputError
 from millisight.evaluation import SceneSource, SurfaceTask, score_surface, true_surface
 
@@ -18,7 +18,7 @@ MESH = ms.TriangleMesh(vertices=BALL.vertices - [0, 0, 0.30], faces=BALL.faces)
 
 @pytest.fixture(scope="module")
 def capture():
-    return mirrors.capture_of(mirrors.ball(0.05), size=0.15, step=0.003, noise=0.6)
+    return solid_mirrors.capture_of(solid_mirrors.ball(0.05), size=0.15, step=0.003, noise=0.6)
 
 
 @pytest.fixture(scope="module")
@@ -86,7 +86,7 @@ class _Scene(SceneSource):
         return (Path("capture.h5"), Path("world.toml")) if band == "77 GHz" else ()
 
     def read_capture(self, band):
-        return mirrors.capture_of(mirrors.ball(0.05), size=0.15, step=0.003, noise=0.6)
+        return solid_mirrors.capture_of(solid_mirrors.ball(0.05), size=0.15, step=0.003, noise=0.6)
 
     def read_shape(self, band):
         return (MESH,)

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial import KDTree
 
 import millisight as ms
-from helpers import mirrors
+from helpers import solid_mirrors
 from millisight.core import SPEED_OF_LIGHT
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.geometry._moments import weighted_images
@@ -36,11 +36,11 @@ def shining(points, normals, within):
 
 @pytest.mark.parametrize(
     ("paths", "radius", "axes"),
-    [(mirrors.ball(0.05), 0.05, [1, 1, 1]), (mirrors.rod(0.03), 0.03, [0, 1, 1])],
+    [(solid_mirrors.ball(0.05), 0.05, [1, 1, 1]), (solid_mirrors.rod(0.03), 0.03, [0, 1, 1])],
     ids=["sphere", "cylinder"],
 )
 def test_round_mirrors_have_their_place_and_normals(paths, radius, axes):
-    found = unthresholded(mirrors.capture_of(paths, noise=0.1), window="hann")
+    found = unthresholded(solid_mirrors.capture_of(paths, noise=0.1), window="hann")
     across = (found.points - [0, 0, -0.25 - radius]) * axes
     away = np.linalg.norm(across, axis=1)
     truth = across / away[:, None]
@@ -55,8 +55,8 @@ def test_round_mirrors_have_their_place_and_normals(paths, radius, axes):
 @pytest.mark.parametrize("array", [None, PAIR], ids=["one antenna", "TX and RX apart"])
 @pytest.mark.parametrize("window", ["taylor", "hann"])
 def test_a_plane_has_its_place_and_normal(array, window):
-    found = unthresholded(mirrors.capture_of(mirrors.plane(), array, noise=0.02), window=window)
-    tilt = np.radians(mirrors.PLANE_TILT_DEG)
+    found = unthresholded(solid_mirrors.capture_of(solid_mirrors.plane(), array, noise=0.02), window=window)
+    tilt = np.radians(solid_mirrors.PLANE_TILT_DEG)
     truth = np.array([[np.sin(tilt), 0, np.cos(tilt)]])
     seen = shining(found.points, np.broadcast_to(truth, found.points.shape), 0.06)
     assert seen.sum() > 500
@@ -65,16 +65,16 @@ def test_a_plane_has_its_place_and_normal(array, window):
 
 
 def test_a_phase_of_the_other_sign_has_no_such_plane():
-    capture = mirrors.capture_of(mirrors.plane(), noise=0.1)
+    capture = solid_mirrors.capture_of(solid_mirrors.plane(), noise=0.1)
     found = unthresholded(replace(capture, frames=capture.frames.conj()))
     assert len(found) < 500
 
 
 def test_places_do_not_depend_on_where_the_world_begins():
     shift = np.array([100.0, -50.0, 20.0])
-    here = unthresholded(mirrors.capture_of(mirrors.plane()))
+    here = unthresholded(solid_mirrors.capture_of(solid_mirrors.plane()))
     grid = ms.VoxelGrid(x=GRID.x + shift[0], y=GRID.y + shift[1], z=GRID.z + shift[2])
-    there = unthresholded(mirrors.capture_of(mirrors.plane(), shift=shift), grid)
+    there = unthresholded(solid_mirrors.capture_of(solid_mirrors.plane(), shift=shift), grid)
     assert len(here) > 300
     assert abs(len(there) - len(here)) < 0.02 * len(here)
     away, nearest = KDTree(here.points).query(there.points - shift)
@@ -85,7 +85,7 @@ def test_places_do_not_depend_on_where_the_world_begins():
 def test_weighted_images_are_the_sums_over_antennas():
     """mmNorm's sum of (antenna - voxel) Re(contribution conj(image)) / |image|, channel by channel in float64."""
     rng = np.random.default_rng(3)
-    capture = mirrors.capture_of(mirrors.plane(), PAIR, size=0.03, step=0.005, noise=0.5)
+    capture = solid_mirrors.capture_of(solid_mirrors.plane(), PAIR, size=0.03, step=0.005, noise=0.5)
     grid = ms.VoxelGrid.regular((-0.01, -0.01, -0.26), (0.01, 0.01, -0.24), 0.01)
     moved = ms.Trajectory(
         times=capture.trajectory.times,
@@ -120,8 +120,8 @@ def test_weighted_images_are_the_sums_over_antennas():
 
 def test_the_told_deviation_is_that_of_the_places():
     """With noise alone in the way, over many points."""
-    found = unthresholded(mirrors.capture_of(mirrors.plane(), size=0.12, noise=4.0, step=0.004))
-    tilt = np.radians(mirrors.PLANE_TILT_DEG)
+    found = unthresholded(solid_mirrors.capture_of(solid_mirrors.plane(), size=0.12, noise=4.0, step=0.004))
+    tilt = np.radians(solid_mirrors.PLANE_TILT_DEG)
     normal = np.array([np.sin(tilt), 0, np.cos(tilt)])
     error = (found.points - FOOT) @ normal
     assert len(found) > 300
@@ -129,7 +129,7 @@ def test_the_told_deviation_is_that_of_the_places():
 
 
 def test_noise_alone_has_no_points():
-    capture = mirrors.capture_of(mirrors.plane(), size=0.06)
+    capture = solid_mirrors.capture_of(solid_mirrors.plane(), size=0.06)
     rng = np.random.default_rng(1)
     noise = rng.normal(size=capture.frames.shape) + 1j * rng.normal(size=capture.frames.shape)
     found = ms.surface_points(replace(capture, frames=noise.astype(np.complex64)), GRID)
@@ -139,14 +139,14 @@ def test_noise_alone_has_no_points():
 
 
 def test_nothing_at_all_has_no_points():
-    capture = mirrors.capture_of(mirrors.plane(), size=0.03)
+    capture = solid_mirrors.capture_of(solid_mirrors.plane(), size=0.03)
     assert len(ms.surface_points(replace(capture, frames=0 * capture.frames), GRID)) == 0
 
 
 def test_of_an_image_alone_a_plane_is_found():
-    image = ms.form_image(mirrors.capture_of(mirrors.plane(), noise=0.02), GRID, window="taylor")
+    image = ms.form_image(solid_mirrors.capture_of(solid_mirrors.plane(), noise=0.02), GRID, window="taylor")
     found = ms.surface_points(image, false_alarms=0.999)
-    tilt = np.radians(mirrors.PLANE_TILT_DEG)
+    tilt = np.radians(solid_mirrors.PLANE_TILT_DEG)
     truth = np.array([[np.sin(tilt), 0, np.cos(tilt)]])
     assert len(found) > 300
     assert np.median(np.abs((found.points - FOOT) @ truth[0])) < 8e-3
@@ -155,7 +155,7 @@ def test_of_an_image_alone_a_plane_is_found():
 
 def test_of_an_image_alone_a_ball_lies_in_front_of_its_maximum():
     """The loss that the docstring states: millimetres by the echo's delay, centimetres by the maximum."""
-    capture = mirrors.capture_of(mirrors.ball(0.05), noise=0.1)
+    capture = solid_mirrors.capture_of(solid_mirrors.ball(0.05), noise=0.1)
     grid = ms.VoxelGrid.regular((-0.02, -0.02, -0.32), (0.02, 0.02, -0.235), (0.002, 0.002, 0.0035))
     middle = np.array([0, 0, -0.30])
     image = ms.form_image(capture, grid, window="taylor")
@@ -168,7 +168,7 @@ def test_of_an_image_alone_a_ball_lies_in_front_of_its_maximum():
 
 
 def one_pose():
-    capture = mirrors.capture_of(mirrors.plane(), size=0.03)
+    capture = solid_mirrors.capture_of(solid_mirrors.plane(), size=0.03)
     return ms.Capture(
         radar=capture.radar,
         trajectory=ms.Trajectory(times=[0.0], positions=[[0, 0, 0]]),
@@ -177,7 +177,7 @@ def one_pose():
 
 
 def single_frequency():
-    capture = mirrors.capture_of(mirrors.plane(), size=0.03)
+    capture = solid_mirrors.capture_of(solid_mirrors.plane(), size=0.03)
     alone = replace(capture.radar, waveform=ms.Waveform.stepped(77.5e9, 1e6, 1))
     return replace(capture, radar=alone, frames=capture.frames[..., :1])
 
@@ -187,7 +187,7 @@ def single_frequency():
     [
         (one_pose, {"grid": GRID}, InputError, "1 channels of the capture lie in one place or on one line"),
         (single_frequency, {"grid": GRID}, InputError, "a single frequency"),
-        (lambda: mirrors.capture_of(mirrors.plane(), size=0.03), {}, InputError, "pass a grid"),
+        (lambda: solid_mirrors.capture_of(solid_mirrors.plane(), size=0.03), {}, InputError, "pass a grid"),
         (one_pose, {"grid": GRID, "clutter": "roof"}, UnknownNameError, "roof"),
         (one_pose, {"grid": GRID, "false_alarms": 2}, InputError, "a probability under 1"),
         (one_pose, {"grid": GRID, "frequency": 79e9}, InputError, "leave frequency out"),

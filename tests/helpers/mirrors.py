@@ -1,52 +1,67 @@
-"""Captures of mirrors by their closed forms: the path is that of the one specular ray, the amplitude 1."""
+"""Echoes of sheets in closed form: mirrors by the image of the transmitter, their edges by Fresnel's integral."""
 
 import numpy as np
+from scipy.special import fresnel
 
 import millisight as ms
-from millisight.core import SPEED_OF_LIGHT
+from helpers.oracles import C
+from helpers.scatter import radar
 
-BAND = 3e9
-PLANE_TILT_DEG = 8.0
-
-
-def radar(array: ms.AntennaArray | None = None, samples: int = 32) -> ms.Radar:
-    """At 77.5 to 80.5 GHz, by default with one antenna that transmits and receives."""
-    return ms.Radar(
-        name="mirror test",
-        waveform=ms.Waveform.stepped(77.5e9, BAND / samples, samples),
-        array=array or ms.AntennaArray(tx_positions=[[0, 0, 0]], rx_positions=[[0, 0, 0]]),
-    )
-
-
-def capture_of(paths, array=None, *, size=0.24, step=0.0025, noise=0.0, rng=0, shift=(0.0, 0.0, 0.0)) -> ms.Capture:
-    """Frames of the path lengths that `paths(tx, rx)` gives for antennas (P, T, 1, 3) and (P, 1, R, 3) [m]."""
-    held, raster = radar(array), ms.Trajectory.raster(size=(size, size), step=step)
-    # The aperture is the plane z = 0.
-    where = ms.Trajectory(times=raster.times, positions=raster.positions * [1, 1, 0])
-    tx, rx = (where.placed(ends)[:, :, None] for ends in (held.array.tx_positions, held.array.rx_positions))
-    lengths = paths(tx, rx.transpose(0, 2, 1, 3))
-    frames = np.exp(-2j * np.pi / SPEED_OF_LIGHT * lengths[..., None] * held.waveform.frequencies)
-    if noise:
-        generator = np.random.default_rng(rng)
-        frames = frames + noise * (generator.normal(size=frames.shape) + 1j * generator.normal(size=frames.shape))
-    moved = ms.Trajectory(times=where.times, positions=where.positions + np.array(shift))
-    return ms.Capture(radar=held, trajectory=moved, frames=frames.astype(np.complex64))
+DEVICES = {
+    "77 GHz": radar(77.5e9, 3e9 / 32, 32, path_offset=0.15),
+    "24 GHz": radar(24.025e9, 2e8 / 16, 16),
+    "falling, two receivers": radar(
+        80.5e9, -3e9 / 32, 32, ms.AntennaArray(tx_positions=[[0, 0, 0]], rx_positions=[[-0.005, 0, 0], [-0.007, 0, 0]])
+    ),
+}
+GRID = ms.VoxelGrid.regular((-0.1, -0.1, -0.28), (0.1, 0.1, -0.15), (0.0025, 0.0025, 0.01))
+SPOTS = np.array([[0.01, 0.0, -0.25], [-0.015, 0.02, -0.255], [0.02, -0.02, -0.245], [0.0, 0.015, -0.26]])
 
 
-def ball(radius, depth=0.25):
-    """Paths by a sphere whose top lies `depth` under the origin; antennas of a pair close together."""
-    middle = np.array([0, 0, -depth - radius])
-    return lambda tx, rx: 2 * (np.linalg.norm((tx + rx) / 2 - middle, axis=-1) - radius)
+def raster(size=(0.2, 0.2), step=0.0025, jitter=0.0003):
+    """Poses at about z = 0. Were they off their places across as well, a mirror's image would be noisy."""
+    path = ms.Trajectory.raster(size=size, step=step, center=(0, 0, 0))
+    shaken = path.positions + np.random.default_rng(0).normal(0, jitter, path.positions.shape) * [0, 0, 1]
+    return ms.Trajectory(times=path.times, positions=shaken)
 
 
-def rod(radius, depth=0.25):
-    """Paths by a cylinder along x."""
-    middle = np.array([0, 0, -depth - radius])
-    return lambda tx, rx: 2 * (np.linalg.norm(((tx + rx) / 2 - middle)[..., 1:], axis=-1) - radius)
+def capture_of(device, path, frames):
+    return ms.Capture(radar=device, trajectory=path, frames=frames.astype(np.complex64))
 
 
-def plane(depth=0.25, tilt_deg=PLANE_TILT_DEG):
-    """Paths by an endless plane, exact for antennas apart: from the transmitter to the receiver's mirror image."""
-    normal = np.array([np.sin(np.radians(tilt_deg)), 0, np.cos(np.radians(tilt_deg))])
-    foot = np.array([0, 0, -depth])
-    return lambda tx, rx: np.linalg.norm(tx - (rx - 2 * ((rx - foot) @ normal)[..., None] * normal), axis=-1)
+def mirror(device, path, height, *, tilt_deg=(0.0, 0.0), bow=0.0, strength=0.1, sides=()):
+    """(P, T, R, N) the echo of a sheet that rises by `tilt_deg` along x and along y, and sinks by `bow` [m] towards its
+    sides at 10 cm; `sides`: (axis, place, sign) of edges, beyond which in the direction of the sign it goes on."""
+    tx = path.placed(device.array.tx_positions)[:, :, None]
+    rx = path.placed(device.array.rx_positions)[:, None]
+    middle = (tx + rx) / 2
+    slope = np.tan(np.radians(tilt_deg))
+    above = middle[..., 2] - height - middle[..., :2] @ slope + bow * (middle[..., 0] / 0.1) ** 2
+    distance = above / np.sqrt(1 + (slope**2).sum())
+    length = np.sqrt((2 * distance) ** 2 + ((tx - rx) ** 2).sum(axis=-1)) + device.path_offset
+    frequencies = device.waveform.frequencies
+    frames = strength * np.exp(-2j * np.pi * frequencies / C * length[..., None])
+    for axis, place, sign in sides:
+        beyond = sign * (middle[..., axis] - place) * 2 / np.sqrt(C / device.waveform.center_frequency * distance)
+        sine, cosine = fresnel(beyond)
+        frames = frames * ((0.5 + cosine - 1j * (0.5 + sine)) / (1 - 1j))[..., None]
+    return frames
+
+
+def points(device, path, places=SPOTS, strength=0.03):
+    """(P, T, R, N) of point reflectors."""
+    tx, rx = path.placed(device.array.tx_positions), path.placed(device.array.rx_positions)
+    frames = 0
+    for place in places:
+        away = np.linalg.norm(tx - place, axis=-1)[:, :, None] + np.linalg.norm(rx - place, axis=-1)[:, None]
+        wave = -2j * np.pi * device.waveform.frequencies / C * (away + device.path_offset)[..., None]
+        frames = frames + strength * np.exp(wave)
+    return frames
+
+
+def disc(radius, height, spacing=0.002):
+    """Places that make up a flat top."""
+    axis = np.arange(-radius, radius + spacing / 2, spacing)
+    x, y = (a.ravel() for a in np.meshgrid(axis, axis))
+    inside = np.hypot(x, y) <= radius
+    return np.column_stack([x[inside], y[inside], np.full(inside.sum(), height)])

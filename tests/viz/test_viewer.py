@@ -585,12 +585,13 @@ def test_the_page_about_it_is_right(tmp_path, monkeypatch, capsys):
     assert len(named) >= 6
     assert named <= known
     blocks = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
-    assert len(blocks) == 1
+    assert len(blocks) == 2
     radar, path = ms.Radar.preset("mito-sim-24ghz"), ms.Trajectory.raster(size=(0.02, 0.02), step=0.01)
     saved(tmp_path, "mug.image.h5", image())
     frames = np.zeros((len(path), 1, 1, 256), np.complex64)
     saved(tmp_path, "mug.capture.h5", ms.Capture(radar=radar, trajectory=path, frames=frames))
     monkeypatch.chdir(tmp_path)
-    exec(blocks[0], {})
+    for block in blocks:
+        exec(block, {})
     assert capsys.readouterr().out.startswith("http://127.0.0.1:")
     assert (tmp_path / "mug.html").stat().st_size > 500_000

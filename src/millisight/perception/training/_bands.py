@@ -2,6 +2,7 @@
 
 import dataclasses
 import zipfile
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -71,5 +72,14 @@ def read_arrays(path: Path, *names: str) -> dict[str, np.ndarray]:
         # Opened here: of a damaged file NumPy would leave it open.
         with open(path, "rb") as file, np.load(file, allow_pickle=False) as held:
             return {name: held[name] for name in names}
-    except (OSError, ValueError, KeyError, EOFError, ImportError, zipfile.BadZipFile) as error:
+    except (
+        OSError,
+        RuntimeError,
+        ValueError,
+        KeyError,
+        EOFError,
+        ImportError,
+        zipfile.BadZipFile,
+        zlib.error,
+    ) as error:
         raise DamagedFileError(f"{printable(path)} is not a scene of this training: {error}; delete it") from error
