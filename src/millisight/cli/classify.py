@@ -130,12 +130,12 @@ def classify(
             raise error if path is None else InputError(f"with the mask of {path}: {error}") from error
         if other is None and len(classifier.bands) > 1:
             note = (
-                f"the classifier uses {' and '.join(classifier.bands)}, but got one band; pass the other with "
+                f"note: the classifier uses {' and '.join(classifier.bands)}, but got one band; pass the other with "
                 "--other-band, or a dataset with --multispectral"
             )
             if note not in notes:
                 notes.add(note)
-                _note(note)
+                typer.echo(note, err=True)
         made["pixels"] = int(inside.inside.sum())
         result = _result(source, prediction, made, classifier)
         if to is not None:

@@ -174,7 +174,7 @@ def segment(
             told = _told(segmented, source, by, seed=drawn_by, values=values)
             return in_depth(source, to, drawn, image, segmented, told)
         _write(to, segmented, source, by, seed=drawn_by, values=values)
-        doubts = doubts_of(segmented.mask, image, covered=segmented.picture.covered)
+        doubts = [in_options(one) for one in doubts_of(segmented.mask, image, covered=segmented.picture.covered)]
         for doubt in doubts:
             say(f"  {doubt}")
         if drawn is not None:

@@ -37,7 +37,7 @@ def doubts_of(mask: Mask, image: SarImage, *, covered: bool = False) -> tuple[st
             if (inside & box).sum() > _ALIKE * (inside | box).sum():
                 doubts.append(
                     "the mask covers something flat, which may be a lid or the top of a box; if it is a lid, say so: "
-                    'condition="nlos", or --condition nlos'
+                    "condition='nlos'"
                 )
                 break
     return tuple(doubts)
