@@ -42,7 +42,7 @@ def test_a_capture_gives_a_mesh_points_a_depth_map_and_a_picture(ball, tmp_path,
     with np.load(tmp_path / "depth.npz") as depth:
         assert depth["z"].shape == (len(depth["x"]), len(depth["y"]))
         assert np.nanmax(depth["z"]) == pytest.approx(-0.25, abs=2e-3)
-    assert (tmp_path / "ball.png").read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / "ball.surface.png").read_bytes().startswith(b"\x89PNG")
     assert "oriented points" in err
 
 
@@ -54,7 +54,7 @@ def test_a_depth_picture_states_its_levels(ball, tmp_path, here):
         levels = np.asarray(picture)
     assert levels.dtype == np.uint16
     assert lowest + 1e-5 * levels.max() == pytest.approx(-0.25, abs=2e-3)
-    assert not (tmp_path / "b.png").exists()
+    assert not (tmp_path / "b.surface.png").exists()
 
 
 def test_an_image_will_do(ball, tmp_path, here):

@@ -71,7 +71,9 @@ def surface(
     data: Annotated[
         Path | None, typer.Option(help="Folder of the files named in a description. [default: its own folder]")
     ] = None,
-    no_picture: Annotated[bool, typer.Option("--no-picture", help="Do not plot the surface (MESH.png).")] = False,
+    no_picture: Annotated[
+        bool, typer.Option("--no-picture", help="Do not plot the surface (MESH.surface.png).")
+    ] = False,
     as_json: Annotated[
         bool,
         typer.Option(
@@ -103,7 +105,7 @@ def surface(
         to = output or source.parent / f"{name}.surface.ply"
         if to.suffix.lower() != ".ply":
             raise UnknownNameError("mesh format", to.suffix or to.name, (".ply",))
-        picture = None if no_picture else to.with_suffix(".png")
+        picture = None if no_picture else to.with_name(f"{to.stem.removesuffix('.surface')}.surface.png")
         check_outputs(to, points, depth, figures=(picture,), source=source)
         found = _points(
             opened, grid, clutter=clutter, false_alarms=false_alarms, frequency=frequency,

@@ -31,8 +31,12 @@ def check_follows_log(capture: "Capture") -> None:
 
 
 def _was_cut(file: Any) -> bool:
-    """Whether an open h5py file is shorter than when it was opened: HDF5 reads what lies beyond its end as zeros."""
-    return file.driver == "sec2" and os.fstat(file.id.get_vfd_handle()).st_size < file.id.get_filesize()
+    """Whether an h5py file, open for reading, is shorter than when it was opened: HDF5 reads zeros beyond its end."""
+    return (
+        file.mode == "r"
+        and file.driver == "sec2"
+        and os.fstat(file.id.get_vfd_handle()).st_size < file.id.get_filesize()
+    )
 
 
 @record
