@@ -172,11 +172,13 @@ def main() -> None:
     told = ", ".join(f"{name} {checksum}" for name, checksum in weights.items())
     page = f"""# Results on objects that nothing was made on
 
-Made on {datetime.date.today().isoformat()} at commit {commit.stdout.strip()} by `python benchmarks/results.py`, weights
-{told}. Whole scenes by the virtual rig, simulated, not real: objects that no network, threshold or look used
-(`test` of `examples/objects.toml`), off the middle of images that show 9 to 15 cm around them; cartons of random size,
-thickness, place and tilt of the lid, drawn by `{options.recipe}`. Networks were trained on other objects by
-other physics. Medians over scenes; in brackets 95 % bootstrap intervals.
+Made on {datetime.date.today().isoformat()} at commit {commit.stdout.strip()} by `python benchmarks/results.py`,
+weights {told}.
+
+Whole scenes by the virtual rig, simulated, not real: objects that no network, threshold or look used (`test` of
+`examples/objects.toml`), off the middle of images that show 9 to 15 cm around them; cartons of random size, thickness,
+place and tilt of the lid, drawn by `{options.recipe}`. Networks were trained on other objects by other
+physics. Medians over scenes; in brackets 95 % bootstrap intervals.
 
 ## Masks
 

@@ -98,15 +98,3 @@ def test_info_fails_for_them(shut):
         code, told = run("info", shut / place)
         assert code == 1
         assert f"failed: robot_collected: {WORDS}" in told
-
-
-@pytest.mark.skipif(hasattr(os, "geteuid") and os.geteuid() == 0, reason="root may list every folder")
-def test_a_folder_whose_rights_are_gone_is_told(miniature, tmp_path):
-    import shutil
-
-    root = Path(shutil.copytree(miniature.healthy, tmp_path / "data"))
-    (root / HIDDEN[0]).chmod(0)
-    try:
-        assert ms.datasets.open(root).unreadable == HIDDEN[:1]
-    finally:
-        (root / HIDDEN[0]).chmod(0o755)
