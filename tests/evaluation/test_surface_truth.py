@@ -77,10 +77,10 @@ class _Scene(SceneSource):
         return "closed form"
 
     def read(self, **_):
-        raise NotImplementedError
+        raise AssertionError("surfaces are evaluated on captures: no image and no mask is read")
 
     def read_image(self, band, **_):
-        raise NotImplementedError
+        raise AssertionError("surfaces are evaluated on captures: no image and no mask is read")
 
     def shape_paths(self, band):
         return (Path("capture.h5"), Path("world.toml")) if band == "77 GHz" else ()

@@ -30,6 +30,7 @@ from ._files import same_file as same_file
 from ._files import write_text as write_text
 from ._late import late as late
 from ._matrix import product as product
+from ._progress import share_of as share_of
 from ._records import Metadata as Metadata
 from ._records import as_array as as_array
 from ._records import box as box

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from millisight.core import SPEED_OF_LIGHT
+from millisight.core import SPEED_OF_LIGHT, share_of
 from millisight.core.errors import InputError
 from millisight.data import Capture, VoxelGrid
 from millisight.imaging import aperture_weights, form_image, range_weights, window_pair
@@ -140,16 +140,11 @@ def weighted_images(
     constant = np.ptp(places, axis=(0, 1, 2)) < _CONSTANT
     weights = [places[..., k, None] for k in range(3) if not constant[k]] + [frequencies / highest]
 
-    def part(number: int) -> Progress | None:
-        if progress is None:
-            return None
-        report, count = progress, len(weights) + 1
-        return lambda done, total: report(number * total + done, count * total)
-
     def image(of: Capture, number: int) -> np.ndarray:
         return form_image(
-            of, grid, method=method, window=window, tolerance=tolerance, device=device, progress=part(number)
-        ).values
+            of, grid, method=method, window=window, tolerance=tolerance, device=device,
+            progress=share_of(progress, number, len(weights) + 1),
+        ).values  # fmt: skip
 
     values = image(capture, 0)
     frames = capture.frames_of(slice(0, len(capture.trajectory)))

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Complex, Float
 
-from millisight.core import SPEED_OF_LIGHT, check_device
+from millisight.core import SPEED_OF_LIGHT, check_device, share_of
 from millisight.core.errors import InputError
 from millisight.data import Capture, VoxelGrid
 from millisight.imaging._check import Check, Deviation, of_whole
@@ -152,13 +152,6 @@ def range_compression(
     steering, per_metre = range_steering(capture, 0.0, span, oversampling, window)
     baseband = (waveform.frequencies - waveform.center_frequency) / SPEED_OF_LIGHT
     return Compression(kernels, kernels.to_device(steering), (near_tx, near_rx), baseband, per_metre, excess)
-
-
-def share_of(progress: Callable[[int, int], None] | None, number: int, count: int) -> Callable[[int, int], None] | None:
-    """What reports the progress of part `number` of `count` as that of the whole."""
-    if progress is None or count == 1:
-        return progress
-    return lambda done, total: progress(number * total + done, count * total)
 
 
 def kernels_on(device: str) -> Any:

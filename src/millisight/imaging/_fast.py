@@ -15,14 +15,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from millisight.core import SPEED_OF_LIGHT
+from millisight.core import SPEED_OF_LIGHT, share_of
 from millisight.data import Capture, VoxelGrid
 from millisight.imaging._backprojection import (
     Compression,
     backproject,
     kernels_on,
     range_compression,
-    share_of,
     weighted_blocks,
 )
 from millisight.imaging._check import Check, Deviation, of_whole

@@ -15,10 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from millisight.core import check_record_suffix, check_writable, checked_number, make_folder, printable
+from millisight.core import check_record_suffix, check_writable, checked_number, make_folder, printable, share_of
 from millisight.core.errors import DamagedFileError, InputError
 from millisight.data import Capture, SarImage, VoxelGrid
-from millisight.imaging._backprojection import share_of
 from millisight.imaging._form import form_image
 
 PROGRAM_BYTES = 600_000_000
