@@ -65,10 +65,8 @@ def lid_of(scene: LabelledScene) -> ms.Mask | None:
     sheets = sheets_in(image, frequency=HIGH_BAND, covered=True).sheets
     if not sheets:
         return None
-    flat, grid = sheets[0], image.grid.xy
-    x, y = grid.x[:, None], grid.y
-    inside = (flat.lower[0] <= x) & (x <= flat.upper[0]) & (flat.lower[1] <= y) & (y <= flat.upper[1])
-    return ms.Mask(grid_xy=grid, inside=inside) if inside.any() else None
+    inside = sheets[0].box_on(image.grid.xy)
+    return ms.Mask(grid_xy=image.grid.xy, inside=inside) if inside.any() else None
 
 
 def share(count: int, of: int) -> str:

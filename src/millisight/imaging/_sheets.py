@@ -18,7 +18,7 @@ from millisight.core import (
     with_step,
 )
 from millisight.core.errors import InputError
-from millisight.data import Capture, SarImage, VoxelGrid
+from millisight.data import Capture, PixelGrid, SarImage, VoxelGrid
 
 if TYPE_CHECKING:
     from millisight.imaging._sheet_fit import Cells, SheetFit  # needs SciPy: not for --help
@@ -79,6 +79,11 @@ class DetectedSheet:
             f"degrees along x and y, over {100 * (x1 - x0):.0f} x {100 * (y1 - y0):.0f} cm, "
             f"{100 * self.explained:.0f} % explained"
         )
+
+    def box_on(self, grid: PixelGrid) -> np.ndarray:
+        """(X, Y) bool, the pixels of a grid whose centres lie in the box around where it is seen."""
+        x, y = grid.x[:, None], grid.y
+        return (self.lower[0] <= x) & (x <= self.upper[0]) & (self.lower[1] <= y) & (y <= self.upper[1])
 
 
 @record

@@ -32,8 +32,7 @@ def doubts_of(mask: Mask, image: SarImage, *, covered: bool = False) -> tuple[st
     if not covered and not sheets_in(image, frequency=HIGH_BAND).sheets:
         # What would be taken off as a lid if one were known to be there.
         for flat in sheets_in(image, frequency=HIGH_BAND, covered=True).sheets:
-            x, y = mask.grid_xy.x[:, None], mask.grid_xy.y
-            box = (flat.lower[0] <= x) & (x <= flat.upper[0]) & (flat.lower[1] <= y) & (y <= flat.upper[1])
+            box = flat.box_on(mask.grid_xy)
             if (inside & box).sum() > _ALIKE * (inside | box).sum():
                 doubts.append(
                     "the mask covers something flat, which may be a lid or the top of a box; if it is a lid, say so: "
