@@ -11,6 +11,7 @@ from ._floor import FLOOR_BINS as FLOOR_BINS
 from ._floor import form_as_published as form_as_published
 from ._form import METHODS as METHODS
 from ._form import form_image as form_image
+from ._growing import GrowingImage as GrowingImage
 from ._sampling import Ghost as Ghost
 from ._sampling import Sampling as Sampling
 from ._sampling import StepSampling as StepSampling
