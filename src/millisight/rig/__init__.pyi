@@ -1,3 +1,5 @@
+from ._live import LiveImaging as LiveImaging
+from ._live import LiveStatus as LiveStatus
 from ._protocols import NOT_TURNED as NOT_TURNED
 from ._protocols import Arm as Arm
 from ._protocols import ArmPose as ArmPose

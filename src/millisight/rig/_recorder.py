@@ -50,6 +50,7 @@ def record_scan(
     writer: ScanWriter,
     *,
     progress: Callable[[int, int], None] | None = None,
+    enough: Callable[[], bool] | None = None,
 ) -> Path:
     """Take the picture, sweep every row with all radars recording, and write it all down.
 
@@ -59,6 +60,7 @@ def record_scan(
     plan : ScanPlan
     writer : where to and how, such as `PublishedWriter`
     progress : called with (rows done, rows in all)
+    enough : asked after each row; True ends the scan there, with the rows that were swept
 
     Returns
     -------
@@ -90,5 +92,7 @@ def record_scan(
                 writer.add_row(radar, radar.stop())
             if progress is not None:
                 progress(count, len(plan.rows))
+            if enough is not None and enough():
+                break
         writer.finish(arm.log())
     return writer.path

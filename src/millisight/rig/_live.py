@@ -1,0 +1,184 @@
+"""Images while the arm moves: rows are imaged as they come, beside whoever writes them down."""
+
+import queue
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from millisight.core import record
+from millisight.core.errors import InputError, MillisightError
+from millisight.data import CameraFrame, RawScan, SarImage, ScanRow, Trajectory, VoxelGrid
+from millisight.imaging import GrowingImage
+from millisight.rig._protocols import Arm, RadarDevice, Recording, ScanWriter
+
+
+@record
+class LiveStatus:
+    """How far the image of one radar is.
+
+    Attributes
+    ----------
+    radar : its name
+    image : SarImage of the rows so far
+    rows : that are in the image
+    poses : that are in the image
+    lag : from the end of the last of these rows until the image was there [s]
+    change : of the image by the last rows, relative to its norm
+    """
+
+    radar: str
+    image: SarImage
+    rows: int
+    poses: int
+    lag: float
+    change: float
+
+    def __repr__(self) -> str:
+        return f"LiveStatus({self.radar}: {self.rows} rows, {self.poses} poses, {self.lag:.1f} s behind)"
+
+
+class LiveImaging:
+    """Forms images of the rows of a scan while it is taken: a `ScanWriter` around another, which writes the scan.
+
+    Imaging has a thread of its own and never holds the scan up: rows that came in the meantime are imaged together. An
+    error of it ends the images and not the scan; `trouble` then says why.
+
+    Parameters
+    ----------
+    writer : writes the scan
+    arm : its log places the frames
+    grids : by the radar's name, in the frame of the images; radars without a grid are not imaged
+    origin : (3,) of that frame in the arm's base frame [m]
+    shown : called with a `LiveStatus` for each new image, in the thread of imaging
+    window, tolerance : as for `GrowingImage`
+
+    Raises
+    ------
+    InputError, UnknownNameError
+        An argument is invalid.
+    """
+
+    def __init__(
+        self,
+        writer: ScanWriter,
+        arm: Arm,
+        grids: Mapping[str, VoxelGrid],
+        *,
+        origin: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
+        shown: Callable[[LiveStatus], None] | None = None,
+        window: str | None = None,
+        tolerance: float | None = None,
+    ):
+        if not grids:
+            raise InputError("grids is empty; expected the voxel grid of at least one radar")
+        self.path: Path = writer.path
+        self.trouble: str | None = None
+        self._writer, self._arm, self._shown = writer, arm, shown or (lambda status: None)
+        self._images = {name: GrowingImage(grid, window=window, tolerance=tolerance) for name, grid in grids.items()}
+        self._origin = np.asarray(origin, dtype=float)
+        self._rows: queue.Queue[_Row | Trajectory | None] = queue.Queue()
+        self._counts = dict.fromkeys(grids, 0)
+
+    def __repr__(self) -> str:
+        return f"LiveImaging({', '.join(f'{name}: {count} rows' for name, count in self._counts.items())})"
+
+    @property
+    def images(self) -> dict[str, SarImage]:
+        """By the radar's name, the images so far."""
+        return {name: growing.image for name, growing in self._images.items() if growing.poses}
+
+    @contextmanager
+    def recording(self, radars: Sequence[RadarDevice]) -> Iterator[None]:
+        thread = threading.Thread(target=self._work, name="live imaging", daemon=True)
+        with self._writer.recording(radars):
+            thread.start()
+            try:
+                yield
+            finally:
+                self._rows.put(None)
+                thread.join()
+
+    def add_picture(self, frame: CameraFrame) -> None:
+        self._writer.add_picture(frame)
+
+    def add_row(self, radar: RadarDevice, recording: Recording) -> None:
+        self._writer.add_row(radar, recording)
+        if radar.name in self._images and self.trouble is None:
+            self._rows.put(_Row(radar=radar, recording=recording, came=time.monotonic()))
+            self._rows.put(self._arm.log())
+
+    def finish(self, log: Trajectory) -> None:
+        self._rows.put(log)
+        self._writer.finish(log)
+
+    def _work(self) -> None:
+        """Image what comes, until there is nothing more."""
+        waiting: list[_Row] = []
+        log: Trajectory | None = None
+        more = True
+        while more:
+            for item in self._all_there():
+                if item is None:
+                    more = False
+                elif isinstance(item, Trajectory):
+                    log = item
+                else:
+                    waiting.append(item)
+            # A row's last frames may lie beyond the log: they wait for its next entries.
+            ready = [row for row in waiting if log is not None and row.end <= log.times[-1]] if more else waiting
+            waiting = [row for row in waiting if row not in ready]
+            for name in self._images if log is not None else ():
+                self._add([row for row in ready if row.radar.name == name], log)
+
+    def _all_there(self) -> "Iterator[_Row | Trajectory | None]":
+        """What is in the queue, at least one thing."""
+        yield self._rows.get()
+        while not self._rows.empty():
+            yield self._rows.get()
+
+    def _add(self, rows: "Sequence[_Row]", log: Trajectory | None) -> None:
+        """Rows of one radar to its image."""
+        if not rows or log is None or self.trouble is not None:
+            return
+        device = rows[0].radar
+        growing, before = self._images[device.name], self._counts[device.name]
+        self._counts[device.name] += len(rows)
+        if all(row.recording.lost.all() for row in rows):
+            return
+        placed = Trajectory(times=log.times, positions=log.positions - self._origin + device.mount)
+        read = tuple(row.as_scanned(before + number) for number, row in enumerate(rows, 1))
+        try:
+            scan = RawScan(radar=device.radar, rows=read, log=placed)
+            growing.add(scan.to_capture())
+            status = LiveStatus(
+                radar=device.name, image=growing.image, rows=self._counts[device.name], poses=growing.poses,
+                lag=time.monotonic() - rows[-1].came, change=growing.change,
+            )  # fmt: skip
+            self._shown(status)
+        except (MillisightError, MemoryError, OSError) as error:
+            self.trouble = str(error) or type(error).__name__
+
+
+@record
+class _Row:
+    """A row of one radar, and when it came."""
+
+    radar: RadarDevice
+    recording: Recording
+    came: float
+
+    @property
+    def end(self) -> float:
+        """When its last frame was taken [s]."""
+        return float(self.recording.times[-1])
+
+    def as_scanned(self, number: int) -> ScanRow:
+        """Of each frame the first chirp, as when the scan is read."""
+        samples = self.recording.samples[:, :1]
+        return ScanRow(
+            times=self.recording.times, read=lambda: samples, source=f"row {number}", missing=self.recording.lost
+        )
