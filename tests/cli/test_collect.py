@@ -124,3 +124,11 @@ def test_the_sampling_is_told_and_ghosts_are_warned_of(run, tmp_path):
     done = run("tiny.toml", "--dry-run")
     assert "3 mm (0.24 wavelengths) from position to position, 3 mm (0.24 wavelengths) from row to row" in done.output
     assert "warning" not in done.output
+
+
+def test_live_images_stand_beside_the_scan(run, tmp_path):
+    done = run("tiny.toml", "-o", "data", "--live", "--no-browser")
+    assert done.exit_code == 0, done.output
+    assert re.search(r"live image at http://127\.0\.0\.1:\d+/\S{20,}/", done.output)
+    assert re.search(r"24_ghz: images [\d.]+ s behind the arm at most, all rows are scanned", done.output)
+    assert len(read_experiment(tmp_path / "data/058_golf_ball/robot_collected/0_0_0/exp1/los", "24_ghz").rows) == 4

@@ -1,6 +1,6 @@
 """The annotator's page in a browser, and hands on it."""
 
-import time
+from helpers.browser import until
 
 
 class Page:
@@ -22,10 +22,7 @@ class Page:
         self.driver.execute_async_script("requestAnimationFrame(() => requestAnimationFrame(arguments[0]))")
 
     def until(self, condition, seconds=10):
-        end = time.monotonic() + seconds
-        while not self.driver.execute_script(f"return {condition}"):
-            assert time.monotonic() < end, condition
-            time.sleep(0.01)
+        until(self.driver, condition, seconds)
 
     def text(self, name):
         return self.driver.find_element("id", name).text

@@ -8,6 +8,7 @@ import re
 import shutil
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -88,3 +89,11 @@ def served(*words: str, cwd: Any, **environment: str) -> Iterator[tuple[Any, str
     finally:
         process.kill()
         process.communicate()
+
+
+def until(driver: Any, condition: str, seconds: float = 10) -> None:
+    """Wait until an expression of JavaScript is true on the page."""
+    end = time.monotonic() + seconds
+    while not driver.execute_script(f"return {condition}"):
+        assert time.monotonic() < end, condition
+        time.sleep(0.01)

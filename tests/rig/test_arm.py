@@ -98,6 +98,10 @@ def test_what_was_logged_stays_logged():
     arm.sweep(THERE, HERE)
     arm.wait()
     assert np.array_equal(arm.log().positions[: len(early) - 1], early.positions[:-1])
+    whole, later = arm.log(), arm.log(since=float(early.times[-1]))
+    assert np.array_equal(later.times, whole.times[len(early) - 1 :])
+    assert np.array_equal(later.positions, whole.positions[len(early) - 1 :])
+    assert len(arm.log(since=1e12)) == 1
 
 
 def test_one_seed_gives_one_path_and_another_another():

@@ -1,6 +1,7 @@
 """Images while the arm moves: the last one is that of the recorded scan, and its trouble is not the scan's."""
 
 import threading
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -55,7 +56,7 @@ def test_the_last_image_is_that_of_the_recorded_scan(tmp_path):
         capture = read_experiment(out, name).to_capture()
         assert mine[-1].rows == len(rig.plan.rows)
         assert mine[-1].poses == len(capture.trajectory) == image.metadata["poses"]
-        assert all(a.poses < b.poses for a, b in zip(mine, mine[1:], strict=False))
+        assert all(a.poses < b.poses for a, b in pairwise(mine))
         whole = form_image(capture, GRID)
         error = np.linalg.norm(image.values - whole.values) / np.linalg.norm(whole.values)
         assert error < 0.005

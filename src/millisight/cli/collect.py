@@ -12,6 +12,7 @@ from millisight.core.errors import FileError
 
 if TYPE_CHECKING:
     from millisight.imaging import Sampling
+    from millisight.rig import ScanWriter
     from millisight.rig.virtual import VirtualRig
 
 RIGS = ("virtual",)
@@ -44,6 +45,15 @@ def collect(
         bool, typer.Option("--dry-run", help="Check the world, print what the scan would cost, and do not scan.")
     ] = False,
     hdf5: Annotated[bool, typer.Option(help="Also write captures as HDF5, beside the raw files.")] = True,
+    live: Annotated[
+        bool,
+        typer.Option(
+            "--live", help="Show the images in the browser while they grow, and end the scan there when they are good."
+        ),
+    ] = False,
+    no_browser: Annotated[
+        bool, typer.Option("--no-browser", help="With --live: do not open a browser window, print the address.")
+    ] = False,
 ) -> None:
     """Scan a world; write raw radar files, robot log and camera picture in the layout of the published dataset.
 
@@ -52,6 +62,8 @@ def collect(
     millisight collect --rig virtual world.toml --dry-run --plot world.png
 
     millisight collect --rig virtual world.toml -o data && millisight image data --clock apply
+
+    millisight collect world.toml --live
 
     The keys of WORLD.toml are explained in docs/how-to/virtual-rig.md. One line is enough:
 
@@ -90,14 +102,45 @@ def collect(
             f"{output} has {shutil.disk_usage(output).free / 1e6:.0f} MB of free disk space; the scan needs "
             f"{2 * size / 1e6:.0f} MB"
         )
-    with progress("scan") as report:
-        writer = PublishedWriter(folder, info=experiment_info(described), hdf5=hdf5)
-        record_scan(virtual.arm, virtual.radars, virtual.camera, virtual.plan, writer, progress=report)
+    writer = PublishedWriter(folder, info=experiment_info(described), hdf5=hdf5)
+    if live:
+        _scan_live(virtual, writer, browser=not no_browser)
+    else:
+        with progress("scan") as report:
+            record_scan(virtual.arm, virtual.radars, virtual.camera, virtual.plan, writer, progress=report)
     say(f"wrote {folder}")
     if truth is not None:
         from millisight.rig.virtual import write_truth
 
         say(f"wrote {write_truth(virtual, truth)}: the true path and exact masks")
+
+
+def _scan_live(rig: "VirtualRig", writer: "ScanWriter", *, browser: bool) -> None:
+    """Scan with a page that shows the images as they grow, and ends the scan when it is told to."""
+    from millisight.io.mito import BASE_ORIGIN
+    from millisight.rig import LiveImaging, record_scan
+    from millisight.rig.virtual import image_grid
+    from millisight.viz import open_browser
+    from millisight.viz.live import LivePage
+
+    names = ", ".join(item.name for item in rig.layout.objects) or "the empty scene"
+    with LivePage(names, len(rig.plan.rows)) as page:
+        grids = {radar.name: image_grid(rig.world, radar.name) for radar in rig.radars}
+        imaging = LiveImaging(writer, rig.arm, grids, origin=BASE_ORIGIN, shown=page.show)
+        say(f"live image at {page.address}")
+        if browser:
+            open_browser(page.address)
+        with progress("scan") as report:
+            record_scan(
+                rig.arm, rig.radars, rig.camera, rig.plan, imaging, progress=report, enough=lambda: page.stop_asked
+            )
+        ended = "ended early, as asked" if page.stop_asked else "all rows are scanned"
+        page.end(f"{ended}; written to {writer.path}")
+        for name, lag in imaging.lags.items():
+            say(f"{name}: images {lag:.1f} s behind the arm at most, {ended}")
+        if imaging.trouble is not None:
+            say(f"note: the live image stopped: {imaging.trouble}; the scan is whole")
+        page.wait_for_last_look()
 
 
 def _summary(rig: "VirtualRig") -> list[str]:

@@ -45,7 +45,8 @@ class LiveImaging:
     """Forms images of the rows of a scan while it is taken: a `ScanWriter` around another, which writes the scan.
 
     Imaging has a thread of its own and never holds the scan up: rows that came in the meantime are imaged together. An
-    error of it ends the images and not the scan; `trouble` then says why.
+    error of it ends the images and not the scan; `trouble` then says why. `lags` tells by the radar's name how far
+    behind the arm its image was at most [s].
 
     Parameters
     ----------
@@ -81,7 +82,9 @@ class LiveImaging:
         self._images = {name: GrowingImage(grid, window=window, tolerance=tolerance) for name, grid in grids.items()}
         self._origin = np.asarray(origin, dtype=float)
         self._rows: queue.Queue[_Row | Trajectory | None] = queue.Queue()
+        self._logged: float | None = None  # until when the queue's logs reach [s]
         self._counts = dict.fromkeys(grids, 0)
+        self.lags: dict[str, float] = {}
 
     def __repr__(self) -> str:
         return f"LiveImaging({', '.join(f'{name}: {count} rows' for name, count in self._counts.items())})"
@@ -109,7 +112,9 @@ class LiveImaging:
         self._writer.add_row(radar, recording)
         if radar.name in self._images and self.trouble is None:
             self._rows.put(_Row(radar=radar, recording=recording, came=time.monotonic()))
-            self._rows.put(self._arm.log())
+            newer = self._arm.log(since=self._logged)
+            self._logged = float(newer.times[-1])
+            self._rows.put(newer)
 
     def finish(self, log: Trajectory) -> None:
         self._rows.put(log)
@@ -125,7 +130,7 @@ class LiveImaging:
                 if item is None:
                     more = False
                 elif isinstance(item, Trajectory):
-                    log = item
+                    log = item if log is None else _continued(log, item)
                 else:
                     waiting.append(item)
             # A row's last frames may lie beyond the log: they wait for its next entries.
@@ -158,9 +163,21 @@ class LiveImaging:
                 radar=device.name, image=growing.image, rows=self._counts[device.name], poses=growing.poses,
                 lag=time.monotonic() - rows[-1].came, change=growing.change,
             )  # fmt: skip
+            self.lags[device.name] = max(status.lag, self.lags.get(device.name, 0.0))
             self._shown(status)
         except (MillisightError, MemoryError, OSError) as error:
             self.trouble = str(error) or type(error).__name__
+
+
+def _continued(log: Trajectory, newer: Trajectory) -> Trajectory:
+    """A log and what follows; where both have entries the newer counts."""
+    kept = log.times < newer.times[0]
+    turns = [log.orientations, newer.orientations]
+    return Trajectory(
+        times=np.concatenate([log.times[kept], newer.times]),
+        positions=np.concatenate([log.positions[kept], newer.positions]),
+        orientations=None if turns[0] is None or turns[1] is None else np.concatenate([turns[0][kept], turns[1]]),
+    )
 
 
 @record

@@ -95,8 +95,11 @@ class Arm(Protocol):
         """Return when the arm stands still."""
         ...
 
-    def log(self) -> Trajectory:
-        """All that was logged so far: poses of the radar frame in the base frame, times of the arm's clock."""
+    def log(self, since: float | None = None) -> Trajectory:
+        """All that was logged so far: poses of the radar frame in the base frame, times of the arm's clock.
+
+        `since` leaves out what was logged before that time [s], but the last pose.
+        """
         ...
 
 

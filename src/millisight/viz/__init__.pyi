@@ -37,6 +37,7 @@ from ._figures_volume import plot_volume as plot_volume
 from ._images import plot_image as plot_image
 from ._images import plot_sheet as plot_sheet
 from ._images import plot_slices as plot_slices
+from ._images import view_coordinates as view_coordinates
 from ._local_page import asked_by_own_page as asked_by_own_page
 from ._local_page import listen as listen
 from ._local_page import open_browser as open_browser
@@ -49,6 +50,7 @@ from ._notebook import plot_scene as plot_scene
 from ._page import PageItem as PageItem
 from ._page import write_page as write_page
 from ._page import write_report as write_report
+from ._page_server import PageServer as PageServer
 from ._panels import Scale as Scale
 from ._panels import borders as borders
 from ._panels import checked_colormap as checked_colormap

@@ -80,13 +80,16 @@ class VirtualArm:
     def wait(self) -> None:
         self._time.wait_until(self._stands_at)
 
-    def log(self) -> Trajectory:
+    def log(self, since: float | None = None) -> Trajectory:
         settings = self._settings
         first, now = settings.clock.reading(np.array([0.0, self._time.now]))
         readings = first + np.arange(int((now - first) * settings.log_rate) + 1) / settings.log_rate
-        positions = self.true_positions(np.clip(settings.clock.true_times(readings), 0.0, self._time.now))
         # A fresh generator each time: what was logged once is logged for ever.
-        noise = np.random.default_rng(self._encoder_seed).standard_normal(positions.shape)
+        noise = np.random.default_rng(self._encoder_seed).standard_normal((len(readings), 3))
+        if since is not None:
+            begin = min(int(np.searchsorted(readings, since)), len(readings) - 1)
+            readings, noise = readings[begin:], noise[begin:]
+        positions = self.true_positions(np.clip(settings.clock.true_times(readings), 0.0, self._time.now))
         return Trajectory(times=readings, positions=positions + settings.encoder_noise / np.sqrt(3) * noise)
 
     def planned_positions(self, times: np.ndarray) -> np.ndarray:

@@ -1,41 +1,13 @@
-"""The annotator's web server, for this machine alone.
+"""The annotator's web server, for this machine alone."""
 
-It listens on 127.0.0.1. Every address begins with a secret that only the page knows, requests must come from the page
-itself, and the page may fetch nothing from anywhere else.
-"""
-
-import json
-import secrets
-import select
-import threading
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-from http import HTTPStatus
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from importlib.resources import files
+from collections.abc import Callable
 from typing import Any
-from urllib.parse import urlsplit
 
-from millisight.core.errors import MillisightError
-from millisight.viz import asked_by_own_page, listen
+from millisight.viz import PageServer
 from millisight.viz.annotator._annotation import Annotation
 
-_STATIC = {
-    "": ("page.html", "text/html; charset=utf-8"),
-    "page.css": ("page.css", "text/css; charset=utf-8"),
-    "page.js": ("page.js", "text/javascript; charset=utf-8"),
-    "drawing.js": ("drawing.js", "text/javascript; charset=utf-8"),
-}
-_POLICY = (
-    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
-    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
-)
-_LARGEST_BODY = 1 << 20
-_HOST = "127.0.0.1"
 
-
-class AnnotatorServer(ThreadingHTTPServer):
+class AnnotatorServer(PageServer):
     """Serves one annotation until it is closed; to be used in a `with` block.
 
     Parameters
@@ -49,167 +21,20 @@ class AnnotatorServer(ThreadingHTTPServer):
         The port cannot be bound.
     """
 
-    daemon_threads = True
-    block_on_close = False
-
     def __init__(self, annotation: Annotation, port: int = 0) -> None:
         self.annotation: Annotation = annotation
-        self.secret: str = secrets.token_urlsafe(16)
-        self.ending: threading.Event = threading.Event()
-        self._pages = 0
-        self._left: float | None = None
-        self._counting = threading.Lock()
-        listener = listen(_HOST, [port])
-        super().__init__(listener.getsockname(), _Handler, bind_and_activate=False)
-        self.socket.close()
-        self.socket = listener
-        self._thread = threading.Thread(target=self.serve_forever, kwargs={"poll_interval": 0.05}, daemon=True)
+        super().__init__("millisight.viz.annotator", ("page.html", "page.css", "page.js", "drawing.js"), port)
 
-    @property
-    def address(self) -> str:
-        """Of the page, with the secret."""
-        return f"http://{_HOST}:{self.server_address[1]}/{self.secret}/"
+    def json_at(self, path: str) -> Callable[[], Any] | None:
+        return self.annotation.about if path == "about" else None
 
-    def __enter__(self) -> "AnnotatorServer":
-        self._thread.start()
-        return self
+    def picture_at(self, path: str) -> Callable[[], bytes] | None:
+        if not path.startswith("picture/"):
+            return None
+        return lambda: self.annotation.picture(path.removeprefix("picture/"))
 
-    def __exit__(self, *_: object) -> None:
-        self.ending.set()
+    def posted_to(self, path: str) -> Callable[[Any], Any] | None:
+        return {"mask": self.annotation.mask, "save": self.annotation.save}.get(path)
+
+    def finish(self) -> None:
         self.annotation.finish()
-        self.shutdown()
-        self._thread.join()
-        self.server_close()
-
-    def wait(self, *, until_closed: bool, grace: float = 3.0) -> None:
-        """Return when the last page has been closed for `grace` seconds; else only when interrupted."""
-        while True:
-            time.sleep(0.1)
-            with self._counting:
-                left = self._left
-            if until_closed and left is not None and time.monotonic() - left > grace:
-                return
-
-    @contextmanager
-    def page_open(self) -> Iterator[None]:
-        """While the block runs, a page is open."""
-        with self._counting:
-            self._pages += 1
-            self._left = None
-        try:
-            yield
-        finally:
-            with self._counting:
-                self._pages -= 1
-                self._left = None if self._pages else time.monotonic()
-
-
-class _Handler(BaseHTTPRequestHandler):
-    server: AnnotatorServer  # pyright: ignore[reportIncompatibleVariableOverride]
-    protocol_version = "HTTP/1.1"
-    server_version, sys_version = "millisight", ""
-    timeout = 60
-    disable_nagle_algorithm = True  # it holds every answer back for 40 ms
-
-    def do_GET(self) -> None:
-        path = self._path()
-        if path is None:
-            return
-        if path in _STATIC:
-            name, kind = _STATIC[path]
-            self._send(HTTPStatus.OK, files("millisight.viz.annotator").joinpath(name).read_bytes(), kind)
-        elif path == "about":
-            self._send_json(HTTPStatus.OK, self.server.annotation.about())
-        elif path == "open":
-            self._stay_open()
-        elif path.startswith("picture/"):
-            self._answer(lambda: self.server.annotation.picture(path.removeprefix("picture/")), "image/png")
-        else:
-            self._refuse(HTTPStatus.NOT_FOUND, "not found")
-
-    def do_POST(self) -> None:
-        path = self._path()
-        if path is None:
-            return
-        ask = {"mask": self.server.annotation.mask, "save": self.server.annotation.save}.get(path)
-        if ask is None:
-            self._refuse(HTTPStatus.NOT_FOUND, "not found")
-            return
-        try:
-            length = int(self.headers.get("Content-Length", ""))
-            if not 0 <= length <= _LARGEST_BODY:
-                raise ValueError("too long")
-            asked = json.loads(self.rfile.read(length))
-        except (ValueError, RecursionError):
-            self._refuse(HTTPStatus.BAD_REQUEST, "the request is not JSON; reload the page")
-            return
-        self._answer(lambda: ask(asked))
-
-    def _path(self) -> str | None:
-        """What is asked for, after the secret; None, refused, where the request is not the page's own."""
-        ours = asked_by_own_page(_HOST, self.headers.get("Host"), self.headers.get("Origin"))
-        try:
-            secret, _, rest = urlsplit(self.path).path.removeprefix("/").partition("/")
-        except ValueError:  # of an address such as http://[/
-            ours = False
-            secret, rest = "", ""
-        if ours and secrets.compare_digest(secret.encode(), self.server.secret.encode()):
-            return rest
-        self._refuse(HTTPStatus.FORBIDDEN, "open the address that millisight annotate printed")
-        return None
-
-    def _answer(self, ask: Any, kind: str | None = None) -> None:
-        try:
-            answer = ask()
-        except (MillisightError, ImportError, MemoryError, OSError) as error:
-            self._refuse(HTTPStatus.UNPROCESSABLE_ENTITY, str(error) or type(error).__name__)
-            return
-        if kind is None:
-            self._send_json(HTTPStatus.OK, answer)
-        else:
-            self._send(HTTPStatus.OK, answer, kind)
-
-    def _stay_open(self) -> None:
-        """An event stream that ends with the page, or with the server: so each knows of the other."""
-        self.close_connection = True
-        self._head(HTTPStatus.OK, "text/event-stream")
-        self.end_headers()
-        self.wfile.write(b": open\n\n")
-        with self.server.page_open():
-            while not self.server.ending.wait(0.05):
-                readable, _, _ = select.select([self.connection], [], [], 0)
-                if readable and not self.connection.recv(1):
-                    return
-        self.wfile.write(b"event: ended\ndata:\n\n")
-
-    def _refuse(self, status: HTTPStatus, why: str) -> None:
-        self.close_connection = True
-        self._send_json(status, {"error": why})
-
-    def _send_json(self, status: HTTPStatus, value: Any) -> None:
-        self._send(status, json.dumps(value).encode(), "application/json")
-
-    def _send(self, status: HTTPStatus, body: bytes, kind: str) -> None:
-        self._head(status, kind)
-        self.send_header("Content-Length", str(len(body)))
-        self.end_headers()
-        self.wfile.write(body)
-
-    def _head(self, status: HTTPStatus, kind: str) -> None:
-        self.send_response(status)
-        self.send_header("Content-Type", kind)
-        self.send_header("Cache-Control", "no-store")
-        self.send_header("Content-Security-Policy", _POLICY)
-        self.send_header("Referrer-Policy", "no-referrer")
-        self.send_header("X-Content-Type-Options", "nosniff")
-        if self.close_connection:
-            self.send_header("Connection", "close")
-
-    def log_message(self, *_: object) -> None:
-        """Print nothing."""
-
-    def handle(self) -> None:
-        try:
-            super().handle()
-        except (ConnectionError, TimeoutError):  # the page was closed
-            self.close_connection = True

@@ -1,0 +1,5 @@
+"""The live page: images of a scan while it is taken."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

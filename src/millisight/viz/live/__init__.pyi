@@ -1,0 +1,1 @@
+from ._live_page import LivePage as LivePage
