@@ -52,6 +52,20 @@ def test_round_mirrors_have_their_place_and_normals(paths, radius, axes):
     assert np.percentile(errors, 90) < 2
 
 
+def test_the_inside_of_a_cup_has_its_place_and_normals():
+    radius = 0.05
+    found = unthresholded(solid_mirrors.capture_of(solid_mirrors.bowl(radius), noise=0.1), window="hann")
+    towards = [0, 0, -0.25 + radius] - found.points
+    away = np.linalg.norm(towards, axis=1)
+    truth = towards / away[:, None]
+    seen = shining(found.points, truth, 0.06)
+    assert seen.sum() > 40
+    assert np.percentile(np.abs(away - radius)[seen], 95) < 1e-3
+    errors = angle_deg(found.normals, truth)[seen]
+    assert np.median(errors) < 1
+    assert np.percentile(errors, 90) < 2
+
+
 @pytest.mark.parametrize("array", [None, PAIR], ids=["one antenna", "TX and RX apart"])
 @pytest.mark.parametrize("window", ["taylor", "hann"])
 def test_a_plane_has_its_place_and_normal(array, window):

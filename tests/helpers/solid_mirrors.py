@@ -45,6 +45,12 @@ def rod(radius, depth=0.25):
     return lambda tx, rx: 2 * (np.linalg.norm(((tx + rx) / 2 - middle)[..., 1:], axis=-1) - radius)
 
 
+def bowl(radius, depth=0.25):
+    """Paths by the inside of a cup's round floor, whose lowest place lies `depth` under the origin."""
+    middle = np.array([0, 0, -depth + radius])
+    return lambda tx, rx: 2 * (np.linalg.norm((tx + rx) / 2 - middle, axis=-1) + radius)
+
+
 def plane(depth=0.25, tilt_deg=PLANE_TILT_DEG):
     """Paths by an endless plane, exact for antennas apart: from the transmitter to the receiver's mirror image."""
     normal = np.array([np.sin(np.radians(tilt_deg)), 0, np.cos(np.radians(tilt_deg))])
