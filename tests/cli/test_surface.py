@@ -57,6 +57,18 @@ def test_a_depth_picture_states_its_levels(ball, tmp_path, here):
     assert not (tmp_path / "b.surface.png").exists()
 
 
+def test_a_watertight_mesh_tells_what_was_not_seen(ball, tmp_path, here):
+    import trimesh
+
+    code, _, err, _ = here(str(ball), "--grid", VOXELS, "-o", "b.ply", "--watertight", "--base=-32cm", "--no-picture")
+    assert code == 0, err
+    solid = trimesh.load_mesh(tmp_path / "b.ply", process=False)
+    assert solid.is_watertight
+    floor = np.isclose(solid.vertices[:, 2], -0.32)
+    assert 0 < floor.sum() == len(floor) / 2
+    assert (solid.visual.vertex_colors[floor, :3] == 128).all()
+
+
 def test_an_image_will_do(ball, tmp_path, here):
     grid = ms.VoxelGrid.regular((-0.04, -0.04, -0.32), (0.04, 0.04, -0.23), (0.002, 0.002, 0.005))
     ms.save(tmp_path / "ball.image.h5", ms.form_image(ms.load(ball), grid, window="taylor"))

@@ -1,6 +1,7 @@
 """What is kept of compiled kernels: taken where it is sound, made anew where it is not."""
 
 import os
+import shutil
 import subprocess
 import sys
 
@@ -31,23 +32,36 @@ print(small_kernels.total(np.arange(4.0)), sum(small_kernels.total.stats.cache_h
 SHUT = os.path.join(os.devnull, "home")  # where nobody, not even root, can make a folder
 
 
-@pytest.fixture
-def run(tmp_path):
+def runner(folder):
     """The kernels' answer in a process of its own, and whether it was kept by an earlier one."""
-    (tmp_path / "small_kernels.py").write_text(KERNEL)
+    (folder / "small_kernels.py").write_text(KERNEL)
     environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
-    paths = [str(tmp_path), *sys.path]
+    paths = [str(folder), *sys.path]
 
     def run(**variables):
         settings = {**environment, "PYTHONPATH": os.pathsep.join(paths), "NUMBA_NUM_THREADS": "1", **variables}
         command = [sys.executable, "-W", "error", "-c", COMMAND]
-        done = subprocess.run(command, cwd=tmp_path, env=settings, capture_output=True, text=True, timeout=300)
+        done = subprocess.run(command, cwd=folder, env=settings, capture_output=True, text=True, timeout=300)
         assert done.returncode == 0, done.stderr
         answer, hits = done.stdout.split()
         assert answer == "10.0"
         return hits == "1"
 
     return run
+
+
+@pytest.fixture
+def run(tmp_path):
+    return runner(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def warm(tmp_path_factory):
+    """Runs the kernels, and a cache that holds them: each run is a process."""
+    folder = tmp_path_factory.mktemp("warm")
+    run = runner(folder)
+    assert [run(NUMBA_CACHE_DIR=str(folder / "cache")) for _ in range(2)] == [False, True]
+    return run, folder / "cache"
 
 
 def damaged(path, how):
@@ -69,9 +83,10 @@ def damaged(path, how):
 
 @pytest.mark.parametrize("how", ["empty", "cut", "flipped", "noise", "zeros", "folder"])
 @pytest.mark.parametrize("kind", ["nbi", "nbc"])
-def test_a_damaged_cache_is_made_anew(run, tmp_path, kind, how):
+def test_a_damaged_cache_is_made_anew(warm, tmp_path, kind, how):
+    run, whole = warm
+    shutil.copytree(whole, tmp_path / "cache")
     cache = {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
-    assert [run(**cache), run(**cache)] == [False, True]
     files = [path for path in (tmp_path / "cache").rglob(f"*.{kind}") if "total" in path.name]
     assert len(files) == 1
     damaged(files[0], how)

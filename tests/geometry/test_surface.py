@@ -5,7 +5,7 @@ import pytest
 
 import millisight as ms
 from millisight.core.errors import InputError
-from millisight.geometry import depth_map
+from millisight.geometry import closed, depth_map
 
 RADIUS = 0.04
 MIDDLE = np.array([0, 0, -RADIUS])
@@ -102,3 +102,43 @@ def test_what_makes_no_surface_is_refused():
         ms.surface(apart)
     with pytest.raises(InputError, match="pass a larger spacing"):
         ms.surface(whole, spacing=1e-6)
+
+
+@pytest.mark.parametrize("hole", [False, True])
+def test_a_closed_surface_is_watertight_and_tells_what_was_seen(hole):
+    import trimesh
+
+    whole = cap()
+    points = whole.chosen(np.linalg.norm(whole.points[:, :2], axis=1) > 0.008) if hole else whole
+    seen = ms.surface(points)
+    made = closed(seen, base=-0.05)
+    solid = trimesh.Trimesh(made.mesh.vertices, made.mesh.faces, process=False)
+    assert not trimesh.Trimesh(seen.mesh.vertices, seen.mesh.faces, process=False).is_watertight
+    assert solid.is_watertight
+    assert solid.is_winding_consistent
+    count = made.metadata["seen_vertices"]
+    assert np.abs(np.linalg.norm(made.mesh.vertices[:count] - MIDDLE, axis=1) - RADIUS).max() < 5e-4
+    assert made.mesh.vertices[count:, 2] == pytest.approx(-0.05)
+    assert made.sigma[count:].min() > 0.03 > made.sigma[:count].max()
+    # A prism under the cap: its volume is that of the columns under the faces seen.
+    corners = seen.mesh.vertices[seen.mesh.faces]
+    area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2] / 2
+    assert solid.volume == pytest.approx((area * (corners[..., 2].mean(axis=1) + 0.05)).sum(), rel=0.02)
+
+
+def test_faces_that_touch_in_a_corner_are_left_out_of_a_closed_surface():
+    import trimesh
+
+    x, y = np.array([(0, 0), (1, 0), (0, 1), (-1, 0), (0, -1), (1, 1)]).T
+    mesh = ms.TriangleMesh(vertices=np.stack([x, y, 0 * x], axis=1), faces=[[0, 1, 2], [0, 3, 4], [1, 5, 2]])
+    made = closed(ms.Surface(mesh=mesh, sigma=np.zeros(6)))
+    assert made.metadata["seen_vertices"] == 3
+    assert trimesh.Trimesh(made.mesh.vertices, made.mesh.faces, process=False).is_watertight
+    alone = ms.TriangleMesh(vertices=mesh.vertices[:5], faces=mesh.faces[:2])
+    with pytest.raises(InputError, match="single corners"):
+        closed(ms.Surface(mesh=alone, sigma=np.zeros(5)))
+
+
+def test_a_floor_lies_below_what_was_seen():
+    with pytest.raises(InputError, match="expected a floor below it"):
+        closed(ms.surface(cap()), base=0.1)

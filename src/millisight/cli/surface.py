@@ -18,6 +18,7 @@ from millisight.data import Capture, PointCloud, SarImage, Surface
 from millisight.imaging import CLUTTER
 
 _DEPTHS = (".npz", ".png")
+_UNSEEN = 128  # grey
 _UNIT = 1e-5  # of a depth picture's grey levels [m]
 
 
@@ -64,6 +65,13 @@ def surface(
     window: Annotated[
         str, typer.Option(help="taylor; hann: normals of small round things to a degree, but less of their rim; none.")
     ] = "taylor",
+    watertight: Annotated[
+        bool, typer.Option("--watertight", help="Close the mesh by walls down to a floor, grey: they were not seen.")
+    ] = False,
+    base: Annotated[
+        str | None,
+        typer.Option(help="z of that floor, such as --base=-30cm. [default: just below the surface]"),
+    ] = None,
     frequency: Annotated[
         float | None, typer.Option(metavar="HZ", help="Centre of an image's band, if its file does not tell.")
     ] = None,
@@ -94,12 +102,17 @@ def surface(
 
     Example: millisight surface scan.capture.h5 --clutter lid --points points.ply --depth depth.png
 
+    Example: millisight surface mug.capture.h5 --watertight --base=-30cm -o mug.ply
+
     Example: millisight surface mug.image.h5 -o mug.ply
     """
     check_known("--clutter", clutter, CLUTTER)
     if depth is not None and depth.suffix.lower() not in _DEPTHS:
         raise UnknownNameError("depth map format", depth.suffix or depth.name, _DEPTHS)
     step = None if spacing is None else length(spacing, option="--spacing", metres=SMALL)
+    if base is not None and not watertight:
+        raise InputError("--base is of a closed mesh; pass --watertight as well")
+    floor = None if base is None else length(base, option="--base")
     with json_only(as_json):
         opened, name = _opened(source, radar, data)
         to = output or source.parent / f"{name}.surface.ply"
@@ -115,7 +128,12 @@ def surface(
         from millisight.geometry import surface as surface_of
 
         made = surface_of(found, spacing=step, least=least)
-        _write(to, made)
+        if watertight:
+            from millisight.geometry import closed
+
+            _write(to, closed(made, base=floor))
+        else:
+            _write(to, made)
         say(
             f"{made.metadata['patches']} patches, {1e4 * made.mesh.area:.1f} cm², standard deviation "
             f"{1e3 * float(np.median(made.sigma)):.2f} mm in the median"
@@ -176,12 +194,15 @@ def _points(opened: Capture | SarImage, grid: str | None, **settings: Any) -> Po
 
 
 def _write(to: Path, made: Surface) -> None:
-    """The mesh, its vertices coloured by their standard deviation."""
+    """The mesh, its vertices coloured by their standard deviation; those that were not seen are grey."""
     from millisight.meshes import write_mesh
     from millisight.viz import checked_colormap
 
-    share = np.clip(made.sigma / max(float(np.percentile(made.sigma, 95)), 1e-9), 0, 1)
-    write_mesh(to, made.mesh, sigma=made.sigma, colours=checked_colormap(None)(share, bytes=True)[:, :3])
+    seen = made.sigma[: made.metadata.get("seen_vertices")]
+    share = np.clip(made.sigma / max(float(np.percentile(seen, 95)), 1e-9), 0, 1)
+    colours = checked_colormap(None)(share, bytes=True)[:, :3]
+    colours[len(seen) :] = _UNSEEN
+    write_mesh(to, made.mesh, sigma=made.sigma, colours=colours)
 
 
 def _write_points(to: Path, found: PointCloud) -> None:
