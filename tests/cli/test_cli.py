@@ -243,7 +243,7 @@ def test_interrupted_work_leaves_nothing_behind(tmp_path, number, code):
     process.send_signal(number)
     _, err = process.communicate(timeout=120)
     assert process.returncode == code, err
-    assert [line for line in err.splitlines() if not line.startswith(("mesh", "sampling"))] == [INTERRUPTED]
+    assert [line for line in err.splitlines() if not line.startswith(("mesh", "sampling", "simulate"))] == [INTERRUPTED]
     assert [p.name for p in tmp_path.iterdir()] == ["c.h5"]
     assert (tmp_path / "c.h5").read_bytes() == b"an older result"
 
@@ -275,9 +275,19 @@ def test_the_commands_that_are_said_to_go_on_are_those_whose_help_says_so():
     assert sorted(name for name, text in told.items() if "again to continue after an" in text) == list(GO_ON)
 
 
+@pytest.mark.parametrize("words", [["info", "--help"], ["dataset", "list", "--help"], ["--version"]])
+def test_only_what_is_asked_for_is_loaded(words, tmp_path):
+    command = f"import sys; sys.argv[1:] = {words}\ntry:\n    from millisight.cli.main import run; run()\nfinally:"
+    command += "\n    print(*(name for name in sys.modules if name.startswith('millisight.cli.')), file=sys.stderr)"
+    done = subprocess.run([sys.executable, "-c", command], cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    loaded = set(done.stderr.split()) & {f"millisight.cli.{name}" for name in ("info", "dataset", "image", "train")}
+    assert loaded == {f"millisight.cli.{word}" for word in words[:1] if not word.startswith("-")}
+
+
 LOST = """
 import ctypes, os, signal, sys
-from millisight.cli import app, console, main, interrupts
+from millisight.cli import commands, console, main, interrupts
 
 def work():
     with console.progress("work") as report:
@@ -287,7 +297,7 @@ def work():
         print("went on")
 
 console.kernels_cached = lambda: True
-app.app = work
+commands.application = lambda *words: work
 main.run()
 """
 

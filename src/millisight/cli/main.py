@@ -19,9 +19,9 @@ def run() -> None:
         interrupts.listen()  # before anything else, since imports take half a second
         _open_streams()
         _check_threads()
-        from millisight.cli.app import app
+        from millisight.cli.commands import application
 
-        app()
+        application(*sys.argv[1:])()
     except BaseException as error:
         interrupts.stop_listening()
         line, code = _ending(error)
