@@ -2,6 +2,7 @@ from ._protocols import NOT_TURNED as NOT_TURNED
 from ._protocols import Arm as Arm
 from ._protocols import ArmPose as ArmPose
 from ._protocols import Camera as Camera
+from ._protocols import Device as Device
 from ._protocols import RadarDevice as RadarDevice
 from ._protocols import Recording as Recording
 from ._protocols import ScanWriter as ScanWriter
@@ -10,3 +11,4 @@ from ._published import LOG_NAME as LOG_NAME
 from ._published import PublishedWriter as PublishedWriter
 from ._recorder import ScanPlan as ScanPlan
 from ._recorder import record_scan as record_scan
+from ._scan_settings import ScanSettings as ScanSettings
