@@ -15,6 +15,7 @@ from millisight.cli import (
     image,
     info,
     objects,
+    rig,
     segment,
     simulate,
     surface,
@@ -45,6 +46,7 @@ app.command("annotate")(annotate.annotate)
 app.command("collect")(collect.collect)
 app.command("generate")(generate.generate)
 app.add_typer(dataset.app, name="dataset")
+app.add_typer(rig.app, name="rig")
 app.add_typer(evaluate.app, name="evaluate")
 app.add_typer(train.app, name="train")
 

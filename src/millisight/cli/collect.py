@@ -7,14 +7,16 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from millisight.cli.console import check_outputs, duration, progress, say, say_sampling
-from millisight.core import box, check_known, make_folder
-from millisight.core.errors import FileError
+from millisight.cli.rig import collect_with_rig, is_rig_file
+from millisight.core import box, make_folder
+from millisight.core.errors import FileError, InputError, UnknownNameError
 
 if TYPE_CHECKING:
     from millisight.imaging import Sampling
     from millisight.rig.virtual import VirtualRig
 
 RIGS = ("virtual",)
+"""Rigs that need no file; a real one has a rig file."""
 _ROOM = 4  # over the raw files' size: rows as they come are twice as large, and captures of our own come on top
 
 
@@ -22,13 +24,20 @@ def collect(
     world: Annotated[
         Path,
         typer.Argument(
-            metavar="WORLD.toml", help="World to scan: objects, surroundings, devices and their errors (TOML)."
+            metavar="FILE.toml",
+            help="World to scan with a virtual rig: objects, surroundings, devices and their errors; or a rig file, to "
+            "scan with real devices (TOML).",
         ),
     ],
     output: Annotated[Path, typer.Option("-o", "--output", help="Dataset to add the experiment to, a folder.")] = Path(
         "data"
     ),
-    rig: Annotated[str, typer.Option(help="Rig to use; virtual: arm, radars and camera are simulated.")] = "virtual",
+    rig: Annotated[
+        str | None,
+        typer.Option(
+            help="Rig to scan a world with; virtual: arm, radars and camera are simulated. [default: virtual]"
+        ),
+    ] = None,
     experiment: Annotated[int, typer.Option(min=0, help="Experiment number N; its folder is exp<N>.")] = 1,
     truth: Annotated[
         Path | None,
@@ -41,17 +50,22 @@ def collect(
         typer.Option(help="Write a picture of the world: from above, from the side, by its camera (PNG, SVG, PDF)."),
     ] = None,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Check the world, print what the scan would cost, and do not scan.")
+        bool, typer.Option("--dry-run", help="Check the file, print what the scan would cost, and do not scan.")
     ] = False,
     hdf5: Annotated[bool, typer.Option(help="Also write captures as HDF5, beside the raw files.")] = True,
 ) -> None:
-    """Scan a world; write raw radar files, robot log and camera picture in the layout of the published dataset.
+    """Scan; write raw radar files, robot log and camera picture in the layout of the published dataset.
+
+    A rig file names real devices: see docs/how-to/rig.md, and millisight rig check. A scan with real devices that fails
+    goes on at its row when the same command is run again.
 
     Examples:
 
     millisight collect --rig virtual world.toml --dry-run --plot world.png
 
     millisight collect --rig virtual world.toml -o data && millisight image data --clock apply
+
+    millisight collect rig.toml -o data
 
     The keys of WORLD.toml are explained in docs/how-to/virtual-rig.md. One line is enough:
 
@@ -60,7 +74,13 @@ def collect(
     from millisight.rig import PublishedWriter, record_scan
     from millisight.rig.virtual import VirtualRig, World, build_layout, experiment_folder_of, experiment_info
 
-    check_known("rig", rig, RIGS)
+    if rig is not None and rig not in RIGS:
+        raise UnknownNameError("rig", rig, RIGS, advice="Real devices are named in a rig file: see docs/how-to/rig.md.")
+    if is_rig_file(world):
+        if rig is not None or truth is not None or plot is not None:
+            raise InputError(f"{world} is a rig file; --rig, --truth and --plot are for worlds")
+        collect_with_rig(world, output, experiment, hdf5=hdf5, dry_run=dry_run)
+        return
     check_outputs(figures=(plot,), source=world)
     described = World.from_toml(world)
     with progress("build the world"):

@@ -1,3 +1,4 @@
+from ._limits import Limits as Limits
 from ._protocols import NOT_TURNED as NOT_TURNED
 from ._protocols import Arm as Arm
 from ._protocols import ArmPose as ArmPose
@@ -9,6 +10,11 @@ from ._protocols import ScanWriter as ScanWriter
 from ._published import CAPTURE_NAME as CAPTURE_NAME
 from ._published import LOG_NAME as LOG_NAME
 from ._published import PublishedWriter as PublishedWriter
+from ._published import scan_info as scan_info
 from ._recorder import ScanPlan as ScanPlan
 from ._recorder import record_scan as record_scan
+from ._recorder import sweep_rows as sweep_rows
+from ._rig_file import Lab as Lab
+from ._rig_file import Report as Report
+from ._rig_file import RigFile as RigFile
 from ._scan_settings import ScanSettings as ScanSettings

@@ -4,7 +4,7 @@ import json
 import os
 import secrets
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,35 @@ CAPTURE_NAME, LOG_NAME = "recorded.capture.h5", "recorded.log.h5"
 """Our own files beside a radar's raw ones: frames at the logged poses, clocks taken to agree; and the arm's log."""
 
 _PLAN, _ROWS = "scan.json", "rows.json"  # of an unfinished scan
+
+
+def scan_info(radars: Iterable[Any], background: str) -> dict[str, Any]:
+    """What `experiment_info.json` says of a scan by these radars.
+
+    "aperture size" stands for the published pace of the frames and, at 24 GHz, for both receivers; "frame period" [s]
+    says what the pace is where it is neither.
+
+    Parameters
+    ----------
+    radars : of the published layout: what has a `name`, a `frame_period` and a `radar`, as a `RadarDevice`
+    background : what the object stands on, such as "tripod"
+
+    Raises
+    ------
+    UnknownNameError
+        A radar is none of the layout's.
+    """
+    used = {mito.checked_radar(radar.name): radar for radar in radars}
+    periods = {name: radar.frame_period for name, radar in used.items()}
+    normal = all(period == mito.FRAME_PERIODS[name, "normal"] for name, period in periods.items())
+    size = "normal" if normal and "77_ghz" in periods else "almost-square"
+    axis = "x"
+    if "77_ghz" in used:
+        spread = np.ptp(used["77_ghz"].radar.array.rx_positions, axis=0)
+        axis = "y" if spread[1] > spread[0] else "x"
+    info = {"aperture size": size, "rx offset": axis, "background": background}
+    other = {name: period for name, period in periods.items() if period != mito.FRAME_PERIODS[name, size]}
+    return info | ({"frame period": other} if other else {})
 
 
 class PublishedWriter:

@@ -126,6 +126,39 @@ def _scan(
             progress(count, len(plan.rows))
 
 
+def sweep_rows(
+    arm: Arm,
+    rows: Sequence[tuple[ArmPose, ArmPose]],
+    *,
+    progress: Callable[[int, int], None] | None = None,
+) -> None:
+    """Move over rows with no radar on, as a scan would: a dry run. Whatever goes wrong, the arm is stopped.
+
+    Parameters
+    ----------
+    arm : Arm
+    rows : start and end of each
+    progress : called with (rows done, rows in all)
+
+    Raises
+    ------
+    InputError
+        A row leaves the arm's workspace.
+    DeviceError
+        The arm cannot be reached, has failed, or has fallen silent.
+    """
+    try:
+        for count, (start, end) in enumerate(rows, 1):
+            for target in (start, end):
+                arm.sweep(start, target)
+                arm.wait()
+            if progress is not None:
+                progress(count, len(rows))
+    except BaseException as error:
+        _stop(arm, error)
+        raise
+
+
 def _stop(arm: Arm, error: BaseException) -> None:
     """Stop the arm after `error`; where that fails, say so besides."""
     try:

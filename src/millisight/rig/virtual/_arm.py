@@ -7,7 +7,7 @@ import numpy as np
 from millisight.core.errors import InputError
 from millisight.data import Trajectory
 from millisight.rig import NOT_TURNED, ArmPose
-from millisight.rig.virtual._settings import ArmSettings, WorldTime
+from millisight.rig.virtual._settings import ArmSettings, Time
 
 # Waves whose sum is the path error: so many that it is as good as Gaussian.
 _WAVES = 256
@@ -75,7 +75,7 @@ class _Stray:
 class VirtualArm:
     """The arm of a virtual rig: an `Arm`, and for the virtual radars the truth of where it is."""
 
-    def __init__(self, settings: ArmSettings, time: WorldTime, rng: np.random.Generator):
+    def __init__(self, settings: ArmSettings, time: Time, rng: np.random.Generator):
         self._settings = settings
         self._time = time
         path, encoder = rng.spawn(2)
