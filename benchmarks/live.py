@@ -30,30 +30,32 @@ def main() -> None:
     capture, grid = real_size()
     path = capture.trajectory
     taken = np.arange(len(path)) / FRAMES_A_SECOND
-    log = ms.Trajectory(times=taken, positions=path.positions)
-    arm = SimpleNamespace(reached=0)
-    arm.log = lambda since=None: ms.Trajectory(times=taken[: arm.reached], positions=log.positions[: arm.reached])
     writer = SimpleNamespace(
-        path=Path("nowhere"), recording=lambda radars: nullcontext(), add_row=lambda *_: None, finish=lambda _: None
+        path=Path("nowhere"),
+        recording=lambda radars: nullcontext(),
+        rows_done=0,
+        add_row=lambda *_: None,
+        end_row=lambda _: None,
+        finish=lambda: None,
     )
     radar = SimpleNamespace(radar=capture.radar, name="77_ghz", mount=np.zeros(3))
     part, small = real_size(1 / 64)
     ms.form_image(part, small)  # compile
     statuses = []
-    live = LiveImaging(writer, arm, {"77_ghz": grid}, shown=statuses.append)
+    live = LiveImaging(writer, {"77_ghz": grid}, shown=statuses.append)
     print(f"{rows} rows of {POSES} poses, {FRAMES_A_SECOND} a second; threads: {threading.active_count()}", flush=True)
     with live.recording([radar]):
         began = time.monotonic()
         for row in range(rows):
             some = slice(row * POSES, (row + 1) * POSES)
             time.sleep(max(0.0, began + (row + 1) * POSES / FRAMES_A_SECOND - time.monotonic()))
-            arm.reached = some.stop
             frames = capture.frames[some]
             live.add_row(radar, Recording(
                 samples=frames, first_time=taken[some][0], period=1 / FRAMES_A_SECOND,
                 lost=np.zeros(len(frames), dtype=bool),
             ))  # fmt: skip
-        live.finish(log)
+            live.end_row(ms.Trajectory(times=taken[some], positions=path.positions[some]))
+        live.finish()
     lags = np.array([status.lag for status in statuses])
     print(f"{len(lags)} images; lag: median {np.median(lags):.2f} s, 95 % {np.quantile(lags, 0.95):.2f} s, "
           f"most {lags.max():.2f} s; the last {lags[-1]:.2f} s")  # fmt: skip

@@ -99,9 +99,8 @@ def test_what_was_logged_stays_logged():
     arm.wait()
     assert np.array_equal(arm.log().positions[: len(early) - 1], early.positions[:-1])
     whole, later = arm.log(), arm.log(since=float(early.times[-1]))
-    assert np.array_equal(later.times, whole.times[len(early) - 1 :])
-    assert np.array_equal(later.positions, whole.positions[len(early) - 1 :])
-    assert len(arm.log(since=1e12)) == 1
+    assert np.array_equal(later.times, whole.times[len(early) :])
+    assert np.array_equal(later.positions, whole.positions[len(early) :])
 
 
 def test_one_seed_gives_one_path_and_another_another():
@@ -148,3 +147,34 @@ def test_what_no_arm_can_be_is_refused(settings, words):
 def test_an_arm_that_was_sent_nowhere_has_no_place():
     with pytest.raises(InputError, match="call sweep first"):
         arm_of().log()
+
+
+def test_an_arm_that_is_stopped_stands_there_and_goes_on_from_there():
+    time = WorldTime()
+    arm = arm_of(time, speed=0.2, acceleration=0.8, settle=0.1, path_error=0)
+    arm.stop()  # before it has moved at all
+    arm.sweep(HERE, THERE)
+    time.wait_until(1.0)
+    arm.stop()
+    (there,) = arm.planned_positions(np.array([1.0]))
+    assert HERE.position[1] + 0.05 < there[1] < THERE.position[1] - 0.05
+    time.wait_until(3.0)
+    arm.stop()
+    times = np.linspace(1.0, 3.0, 50)
+    assert np.abs(arm.planned_positions(times) - there).max() < 1e-12
+    arm.sweep(HERE, THERE)
+    arm.wait()
+    times = np.linspace(0, time.now, 20_001)
+    along = arm.planned_positions(times)[:, 1]
+    assert np.abs(np.diff(along)).max() < 0.2 * np.diff(times)[0] * 1.001  # nothing jumps
+    assert along[-1] == pytest.approx(THERE.position[1])
+
+
+def test_the_log_since_a_time_is_the_rest_of_the_log():
+    arm, _ = swept(rows=3, encoder_noise=1e-4)
+    log = arm.log()
+    since = log.times[len(log) // 3]
+    rest = arm.log(since)
+    assert rest.times[0] > since
+    assert np.array_equal(rest.times, log.times[len(log) // 3 + 1 :])
+    assert np.array_equal(rest.positions, log.positions[len(log) // 3 + 1 :])

@@ -39,7 +39,7 @@ def scan(folder, *, stop_after=None, **settings):
     out = experiment_folder(folder, "058_golf_ball", (0, 0, 0), 1, "los")
     statuses, rows = [], []
     live = LiveImaging(
-        PublishedWriter(out, info=experiment_info(WORLD), hdf5=False), rig.arm,
+        PublishedWriter(out, info=experiment_info(WORLD), hdf5=False),
         settings.pop("grids", {"77_ghz": GRID, "24_ghz": GRID}), origin=BASE_ORIGIN,
         **{"shown": statuses.append, **settings},
     )  # fmt: skip
@@ -86,7 +86,7 @@ def test_trouble_of_the_images_does_not_end_the_scan(tmp_path):
 def test_a_scan_that_fails_leaves_no_thread_behind(tmp_path):
     rig = VirtualRig(WORLD, frames=lambda *_: (_ for _ in ()).throw(InputError("the radar is unplugged")))
     out = experiment_folder(tmp_path, "058_golf_ball", (0, 0, 0), 1, "los")
-    live = LiveImaging(PublishedWriter(out, info=experiment_info(WORLD), hdf5=False), rig.arm, {"77_ghz": GRID})
+    live = LiveImaging(PublishedWriter(out, info=experiment_info(WORLD), hdf5=False), {"77_ghz": GRID})
     with pytest.raises(InputError, match="unplugged"):
         record_scan(rig.arm, rig.radars, None, rig.plan, live)
     assert "live imaging" not in {thread.name for thread in threading.enumerate()}

@@ -1,5 +1,6 @@
 """The recorder, with a virtual rig whose echoes are in closed form: what lands on disk, and what it images to."""
 
+import dataclasses
 import json
 from contextlib import contextmanager
 from pathlib import Path
@@ -8,12 +9,12 @@ import numpy as np
 import pytest
 
 from helpers import oracles
-from millisight.core.errors import FileError, InputError
+from millisight.core.errors import DamagedFileError, DeviceError, FileError, InputError
 from millisight.data import Trajectory, VoxelGrid
 from millisight.imaging import form_image
 from millisight.io import load
 from millisight.io.mito import experiment_folder, radar_folder, read_experiment, read_published
-from millisight.rig import CAPTURE_NAME, LOG_NAME, ArmPose, PublishedWriter, ScanWriter, record_scan
+from millisight.rig import CAPTURE_NAME, LOG_NAME, ArmPose, PublishedWriter, Recording, ScanWriter, record_scan
 from millisight.rig.virtual import (
     ArmSettings,
     RadarSettings,
@@ -175,9 +176,10 @@ class Broken:
         self._device.start(frames)
 
     def stop(self):
+        recording = self._device.stop()
         if self._rows == 2:
             raise FileError("the card went silent")
-        return self._device.stop()
+        return recording
 
 
 def test_a_scan_that_fails_leaves_nothing(tmp_path):
@@ -189,6 +191,75 @@ def test_a_scan_that_fails_leaves_nothing(tmp_path):
     assert [p for p in tmp_path.rglob("*") if p.is_file()] == []
     assert not out.exists()
     assert sorted(p.name for p in out.parent.parent.iterdir()) == ["exp1"]
+
+
+def test_a_scan_that_fails_goes_on_at_its_row(tmp_path):
+    world = world_of(scan=ScanSettings(size=(0.1, 0.1), row_spacing=0.04), radars=(RadarSettings(frame_period=0.01),))
+    rig = VirtualRig(world, frames=points)
+    out = experiment_folder(tmp_path, "058_golf_ball", (0, 0, 0), 1, "los")
+    info = experiment_info(world)
+    stopped = []
+    rig.arm.stop = lambda: stopped.append(True)
+    radar = Broken(rig.radars[0])
+    with pytest.raises(FileError, match="the card went silent"):
+        record_scan(rig.arm, [radar], None, rig.plan, PublishedWriter(out, info=info, keep=rig.plan))
+    assert stopped == [True]
+    assert not out.exists()
+    other = dataclasses.replace(rig.plan, row_time=2 * rig.plan.row_time)
+    writer = PublishedWriter(out, info=info, keep=other)
+    with pytest.raises(InputError, match="unfinished scan of another plan; remove it"):
+        record_scan(rig.arm, [radar], None, other, writer)
+    rows = writer.unfinished / "rows.json"
+    whole = rows.read_text()
+    for text, words in (("{", "is damaged"), ('["row"]', "is no list of rows")):
+        rows.write_text(text)
+        with pytest.raises(DamagedFileError, match=words):
+            record_scan(rig.arm, [radar], None, rig.plan, PublishedWriter(out, info=info, keep=rig.plan))
+    rows.write_text(whole)
+    done = []
+    writer = PublishedWriter(out, info=info, keep=rig.plan)
+    record_scan(rig.arm, [radar], None, rig.plan, writer, progress=lambda *count: done.append(count))
+    assert done == [(2, 3), (3, 3)]
+    assert not writer.unfinished.exists()
+    scan = read_experiment(out, "77_ghz")
+    capture, truth = scan.to_capture(min_distance=0), rig.truth("77_ghz")
+    assert len(scan.rows) == 3
+    at = np.searchsorted(truth.times, capture.trajectory.times - 1e-4)
+    assert len(set(at // rig.plan.frames(0.01))) == 3
+    assert np.abs(capture.trajectory.positions - truth.positions[at]).max() < 2e-6
+
+
+def test_an_arm_that_cannot_be_stopped_is_told_of(tmp_path):
+    world = world_of(scan=ScanSettings(size=(0.1, 0.1), row_spacing=0.05))
+    rig = VirtualRig(world, frames=points)
+
+    def stop():
+        raise DeviceError("no answer")
+
+    rig.arm.stop = stop
+    with pytest.raises(DeviceError, match="the card went silent; and the arm could not be stopped, press its stop b"):
+        record_scan(rig.arm, [Broken(rig.radars[0])], None, rig.plan, Kept())
+
+
+def test_half_a_frame_is_no_measurement(tmp_path):
+    """The end of a row that got lost, shorter than a packet, is no run of zeros that a reader would know."""
+    samples = np.tile(np.rint(900 * np.exp(-0.3j * np.arange(512))), (3, 1, 4, 1)).astype(np.complex64)
+    samples[2, :, :, 500:] = 0
+
+    class Short(Broken):
+        def stop(self):
+            self._device.stop()
+            return Recording(samples=samples, first_time=5.0, period=0.01, lost=np.array([False, False, True]))
+
+    world = world_of(scan=ScanSettings(size=(0.1, 0.1), row_spacing=0.1))
+    rig = VirtualRig(world, frames=points)
+    out = experiment_folder(tmp_path, "058_golf_ball", (0, 0, 0), 1, "los")
+    record_scan(
+        rig.arm, [Short(rig.radars[0])], None, rig.plan, PublishedWriter(out, info=experiment_info(world), hdf5=False)
+    )
+    rows = read_experiment(out, "77_ghz").rows
+    assert len(rows) == 2
+    assert all(list(row.missing) == [False, False, True] for row in rows)
 
 
 def test_what_is_there_is_not_overwritten(tmp_path):
@@ -225,6 +296,7 @@ class Kept:
     """A writer that keeps what it is given, and knows no dataset."""
 
     path = Path("nowhere")
+    rows_done = 0
 
     def __init__(self):
         self.calls = []
@@ -240,8 +312,11 @@ class Kept:
     def add_row(self, radar, recording):
         self.calls.append((radar.name, recording))
 
-    def finish(self, log):
-        self.calls.append(("finish", log))
+    def end_row(self, log):
+        self.calls.append(("log", log))
+
+    def finish(self):
+        self.calls.append(("finish", None))
 
 
 def test_a_writer_of_one_s_own_is_given_all_there_is():
@@ -250,11 +325,12 @@ def test_a_writer_of_one_s_own_is_given_all_there_is():
     writer = Kept()
     assert isinstance(writer, ScanWriter)
     assert record_scan(rig.arm, rig.radars, None, rig.plan, writer) == Path("nowhere")
-    assert [name for name, _ in writer.calls] == ["recording", *["77_ghz", "24_ghz"] * 2, "finish"]
+    assert [name for name, _ in writer.calls] == ["recording", *["77_ghz", "24_ghz", "log"] * 2, "finish"]
     rows = [given for name, given in writer.calls if name == "77_ghz"]
     assert np.concatenate([row.times for row in rows]) == pytest.approx(rig.truth("77_ghz").times)
     # The log is the arm's own, in the base frame.
-    log = writer.calls[-1][1]
+    first, log = (given for name, given in writer.calls if name == "log")
+    assert 0 < log.times[0] - first.times[-1] < 0.01
     assert log.positions[-1] == pytest.approx(rig.plan.rows[-1][1].position, abs=1e-6)
     with pytest.raises(InputError, match="the radars are called"):
         record_scan(rig.arm, rig.radars[:1] * 2, None, rig.plan, writer)

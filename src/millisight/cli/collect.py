@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from millisight.cli.console import check_outputs, duration, progress, say, say_sampling
-from millisight.core import box, check_known, make_folder
-from millisight.core.errors import FileError
+from millisight.cli.rig import collect_with_rig, is_rig_file
+from millisight.core import box, make_folder
+from millisight.core.errors import FileError, InputError, UnknownNameError
 
 if TYPE_CHECKING:
     from millisight.imaging import Sampling
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from millisight.rig.virtual import VirtualRig
 
 RIGS = ("virtual",)
+"""Rigs that need no file; a real one has a rig file."""
 _ROOM = 4  # over the raw files' size: rows as they come are twice as large, and captures of our own come on top
 
 
@@ -23,13 +25,20 @@ def collect(
     world: Annotated[
         Path,
         typer.Argument(
-            metavar="WORLD.toml", help="World to scan: objects, surroundings, devices and their errors (TOML)."
+            metavar="FILE.toml",
+            help="World to scan with a virtual rig: objects, surroundings, devices and their errors; or a rig file, to "
+            "scan with real devices (TOML).",
         ),
     ],
     output: Annotated[Path, typer.Option("-o", "--output", help="Dataset to add the experiment to, a folder.")] = Path(
         "data"
     ),
-    rig: Annotated[str, typer.Option(help="Rig to use; virtual: arm, radars and camera are simulated.")] = "virtual",
+    rig: Annotated[
+        str | None,
+        typer.Option(
+            help="Rig to scan a world with; virtual: arm, radars and camera are simulated. [default: virtual]"
+        ),
+    ] = None,
     experiment: Annotated[int, typer.Option(min=0, help="Experiment number N; its folder is exp<N>.")] = 1,
     truth: Annotated[
         Path | None,
@@ -42,7 +51,7 @@ def collect(
         typer.Option(help="Write a picture of the world: from above, from the side, by its camera (PNG, SVG, PDF)."),
     ] = None,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Check the world, print what the scan would cost, and do not scan.")
+        bool, typer.Option("--dry-run", help="Check the file, print what the scan would cost, and do not scan.")
     ] = False,
     hdf5: Annotated[bool, typer.Option(help="Also write captures as HDF5, beside the raw files.")] = True,
     live: Annotated[
@@ -55,7 +64,10 @@ def collect(
         bool, typer.Option("--no-browser", help="With --live: do not open a browser window, print the address.")
     ] = False,
 ) -> None:
-    """Scan a world; write raw radar files, robot log and camera picture in the layout of the published dataset.
+    """Scan; write raw radar files, robot log and camera picture in the layout of the published dataset.
+
+    A rig file names real devices: see docs/how-to/rig.md, and millisight rig check. A scan with real devices that fails
+    goes on at its row when the same command is run again.
 
     Examples:
 
@@ -65,6 +77,8 @@ def collect(
 
     millisight collect world.toml --live
 
+    millisight collect rig.toml -o data
+
     The keys of WORLD.toml are explained in docs/how-to/virtual-rig.md. One line is enough:
 
     objects = [{ object = "mug" }]
@@ -72,7 +86,13 @@ def collect(
     from millisight.rig import PublishedWriter, record_scan
     from millisight.rig.virtual import VirtualRig, World, build_layout, experiment_folder_of, experiment_info
 
-    check_known("rig", rig, RIGS)
+    if rig is not None and rig not in RIGS:
+        raise UnknownNameError("rig", rig, RIGS, advice="Real devices are named in a rig file: see docs/how-to/rig.md.")
+    if is_rig_file(world):
+        if rig is not None or truth is not None or plot is not None:
+            raise InputError(f"{world} is a rig file; --rig, --truth and --plot are for worlds")
+        collect_with_rig(world, output, experiment, hdf5=hdf5, dry_run=dry_run)
+        return
     check_outputs(figures=(plot,), source=world)
     described = World.from_toml(world)
     with progress("build the world"):
@@ -126,7 +146,7 @@ def _scan_live(rig: "VirtualRig", writer: "ScanWriter", *, browser: bool) -> Non
     names = ", ".join(item.name for item in rig.layout.objects) or "the empty scene"
     with LivePage(names, len(rig.plan.rows)) as page:
         grids = {radar.name: image_grid(rig.world, radar.name) for radar in rig.radars}
-        imaging = LiveImaging(writer, rig.arm, grids, origin=BASE_ORIGIN, shown=page.show)
+        imaging = LiveImaging(writer, grids, origin=BASE_ORIGIN, shown=page.show)
         say(f"live image at {page.address}")
         if browser:
             open_browser(page.address)

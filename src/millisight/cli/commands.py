@@ -11,7 +11,7 @@ _ALONE = (
     "demo", "simulate", "image", "info", "objects", "segment", "classify", "surface", "view", "annotate", "collect",
     "generate",
 )  # fmt: skip
-_GROUPS = ("dataset", "evaluate", "train")
+_GROUPS = ("dataset", "rig", "evaluate", "train")
 
 
 def application(*words: str) -> typer.Typer:

@@ -13,7 +13,7 @@ from millisight.core import record
 from millisight.core.errors import InputError, MillisightError
 from millisight.data import CameraFrame, RawScan, SarImage, ScanRow, Trajectory, VoxelGrid
 from millisight.imaging import GrowingImage
-from millisight.rig._protocols import Arm, RadarDevice, Recording, ScanWriter
+from millisight.rig._protocols import RadarDevice, Recording, ScanWriter
 
 
 @record
@@ -51,7 +51,6 @@ class LiveImaging:
     Parameters
     ----------
     writer : writes the scan
-    arm : its log places the frames
     grids : by the radar's name, in the frame of the images; radars without a grid are not imaged
     origin : (3,) of that frame in the arm's base frame [m]
     shown : called with a `LiveStatus` for each new image, in the thread of imaging
@@ -66,7 +65,6 @@ class LiveImaging:
     def __init__(
         self,
         writer: ScanWriter,
-        arm: Arm,
         grids: Mapping[str, VoxelGrid],
         *,
         origin: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
@@ -78,16 +76,20 @@ class LiveImaging:
             raise InputError("grids is empty; expected the voxel grid of at least one radar")
         self.path: Path = writer.path
         self.trouble: str | None = None
-        self._writer, self._arm, self._shown = writer, arm, shown or (lambda status: None)
+        self._writer, self._shown = writer, shown or (lambda status: None)
         self._images = {name: GrowingImage(grid, window=window, tolerance=tolerance) for name, grid in grids.items()}
         self._origin = np.asarray(origin, dtype=float)
         self._rows: queue.Queue[_Row | Trajectory | None] = queue.Queue()
-        self._logged: float | None = None  # until when the queue's logs reach [s]
         self._counts = dict.fromkeys(grids, 0)
         self.lags: dict[str, float] = {}
 
     def __repr__(self) -> str:
         return f"LiveImaging({', '.join(f'{name}: {count} rows' for name, count in self._counts.items())})"
+
+    @property
+    def rows_done(self) -> int:
+        """Rows that an earlier scan of the same plan has left; they are not in the images."""
+        return self._writer.rows_done
 
     @property
     def images(self) -> dict[str, SarImage]:
@@ -112,13 +114,13 @@ class LiveImaging:
         self._writer.add_row(radar, recording)
         if radar.name in self._images and self.trouble is None:
             self._rows.put(_Row(radar=radar, recording=recording, came=time.monotonic()))
-            newer = self._arm.log(since=self._logged)
-            self._logged = float(newer.times[-1])
-            self._rows.put(newer)
 
-    def finish(self, log: Trajectory) -> None:
+    def end_row(self, log: Trajectory) -> None:
+        self._writer.end_row(log)
         self._rows.put(log)
-        self._writer.finish(log)
+
+    def finish(self) -> None:
+        self._writer.finish()
 
     def _work(self) -> None:
         """Image what comes, until there is nothing more."""
@@ -169,14 +171,13 @@ class LiveImaging:
             self.trouble = str(error) or type(error).__name__
 
 
-def _continued(log: Trajectory, newer: Trajectory) -> Trajectory:
-    """A log and what follows; where both have entries the newer counts."""
-    kept = log.times < newer.times[0]
-    turns = [log.orientations, newer.orientations]
+def _continued(log: Trajectory, later: Trajectory) -> Trajectory:
+    """A log and what follows."""
+    turns = [log.orientations, later.orientations]
     return Trajectory(
-        times=np.concatenate([log.times[kept], newer.times]),
-        positions=np.concatenate([log.positions[kept], newer.positions]),
-        orientations=None if turns[0] is None or turns[1] is None else np.concatenate([turns[0][kept], turns[1]]),
+        times=np.concatenate([log.times, later.times]),
+        positions=np.concatenate([log.positions, later.positions]),
+        orientations=None if turns[0] is None or turns[1] is None else np.concatenate([turns[0], turns[1]]),
     )
 
 

@@ -4,7 +4,7 @@ A scan is made by calls alone: start the radars, sweep the arm, wait, stop the r
 laboratory or on paper in between is the devices' affair; each tells time by its own clock.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Protocol, runtime_checkable
@@ -91,14 +91,18 @@ class Arm(Protocol):
         """
         ...
 
-    def wait(self) -> None:
-        """Return when the arm stands still."""
+    def wait(self, watch: Callable[[], None] | None = None) -> None:
+        """Return when the arm stands still; `watch` is called a few times a second while it moves, and may raise."""
+        ...
+
+    def stop(self) -> None:
+        """Stop moving, at once: what was asked for before is given up. An arm that stands still stays."""
         ...
 
     def log(self, since: float | None = None) -> Trajectory:
-        """All that was logged so far: poses of the radar frame in the base frame, times of the arm's clock.
+        """What was logged so far: poses of the radar frame in the base frame, times of the arm's clock.
 
-        `since` leaves out what was logged before that time [s], but the last pose.
+        With `since` [s], only poses later than that.
         """
         ...
 
@@ -130,6 +134,30 @@ class RadarDevice(Protocol):
 
 
 @runtime_checkable
+class Device(Protocol):
+    """What a real device has besides: it must be reached first, and may be asked how it is.
+
+    Every call returns within 5 s, or raises DeviceError with what to do.
+    """
+
+    def open(self) -> None:
+        """Connect to it and make it ready; a device that is open stays so."""
+        ...
+
+    def check(self) -> list[str]:
+        """What it says of itself; a line that begins with "warning: " is one. It must be open."""
+        ...
+
+    def watch(self) -> None:
+        """Return at once; raise DeviceError if it has failed or fallen silent while it was at work."""
+        ...
+
+    def close(self) -> None:
+        """Leave it at rest; a device that is closed stays so."""
+        ...
+
+
+@runtime_checkable
 class Camera(Protocol):
     """A camera with depth, fixed to the arm."""
 
@@ -145,14 +173,18 @@ class ScanWriter(Protocol):
     Attributes
     ----------
     path : where the scan is found when it is whole
+    rows_done : how many rows an earlier scan of the same plan has left, known within `recording`; 0: none
     """
 
     path: Path
 
+    @property
+    def rows_done(self) -> int: ...
+
     def recording(self, radars: Sequence[RadarDevice]) -> AbstractContextManager[None]:
         """Around the whole scan: refuses before it what could not be written after it.
 
-        Unless `finish` was called, nothing of the scan is left at the end.
+        Unless `finish` was called, nothing of the scan appears under its name.
         """
         ...
 
@@ -164,6 +196,10 @@ class ScanWriter(Protocol):
         """What one of the radars has recorded of the next row."""
         ...
 
-    def finish(self, log: Trajectory) -> None:
-        """All rows are there; `log` is the arm's, in the base frame. The scan appears under its name."""
+    def end_row(self, log: Trajectory) -> None:
+        """All radars have given the row; `log` is what the arm logged since the row before, in the base frame."""
+        ...
+
+    def finish(self) -> None:
+        """All rows are there. The scan appears under its name."""
         ...

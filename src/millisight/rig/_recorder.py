@@ -4,8 +4,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from millisight.core import checked_number, checked_record, put, record
-from millisight.core.errors import InputError
-from millisight.rig._protocols import Arm, ArmPose, Camera, RadarDevice, ScanWriter
+from millisight.core.errors import DeviceError, InputError
+from millisight.rig._protocols import Arm, ArmPose, Camera, Device, RadarDevice, ScanWriter
 
 
 @record
@@ -54,6 +54,9 @@ def record_scan(
 ) -> Path:
     """Take the picture, sweep every row with all radars recording, and write it all down.
 
+    Whatever goes wrong, the arm is stopped. Where the writer keeps rows of an earlier scan of the same plan, the scan
+    goes on after them.
+
     Parameters
     ----------
     arm, radars, camera : the devices; None: no picture
@@ -72,27 +75,98 @@ def record_scan(
         Two radars have one name, or the writer cannot write what they record.
     FileError
         It cannot be written.
+    DeviceError
+        A device cannot be reached, has failed, or has fallen silent. The arm was stopped.
     """
     names = [radar.name for radar in radars]
     if not radars or len(set(names)) < len(names):
         raise InputError(f"the radars are called {names}; expected one radar, or several of different names")
+    devices = [device for device in (arm, *radars, camera) if isinstance(device, Device)]
+
+    def watch() -> None:
+        for device in devices:
+            device.watch()
+
     with writer.recording(radars):
-        if camera is not None and plan.photo is not None:
-            arm.sweep(plan.photo, plan.photo)
-            arm.wait()
-            writer.add_picture(camera.shoot())
-        for count, (start, end) in enumerate(plan.rows, 1):
-            arm.sweep(start, start)
-            arm.wait()
-            for radar in radars:
-                radar.start(plan.frames(radar.frame_period))
-            arm.sweep(start, end)
-            arm.wait()
-            for radar in radars:
-                writer.add_row(radar, radar.stop())
-            if progress is not None:
-                progress(count, len(plan.rows))
-            if enough is not None and enough():
-                break
-        writer.finish(arm.log())
+        try:
+            _scan(arm, radars, camera, plan, writer, watch, progress, enough)
+        except BaseException as error:
+            _stop(arm, error)
+            raise
+        writer.finish()
     return writer.path
+
+
+def _scan(
+    arm: Arm,
+    radars: Sequence[RadarDevice],
+    camera: Camera | None,
+    plan: ScanPlan,
+    writer: ScanWriter,
+    watch: Callable[[], None],
+    progress: Callable[[int, int], None] | None,
+    enough: Callable[[], bool] | None,
+) -> None:
+    """The rows that are not done yet, and the picture before the first."""
+    if camera is not None and plan.photo is not None and not writer.rows_done:
+        arm.sweep(plan.photo, plan.photo)
+        arm.wait(watch)
+        writer.add_picture(camera.shoot())
+    logged = None
+    for count, (start, end) in enumerate(plan.rows[writer.rows_done :], writer.rows_done + 1):
+        arm.sweep(start, start)
+        arm.wait(watch)
+        for radar in radars:
+            radar.start(plan.frames(radar.frame_period))
+        arm.sweep(start, end)
+        arm.wait(watch)
+        for radar in radars:
+            writer.add_row(radar, radar.stop())
+        log = arm.log(logged)
+        logged = float(log.times[-1])
+        writer.end_row(log)
+        if progress is not None:
+            progress(count, len(plan.rows))
+        if enough is not None and enough():
+            break
+
+
+def sweep_rows(
+    arm: Arm,
+    rows: Sequence[tuple[ArmPose, ArmPose]],
+    *,
+    progress: Callable[[int, int], None] | None = None,
+) -> None:
+    """Move over rows with no radar on, as a scan would: a dry run. Whatever goes wrong, the arm is stopped.
+
+    Parameters
+    ----------
+    arm : Arm
+    rows : start and end of each
+    progress : called with (rows done, rows in all)
+
+    Raises
+    ------
+    InputError
+        A row leaves the arm's workspace.
+    DeviceError
+        The arm cannot be reached, has failed, or has fallen silent.
+    """
+    try:
+        for count, (start, end) in enumerate(rows, 1):
+            for target in (start, end):
+                arm.sweep(start, target)
+                arm.wait()
+            if progress is not None:
+                progress(count, len(rows))
+    except BaseException as error:
+        _stop(arm, error)
+        raise
+
+
+def _stop(arm: Arm, error: BaseException) -> None:
+    """Stop the arm after `error`; where that fails, say so besides."""
+    try:
+        arm.stop()
+    except DeviceError as unstopped:
+        raise DeviceError(f"{error}; and the arm could not be stopped, press its stop button: {unstopped}") from error

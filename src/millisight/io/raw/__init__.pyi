@@ -1,4 +1,5 @@
 from ._dca1000 import ORDERS as ORDERS
+from ._dca1000 import PACKET_BYTES as PACKET_BYTES
 from ._dca1000 import find_gaps as find_gaps
 from ._dca1000 import frames_touched as frames_touched
 from ._dca1000 import identify_order as identify_order
@@ -11,14 +12,21 @@ from ._dca1000_report import describe_raw as describe_raw
 from ._format import RAW_FORMATS as RAW_FORMATS
 from ._format import RawArray as RawArray
 from ._format import RawFormat as RawFormat
+from ._packets import DATA_PORT as DATA_PORT
+from ._packets import HEADER_BYTES as HEADER_BYTES
 from ._packets import assemble_packets as assemble_packets
 from ._packets import read_packets as read_packets
 from ._position2go import read_position2go as read_position2go
 from ._position2go import write_position2go as write_position2go
+from ._raw_frames import Gap as Gap
 from ._raw_frames import RawFrames as RawFrames
 from ._robot_log import read_robot_log as read_robot_log
 from ._robot_log import write_robot_log as write_robot_log
 from ._sample_order import UNKNOWN as UNKNOWN
 from ._sample_order import OrderEstimate as OrderEstimate
+from ._sample_order import check_order as check_order
+from ._sample_order import pack as pack
+from ._sample_order import unpack as unpack
+from ._sample_order import values_per_chirp as values_per_chirp
 from ._ti_config import TiConfig as TiConfig
 from ._ti_config import read_ti_config as read_ti_config

@@ -1,4 +1,5 @@
 from ._appearance import appearance_of as appearance_of
+from ._arm import VirtualArm as VirtualArm
 from ._camera import camera_mask as camera_mask
 from ._camera import footprint as footprint
 from ._camera import object_pixels as object_pixels
@@ -15,6 +16,8 @@ from ._occluders import box_sheets as box_sheets
 from ._published import experiment_folder_of as experiment_folder_of
 from ._published import experiment_info as experiment_info
 from ._published import image_grid as image_grid
+from ._radar import Frames as Frames
+from ._radar import digitised as digitised
 from ._rig import VirtualRig as VirtualRig
 from ._rig import optics_of as optics_of
 from ._rig import write_object_masks as write_object_masks
@@ -23,6 +26,8 @@ from ._settings import Antenna as Antenna
 from ._settings import ArmSettings as ArmSettings
 from ._settings import CameraSettings as CameraSettings
 from ._settings import RadarSettings as RadarSettings
+from ._settings import Time as Time
+from ._settings import WorldTime as WorldTime
 from ._world import Carton as Carton
 from ._world import Cloth as Cloth
 from ._world import OpticsSettings as OpticsSettings

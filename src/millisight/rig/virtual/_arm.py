@@ -1,11 +1,13 @@
 """The virtual arm: it moves as arms do, strays from its plan, and logs where it is by its own clock."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from millisight.core.errors import InputError
 from millisight.data import Trajectory
 from millisight.rig import NOT_TURNED, ArmPose
-from millisight.rig.virtual._settings import ArmSettings, WorldTime
+from millisight.rig.virtual._settings import ArmSettings, Time
 
 # Waves whose sum is the path error: so many that it is as good as Gaussian.
 _WAVES = 256
@@ -33,6 +35,22 @@ class _Profile:
         covered = np.where(since < self.ramp, rising, self.speed * (since - self.ramp / 2))
         return np.where(times <= self.duration / 2, covered, self.length - covered)
 
+    def until(self, time: float) -> "_Cut":
+        """The same way, ended at once at `time` [s] since it began."""
+        return _Cut(self, time)
+
+
+class _Cut(_Profile):
+    """A way that was given up."""
+
+    def __init__(self, whole: _Profile, time: float):
+        self.duration = min(max(time, 0.0), whole.duration)
+        self.length = float(whole.distance(np.array([self.duration]))[0])
+        self._whole = whole
+
+    def distance(self, times: np.ndarray) -> np.ndarray:
+        return self._whole.distance(np.clip(times, 0.0, self.duration))
+
 
 class _Stray:
     """The path error: a smooth Gaussian process over the distance travelled, of covariance exp(-s² / (2 l²)).
@@ -57,7 +75,7 @@ class _Stray:
 class VirtualArm:
     """The arm of a virtual rig: an `Arm`, and for the virtual radars the truth of where it is."""
 
-    def __init__(self, settings: ArmSettings, time: WorldTime, rng: np.random.Generator):
+    def __init__(self, settings: ArmSettings, time: Time, rng: np.random.Generator):
         self._settings = settings
         self._time = time
         path, encoder = rng.spawn(2)
@@ -77,8 +95,18 @@ class VirtualArm:
             self.wait()
         self._move(start.position, end.position)
 
-    def wait(self) -> None:
+    def wait(self, watch: Callable[[], None] | None = None) -> None:
         self._time.wait_until(self._stands_at)
+
+    def stop(self) -> None:
+        now = self._time.now
+        if now >= self._stands_at:
+            return
+        began, start, end, profile, travelled = self._moves[-1]
+        profile, length = profile.until(now - began), profile.length
+        end = start + profile.length / length * (end - start)
+        self._moves[-1] = began, start, end, profile, travelled
+        self._stands_at = now
 
     def log(self, since: float | None = None) -> Trajectory:
         settings = self._settings
@@ -87,8 +115,7 @@ class VirtualArm:
         # A fresh generator each time: what was logged once is logged for ever.
         noise = np.random.default_rng(self._encoder_seed).standard_normal((len(readings), 3))
         if since is not None:
-            begin = min(int(np.searchsorted(readings, since)), len(readings) - 1)
-            readings, noise = readings[begin:], noise[begin:]
+            readings, noise = readings[readings > since], noise[readings > since]
         positions = self.true_positions(np.clip(settings.clock.true_times(readings), 0.0, self._time.now))
         return Trajectory(times=readings, positions=positions + settings.encoder_noise / np.sqrt(3) * noise)
 

@@ -6,8 +6,9 @@ from typing import Any
 
 from millisight.data import VoxelGrid
 from millisight.io.mito import BASE_ORIGIN as BASE_ORIGIN
-from millisight.io.mito import FRAME_PERIODS, experiment_folder, published_grid
+from millisight.io.mito import experiment_folder, published_grid
 from millisight.meshes import CATALOGUE
+from millisight.rig import scan_info
 from millisight.rig.virtual._world import World
 
 
@@ -29,15 +30,5 @@ def experiment_folder_of(world: World, root: str | os.PathLike[str], number: int
 
 
 def experiment_info(world: World) -> dict[str, Any]:
-    """What `experiment_info.json` says of a world's scan.
-
-    "aperture size" stands for the published pace of the frames and, at 24 GHz, for both receivers; "frame period" [s]
-    says what the pace is where it is neither.
-    """
-    periods = {radar.name: radar.frame_period for radar in world.radars}
-    normal = all(period == FRAME_PERIODS[radar, "normal"] for radar, period in periods.items())
-    size = "normal" if normal and "77_ghz" in periods else "almost-square"
-    axes = [radar.rx_axis for radar in world.radars if radar.name == "77_ghz"]
-    info = {"aperture size": size, "rx offset": (axes and axes[0]) or "x", "background": world.support.kind}
-    other = {radar: period for radar, period in periods.items() if period != FRAME_PERIODS[radar, size]}
-    return info | ({"frame period": other} if other else {})
+    """What `experiment_info.json` says of a world's scan: see `scan_info`."""
+    return scan_info(world.radars, world.support.kind)

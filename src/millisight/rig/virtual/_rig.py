@@ -134,17 +134,11 @@ def _seconds(frames: Frames, settings: RadarSettings, positions: np.ndarray) -> 
 def plan_of(world: World) -> ScanPlan:
     """The scan of a world in the base frame, with time for its slowest row; an error if no disk holds its frames."""
     scan = world.scan
-    rows = [
-        (ArmPose(position=np.add(BASE_ORIGIN, (x, y0, 0.0))), ArmPose(position=np.add(BASE_ORIGIN, (x, y1, 0.0))))
-        for x in scan.row_places
-        for y0, y1 in [(scan.corner[1], scan.corner[1] + scan.size[1])]
-    ]
-    if scan.pattern == "serpentine":
-        rows[1::2] = [(end, start) for start, end in rows[1::2]]
+    rows = scan.rows(BASE_ORIGIN)
     middle = np.array([*scan.middle, _ABOVE]) - world.camera.offset
     photo = middle if world.camera.at is None else np.array(world.camera.at)
     row_time = 2 * world.arm.settle + world.arm.duration(scan.size[1])
-    plan = ScanPlan(rows=tuple(rows), row_time=row_time, photo=ArmPose(position=photo + BASE_ORIGIN))
+    plan = ScanPlan(rows=rows, row_time=row_time, photo=ArmPose(position=photo + BASE_ORIGIN))
     paces = {f"the {radar.name} radar": float(radar.frame_period or 0) for radar in world.radars}
     for what, period in (*paces.items(), ("the log", 1 / world.arm.log_rate)):
         count = len(rows) * row_time / period

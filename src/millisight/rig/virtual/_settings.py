@@ -2,7 +2,7 @@
 holds. There is one true time, which waits jump over; devices tell it by their own clocks.
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -75,6 +75,17 @@ class Antenna:
 
 EPOCH = 1_700_000_000.0
 """What a right clock shows when a virtual world begins [s]: Unix time, as the published time stamps are."""
+
+
+class Time(Protocol):
+    """What tells the time of a virtual world [s], from 0 on."""
+
+    @property
+    def now(self) -> float: ...
+
+    def wait_until(self, time: float) -> None:
+        """Return when it is `time` [s] or later."""
+        ...
 
 
 class WorldTime:

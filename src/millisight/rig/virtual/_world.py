@@ -29,12 +29,12 @@ from millisight.core import (
 from millisight.core.errors import InputError
 from millisight.data import LAYERED, Layer, material_named
 from millisight.meshes import CATALOGUE
+from millisight.rig import ScanSettings as ScanSettings
 from millisight.rig.virtual._settings import ArmSettings, CameraSettings, RadarSettings
 
 _TOPS = {"tripod": -0.30, "styrofoam": -0.48}
 _MOST = 100  # objects, walls, layers of cloth
 _STEEPEST = 20.0  # lid [degrees]
-PATTERNS = ("serpentine", "one-way")
 
 
 @record
@@ -225,43 +225,6 @@ class Wall:
             raise InputError(f"the wall runs from {lower} to {upper} m; expected upper > lower in x, y and z")
         material_named(self.material)
         put(self, lower=lower, upper=upper)
-
-
-@record
-class ScanSettings:
-    """The aperture: rows along y at z = 0, one beside the other along x.
-
-    Attributes
-    ----------
-    size : along x and y [m]; published: (0.22, 0.55) to (0.45, 0.60)
-    corner : x and y where it begins [m]
-    row_spacing : [m]
-    pattern : "serpentine", or "one-way" with the arm returning between rows
-    """
-
-    size: tuple[float, float] = (0.22, 0.55)
-    corner: tuple[float, float] = (0.0, 0.0)
-    row_spacing: float = 0.0022
-    pattern: str = "serpentine"
-
-    def __post_init__(self) -> None:
-        check_known("pattern", self.pattern, PATTERNS)
-        size = checked_numbers(self.size, name="size", count=2, unit="m", above=0)
-        spacing = checked_number(self.row_spacing, name="row_spacing", unit="m", above=0)
-        if not 1 <= size[0] / spacing <= 1e5:
-            raise InputError(f"row_spacing is {spacing:g} m and size {size[0]:g} m along x; expected 2 to 100000 rows")
-        put(self, size=size, row_spacing=spacing, corner=checked_numbers(self.corner, name="corner", count=2, unit="m"))
-
-    @property
-    def middle(self) -> np.ndarray:
-        """(2,) x and y of the aperture's middle [m]."""
-        return np.add(self.corner, np.divide(self.size, 2))
-
-    @property
-    def row_places(self) -> np.ndarray:
-        """x of every row [m]."""
-        rows = int(self.size[0] / self.row_spacing * (1 + 1e-9)) + 1
-        return self.corner[0] + self.row_spacing * np.arange(rows)
 
 
 @record

@@ -1,0 +1,9 @@
+from ._dca1000 import Dca1000 as Dca1000
+from ._dca1000 import Dca1000Settings as Dca1000Settings
+from ._driver import DRIVERS as DRIVERS
+from ._driver import Driver as Driver
+from ._packet_file import PacketFile as PacketFile
+from ._packet_receiver import PacketReceiver as PacketReceiver
+from ._studio import studio_script as studio_script
+from ._ur import UrArm as UrArm
+from ._ur import UrSettings as UrSettings

@@ -1,0 +1,10 @@
+from ._arm import MovingArm as MovingArm
+from ._board import BoardEmulator as BoardEmulator
+from ._clock import RealTime as RealTime
+from ._dca1000 import Dca1000Emulator as Dca1000Emulator
+from ._dca1000 import PacketFaults as PacketFaults
+from ._dca1000 import PacketSender as PacketSender
+from ._lab import EmulatedLab as EmulatedLab
+from ._ti_cli import TiCliEmulator as TiCliEmulator
+from ._ur import UrController as UrController
+from ._ur import UrEmulator as UrEmulator
