@@ -2,6 +2,8 @@ from ._dca1000 import Dca1000 as Dca1000
 from ._dca1000 import Dca1000Settings as Dca1000Settings
 from ._driver import DRIVERS as DRIVERS
 from ._driver import Driver as Driver
+from ._grbl import GrblGantry as GrblGantry
+from ._grbl import GrblSettings as GrblSettings
 from ._packet_file import PacketFile as PacketFile
 from ._packet_receiver import PacketReceiver as PacketReceiver
 from ._studio import studio_script as studio_script

@@ -4,6 +4,7 @@ from ._clock import RealTime as RealTime
 from ._dca1000 import Dca1000Emulator as Dca1000Emulator
 from ._dca1000 import PacketFaults as PacketFaults
 from ._dca1000 import PacketSender as PacketSender
+from ._grbl import GrblEmulator as GrblEmulator
 from ._lab import EmulatedLab as EmulatedLab
 from ._ti_cli import TiCliEmulator as TiCliEmulator
 from ._ur import UrController as UrController

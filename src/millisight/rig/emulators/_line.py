@@ -31,6 +31,11 @@ class PseudoLine:
         self._thread = threading.Thread(target=self._run, name="millisight serial line", daemon=True)
         self._thread.start()
 
+    def send(self, data: bytes) -> None:
+        """Send what was not asked for just now."""
+        while data:
+            data = data[os.write(self._near, data) :]
+
     def close(self) -> None:
         """Take the line away."""
         if self._closing:
@@ -48,6 +53,4 @@ class PseudoLine:
                 came = os.read(self._near, 4096)
             except OSError:
                 return
-            answer = self._take(came)
-            while answer:
-                answer = answer[os.write(self._near, answer) :]
+            self.send(self._take(came))
