@@ -232,7 +232,7 @@ def test_what_unpacks_to_too_much_is_refused(tmp_path):
 
 def test_a_crash_of_the_hdf5_library_is_an_error(tmp_path, monkeypatch):
     """Damaged files make it fail in ways that no Python code can catch."""
-    import millisight.io.arrays._from_child as from_child
+    import millisight.io._children as children
 
     save_matlab73(tmp_path / "a.mat", {"x": np.eye(3)})
     crashing = tmp_path / "python"
@@ -243,10 +243,20 @@ def test_a_crash_of_the_hdf5_library_is_an_error(tmp_path, monkeypatch):
     ]:
         crashing.write_text(f"#!/bin/sh\n{script}\n")
         crashing.chmod(0o755)
-        monkeypatch.setattr(from_child.sys, "executable", str(crashing))
-        monkeypatch.setattr(from_child, "_SECONDS", 0.5)
+        monkeypatch.setattr(children.sys, "executable", str(crashing))
+        monkeypatch.setattr(children, "_SECONDS", 0.5)
         with pytest.raises(DamagedFileError, match=rf"a\.mat is damaged: .*({message})"):
             read_arrays(tmp_path / "a.mat")
+
+
+def test_no_file_of_the_present_folder_is_run(tmp_path, monkeypatch):
+    """Python looks for modules where it is started, unless it is told not to."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("numpy", "json", "h5py"):
+        (tmp_path / f"{name}.py").write_text("open('ran', 'w').close()")
+    save_matlab73(tmp_path / "a.mat", {"x": np.eye(3)})
+    assert np.array_equal(read_arrays("a.mat")["x"], np.eye(3))
+    assert not (tmp_path / "ran").exists()
 
 
 def mutated(rng, whole):
