@@ -10,6 +10,7 @@ import pytest
 import millisight as ms
 from helpers.forging import forge
 from helpers.small_records import same, small_capture
+from millisight.core import limits_of
 from millisight.core.errors import DamagedFileError, FileError, FormatError
 from millisight.io import load_extras, open_image, provenance
 
@@ -179,7 +180,7 @@ def test_a_crash_or_a_hang_of_the_library_is_an_error(saved, script, message, mo
     crashing.write_text(f"#!/bin/sh\n{script}\n")
     crashing.chmod(0o755)
     monkeypatch.setattr(children.sys, "executable", str(crashing))
-    monkeypatch.setattr(children, "_SECONDS", 0.5)
+    monkeypatch.setattr(children, "limits_of", lambda size: limits_of(size)._replace(seconds=0.5))
     began = time.monotonic()
     with pytest.raises(DamagedFileError, match=rf"t\.h5 cannot be opened as HDF5: {message}"):
         ms.load(saved)

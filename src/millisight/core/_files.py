@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from millisight.core._limits import limits_of
 from millisight.core.errors import FileError, FormatError, check_known
 
 FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
@@ -22,6 +23,11 @@ RECORD_SUFFIXES = (".h5", ".hdf5")
 """What records are written as."""
 
 _LARGEST_TOML = 1 << 20  # bytes
+_DEEPEST = limits_of(_LARGEST_TOML).depth
+
+# A dotted key of more parts: tomllib's memory grows with the square of their number. Each part is run through once.
+_PART = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
+_DEEP_KEY = re.compile(rf"(?<![\w-]){_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{{_DEEPEST}}}")
 
 # Controls but tab and line feed, and the marks that reorder text.
 _STEERING = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
@@ -241,6 +247,8 @@ def parsed_toml(text: str) -> dict[str, Any]:
     """
     import tomllib
 
+    if found := _DEEP_KEY.search(text):
+        raise ValueError(f"a key of more than {_DEEPEST} parts: {found[0][:40]}...")
     content = tomllib.loads(text)
     pending: list[Any] = [content]
     while pending:  # a loop, since tables may be nested as deep as the text is long

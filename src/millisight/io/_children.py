@@ -8,7 +8,8 @@ from contextlib import contextmanager
 from threading import Timer
 from typing import Any
 
-_SECONDS, _BYTES_PER_SECOND = 60, 20e6  # a child is given a minute, and what a slow disk needs on top
+from millisight.core import limits_of
+
 _OVERHEAD = 2 << 30  # of the libraries' own address space [bytes]
 
 
@@ -16,12 +17,12 @@ _OVERHEAD = 2 << 30  # of the libraries' own address space [bytes]
 def child(module: str, *arguments: str, path: str | os.PathLike[str]) -> Iterator[subprocess.Popen[bytes]]:
     """A process that runs a module of millisight on the file `path`, killed when its time is up or the block ends.
 
-    It gets a minute, and as long again as a slow disk needs to read the file.
+    Its time is that of `limits_of`: a minute, and as long again as a slow disk needs to read the file.
     """
     # -P: else a file of the present folder with the name of a module, numpy.py say, would be run.
     command = [sys.executable, "-P", "-m", module, os.path.abspath(path), *arguments]
     with subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
-        timer = Timer(_SECONDS + os.path.getsize(path) / _BYTES_PER_SECOND, process.kill)
+        timer = Timer(limits_of(os.path.getsize(path)).seconds, process.kill)
         timer.start()
         try:
             yield process

@@ -15,7 +15,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from millisight.core import check_readable, printable
+from millisight.core import Limits, check_readable, limits_of, printable
 from millisight.core.errors import DamagedFileError, FileError, FormatError
 from millisight.io._children import child, failure
 from millisight.io._seal import seal_holds
@@ -24,7 +24,6 @@ SCHEMA_VERSION = 2  # 1 had no seal
 PLACED_VERSION = 3  # of captures with antennas at their own places, or layers, which an older reader would pass over
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
-_MOST_OBJECTS, _DEEPEST = 1_000_000, 16
 _MESHES = (".stl", ".obj", ".ply", ".off", ".glb")
 _JSON = "json:"
 
@@ -117,14 +116,14 @@ def judge(file: Any, path: Path, *, sealed: bool) -> None:
             f"{name} has no checksum: it is damaged, or another program changed it; make or copy it again"
         )
     try:
-        _check_tree(file, name)
+        _check_tree(file, name, limits_of(path.stat().st_size))
     except FileError:
         raise
     except (OSError, RuntimeError, LookupError, TypeError, ValueError) as error:
         raise DamagedFileError(f"{name} is damaged: {reason(error)}; make or copy it again") from error
 
 
-def _check_tree(file: Any, name: str) -> None:
+def _check_tree(file: Any, name: str, limits: Limits) -> None:
     """Raise unless the file holds groups and arrays of numbers alone, each linked once, and all their bytes."""
     import h5py
     from h5py import h5o  # pyright: ignore[reportAttributeAccessIssue]
@@ -139,7 +138,7 @@ def _check_tree(file: Any, name: str) -> None:
                 raise DamagedFileError(f"{place}: a link that may lead elsewhere, which is not followed; make it again")
             item = group[key]
             address = h5o.get_info(item.id).addr
-            if address in seen or len(seen) > _MOST_OBJECTS or depth > _DEEPEST:
+            if address in seen or len(seen) > limits.items or depth > limits.depth:
                 raise DamagedFileError(f"{place}: linked twice, too deep, or one of too many; make it again")
             seen.add(address)
             if isinstance(item, h5py.Group):
