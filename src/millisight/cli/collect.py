@@ -1,6 +1,7 @@
 """`millisight collect`: run a scan with a rig, and write it in the published layout."""
 
 import shutil
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -58,7 +59,14 @@ def collect(
     objects = [{ object = "mug" }]
     """
     from millisight.rig import PublishedWriter, record_scan
-    from millisight.rig.virtual import VirtualRig, World, build_layout, experiment_folder_of, experiment_info
+    from millisight.rig.virtual import (
+        VirtualRig,
+        World,
+        build_layout,
+        experiment_folder_of,
+        experiment_info,
+        write_truth,
+    )
 
     check_known("rig", rig, RIGS)
     check_outputs(figures=(plot,), source=world)
@@ -91,13 +99,12 @@ def collect(
             f"{2 * size / 1e6:.0f} MB"
         )
     with progress("scan") as report:
-        writer = PublishedWriter(folder, info=experiment_info(described), hdf5=hdf5)
+        last = None if truth is None else partial(write_truth, virtual, truth)
+        writer = PublishedWriter(folder, info=experiment_info(described), hdf5=hdf5, last=last)
         record_scan(virtual.arm, virtual.radars, virtual.camera, virtual.plan, writer, progress=report)
     say(f"wrote {folder}")
     if truth is not None:
-        from millisight.rig.virtual import write_truth
-
-        say(f"wrote {write_truth(virtual, truth)}: the true path and exact masks")
+        say(f"wrote {truth}: the true path and exact masks")
 
 
 def _summary(rig: "VirtualRig") -> list[str]:

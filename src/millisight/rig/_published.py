@@ -3,14 +3,14 @@
 import os
 import secrets
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from millisight.core import checked_path, make_folder, printable
+from millisight.core import alone, checked_path, make_folder, printable
 from millisight.core.errors import FileError, InputError
 from millisight.data import CameraFrame, Trajectory
 from millisight.io import mito, save
@@ -23,8 +23,8 @@ CAPTURE_NAME, LOG_NAME = "recorded.capture.h5", "recorded.log.h5"
 class PublishedWriter:
     """Writes a scan as an experiment of the published layout: a `ScanWriter`.
 
-    Rows go to disk as they come. The experiment appears under its name when its raw files are whole, and not at all
-    when something fails before.
+    Rows go to disk as they come. The experiment appears under its name when all its files are whole, and not at all
+    when something fails before. One run at a time writes an experiment.
 
     Parameters
     ----------
@@ -33,13 +33,22 @@ class PublishedWriter:
     info : for `experiment_info.json`: "aperture size", "rx offset", "background", and whatever else
     hdf5 : write captures of our own besides
     fill : see `write_raw_experiment`
+    last : called when all is written and before the experiment appears: for what has to be there, too
 
     The radars' names must be those of the layout, "77_ghz" and "24_ghz".
     """
 
-    def __init__(self, out: str | os.PathLike[str], *, info: Mapping[str, Any], hdf5: bool = True, fill: bool = True):
+    def __init__(
+        self,
+        out: str | os.PathLike[str],
+        *,
+        info: Mapping[str, Any],
+        hdf5: bool = True,
+        fill: bool = True,
+        last: Callable[[], object] | None = None,
+    ):
         self.path: Path = Path(os.path.abspath(checked_path(out)))
-        self._info, self._hdf5, self._fill = info, hdf5, fill
+        self._info, self._hdf5, self._fill, self._last = info, hdf5, fill, last
         self._spools: dict[str, _Spool] = {}
         self._radars: Sequence[RadarDevice] = ()
 
@@ -59,7 +68,16 @@ class PublishedWriter:
         self._radars = [radar for radar in radars if mito.checked_radar(radar.name)]
         self._check()
         out = self.path
+        with alone(out.parent, printable(out.parent)):
+            self._check()  # again: the run before may have ended just now
+            for remains in out.parent.parent.glob(f".{out.parent.name}.*.part"):  # of a run that was killed
+                shutil.rmtree(remains, ignore_errors=True)
+            yield from self._recording(radars, out)
+
+    def _recording(self, radars: Sequence[RadarDevice], out: Path) -> Iterator[None]:
         self._part = make_folder(out.parent.with_name(f".{out.parent.name}.{secrets.token_hex(4)}.part"))
+        # The names above it, too: provenance tells them.
+        self._stage = self._part.joinpath(*out.parts[-5:])
         try:
             self._spools = {radar.name: _Spool(make_folder(self._part / "rows" / radar.name)) for radar in radars}
             yield
@@ -72,7 +90,7 @@ class PublishedWriter:
             shutil.rmtree(self._part, ignore_errors=True)
 
     def add_picture(self, frame: CameraFrame) -> None:
-        folder = make_folder(self._part / self.path.name / "unprocessed" / "camera")
+        folder = make_folder(self._stage / "unprocessed" / "camera")
         mito.write_published(folder / "continuous.pkl", frame)
 
     def add_row(self, radar: RadarDevice, recording: Recording) -> None:
@@ -84,21 +102,24 @@ class PublishedWriter:
             positions = log.positions - mito.BASE_ORIGIN + radar.mount
             mounted = Trajectory(times=log.times, positions=positions, orientations=log.orientations)
             mito.write_raw_experiment(
-                self._part / self.path.name,
+                self._stage,
                 radar.name,
                 self._spools[radar.name],
                 mounted,
                 info=self._info,
                 fill=self._fill,
             )
-        os.replace(self._part / mito.INFO_NAME, self.path.parent / mito.INFO_NAME)
-        os.replace(self._part / self.path.name, self.path)
-        shutil.rmtree(self._part, ignore_errors=True)
         for radar in self._radars if self._hdf5 else ():
-            raw = mito.radar_folder(self.path, radar.name, processed=False)
-            scan = mito.read_experiment(self.path, radar.name)
+            raw = mito.radar_folder(self._stage, radar.name, processed=False)
+            scan = mito.read_experiment(self._stage, radar.name)
             save(raw / CAPTURE_NAME, scan.to_capture(), reproducible=True)
             save(raw / LOG_NAME, scan.log, reproducible=True)
+        if self._last is not None:
+            self._last()
+        # All of it is there: whoever is killed from here on leaves nothing to be done again.
+        os.replace(self._stage.parent / mito.INFO_NAME, self.path.parent / mito.INFO_NAME)
+        os.replace(self._stage, self.path)
+        shutil.rmtree(self._part, ignore_errors=True)
 
     def _check(self) -> None:
         out = self.path
