@@ -250,3 +250,11 @@ def test_info_finds_the_order_of_a_real_capture(tmp_path):
     assert "order: two-lane interleaved, " in out
     assert "frames: 50 x 8 chirps x 4 RX x 256 samples" in out
     assert "strongest 19" in out
+
+
+def test_a_grid_beyond_this_machine_is_refused_before_any_work(mug, tmp_path):
+    los = next(mug.glob("robot_collected/*/exp1/los"))
+    grid = "-10m:10m:4mm,-10m:10m:4mm,-1m:1m:1mm"
+    line = refused("image", los, "--radar", "77_ghz", f"--grid={grid}", "-o", "i.h5", cwd=tmp_path)
+    assert "the image of 5e+10 voxels takes about" in line
+    assert "use a coarser --grid, or pass --memory" in line

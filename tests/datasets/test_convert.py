@@ -235,3 +235,54 @@ def test_a_damaged_converted_file_is_refused(converted, tmp_path):
     Path(path).write_bytes(content)
     with pytest.raises(DamagedFileError, match="camera_masks.h5"):
         ms.load(path)
+
+
+def test_a_damaged_output_of_the_same_size_is_made_anew(converted, miniature, tmp_path):
+    root, out = ms.datasets.open(miniature.healthy).only([EMPTY]), tmp_path / "out"
+    shutil.copytree(converted[0], out)
+    path = next((out / EMPTY).rglob("processed_image.h5"))
+    whole, times = path.read_bytes(), path.stat()
+    path.write_bytes(bytes(len(whole)))
+    os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
+    done = convert(root, out, workers=1)
+    assert (done.made, done.kept) == (1, 1)
+    assert path.read_bytes() == whole
+
+
+def test_two_conversions_into_one_folder_are_refused(miniature, tmp_path):
+    """They deleted each other's partial files."""
+    command = [sys.executable, "-m", "millisight.cli.main", "dataset", "convert", miniature.healthy, "-o", tmp_path]
+    first = subprocess.Popen([*command, "--workers", "1"], stderr=subprocess.PIPE)
+    wait_for(lambda: finished(tmp_path) >= 1)
+    with pytest.raises(FileError, match=rf"another run \(process {first.pid}\) is using .*; wait for it, or stop it"):
+        convert(miniature.healthy, tmp_path, workers=1)
+    _, err = first.communicate(timeout=120)
+    assert first.returncode == 0, err
+    assert not [path.name for path in tmp_path.iterdir() if path.name in (".lock", ".partial")]
+
+
+def test_a_pipe_within_a_dataset_is_no_file(miniature, tmp_path):
+    """Whoever opens one waits for ever."""
+    root = tmp_path / "root"
+    shutil.copytree(miniature.healthy / BOX, root / BOX)
+    first, second = (experiment_folder(root, BOX, ANGLES, number, "los") for number in (1, 2))
+    raw = radar_folder(first, "77_ghz", processed=False)
+    pipes = [
+        image_file(second),
+        min((raw / "radar_data").iterdir()),
+        next(radar_folder(first, "24_ghz", processed=False).glob("antenna*.npz")),
+    ]
+    for path in pipes:
+        path.unlink()
+        os.mkfifo(path)
+    for command, words in (
+        (("convert", root, "-o", tmp_path / "out"), ("is a device or a pipe", "missing", "holds no robot log")),
+        (("verify", root), ("is a device or a pipe",)),
+    ):
+        shown = [sys.executable, "-m", "millisight.cli.main", "dataset", *command, "--workers", "1"]
+        done = subprocess.run(shown, capture_output=True, text=True, timeout=120)
+        assert done.returncode == 1
+        assert "Traceback" not in done.stderr
+        for word in words:
+            assert word in done.stdout + done.stderr
+    assert finished(tmp_path / "out") >= 10

@@ -1,14 +1,18 @@
 """Arrays come back from every format as they were saved; what is damaged, foreign or a bomb is an error with a name."""
 
+import io
 import re
 import resource
 import struct
+import time
 import zipfile
+import zlib
 
 import h5py
 import numpy as np
 import pytest
 
+from millisight.core import limits_of
 from millisight.core.errors import DamagedFileError, FileError, FormatError, UnknownNameError
 from millisight.io.arrays import array_shapes, read_arrays
 
@@ -232,7 +236,7 @@ def test_what_unpacks_to_too_much_is_refused(tmp_path):
 
 def test_a_crash_of_the_hdf5_library_is_an_error(tmp_path, monkeypatch):
     """Damaged files make it fail in ways that no Python code can catch."""
-    import millisight.io.arrays._from_child as from_child
+    import millisight.io._children as children
 
     save_matlab73(tmp_path / "a.mat", {"x": np.eye(3)})
     crashing = tmp_path / "python"
@@ -243,10 +247,20 @@ def test_a_crash_of_the_hdf5_library_is_an_error(tmp_path, monkeypatch):
     ]:
         crashing.write_text(f"#!/bin/sh\n{script}\n")
         crashing.chmod(0o755)
-        monkeypatch.setattr(from_child.sys, "executable", str(crashing))
-        monkeypatch.setattr(from_child, "_SECONDS", 0.5)
+        monkeypatch.setattr(children.sys, "executable", str(crashing))
+        monkeypatch.setattr(children, "limits_of", lambda size: limits_of(size)._replace(seconds=0.5))
         with pytest.raises(DamagedFileError, match=rf"a\.mat is damaged: .*({message})"):
             read_arrays(tmp_path / "a.mat")
+
+
+def test_no_file_of_the_present_folder_is_run(tmp_path, monkeypatch):
+    """Python looks for modules where it is started, unless it is told not to."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("numpy", "json", "h5py"):
+        (tmp_path / f"{name}.py").write_text("open('ran', 'w').close()")
+    save_matlab73(tmp_path / "a.mat", {"x": np.eye(3)})
+    assert np.array_equal(read_arrays("a.mat")["x"], np.eye(3))
+    assert not (tmp_path / "ran").exists()
 
 
 def mutated(rng, whole):
@@ -294,3 +308,23 @@ def test_mutated_files_end_in_arrays_or_in_an_error_of_ours(tmp_path):
             beyond += "array '" in str(error)
     assert tried == MUTATIONS
     assert beyond > MUTATIONS / 2
+
+
+def test_members_that_share_their_bytes_are_refused(tmp_path):
+    """The extra field of each member's header reaches over the headers behind it: 1 000 arrays of the same megabyte."""
+    stream = io.BytesIO()
+    np.save(stream, np.zeros(1 << 20, np.uint8))
+    data, count, head = stream.getvalue(), 1000, 38
+    heads, directory = b"", b""
+    for i in range(count):
+        name, extra = f"{i:04}.npy".encode(), head * (count - 1 - i)
+        fields = struct.pack("<HHHHHIIIH", 20, 0, 0, 0, 33, zlib.crc32(data), len(data), len(data), len(name))
+        heads += b"PK\3\4" + fields + struct.pack("<H", extra) + name
+        directory += b"PK\1\2" + struct.pack("<H", 20) + fields
+        directory += struct.pack("<HHHHII", 0, 0, 0, 0, 0, head * i) + name
+    end = struct.pack("<HHHHIIH", 0, 0, count, count, len(directory), len(heads) + len(data), 0)
+    (tmp_path / "a.npz").write_bytes(heads + data + directory + b"PK\5\6" + end)
+    began = time.perf_counter()
+    with pytest.raises(DamagedFileError, match="its members overlap: it claims more than it holds"):
+        read_arrays(tmp_path / "a.npz")
+    assert time.perf_counter() - began < 2

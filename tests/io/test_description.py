@@ -2,6 +2,7 @@
 
 import pickle
 import re
+import time
 import tomllib
 from pathlib import Path
 
@@ -640,3 +641,16 @@ def test_the_format_follows_from_suffix_keys_and_axes(tmp_path):
         text = f'[radar]\nstart_frequency = 24e9\nstep = 25e6\n[frames]\nfile = "{name}"\n{more}shape = [12, 8, 2]\n'
         text += 'axes = ["pose", "sample", "part"]\nparts = ["I", "Q"]\nphase_sign = -1\n'
         assert np.allclose(read_capture(described(tmp_path, text + POINTS)).frames[:, 0, 0], field)
+
+
+@pytest.mark.parametrize("pattern", ["**/**/**/*.bin", "*/../" * 8 + "*.bin", "*/" * 40 + "*.bin"])
+def test_patterns_that_run_through_folders_again_and_again_are_refused(tmp_path, pattern):
+    for i in range(20):
+        (tmp_path / f"{i}").mkdir()
+    text = f'[radar]\npreset = "iwr1443"\n[frames]\nfile = "{pattern}"\nsamples = 512\n[positions]\nraster = {{}}\n'
+    began = time.perf_counter()
+    with pytest.raises(FileError, match="could run through folders again and again; expected at most 32 names"):
+        read_capture(described(tmp_path, text))
+    assert time.perf_counter() - began < 1
+    with pytest.raises(FileError, match=r"no file in .* matches '\.\./\*\*/\*\.none'"):
+        read_capture(described(tmp_path, text.replace(pattern, "../**/*.none")))

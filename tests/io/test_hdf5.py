@@ -5,7 +5,6 @@ import resource
 import shlex
 import subprocess
 import sys
-from dataclasses import fields
 
 import h5py
 import numpy as np
@@ -13,23 +12,12 @@ import pytest
 
 import millisight as ms
 from helpers.forging import forge
+from helpers.small_records import same, small_capture
 from millisight.core.errors import DamagedFileError, FileError, FormatError, InputError
 from millisight.data import CameraFrame, CameraMask, Intrinsics, Layers
 from millisight.io import load_extras, provenance
 from millisight.io._hdf5 import RECORDS
 from millisight.io._seal import chunk_extents, write_seal
-
-
-def small_capture(receivers="iwr1443"):
-    rng = np.random.default_rng(0)
-    radar = ms.Radar.preset(receivers)
-    trajectory = ms.Trajectory(
-        times=[0.0, 0.5], positions=rng.normal(size=(2, 3)), orientations=[[0, 0, 0, 1.0], [1.0, 0, 0, 0]]
-    )
-    shape = (2, 1, len(radar.array.rx_positions), radar.waveform.samples_per_chirp)
-    frames = rng.normal(size=shape) + 1j * rng.normal(size=shape)
-    metadata = {"history": [{"step": "made", "numbers": [1, 2.5, None]}], "phase_sign": -1}
-    return ms.Capture(radar=radar, trajectory=trajectory, frames=frames, metadata=metadata)
 
 
 def one_of_each():
@@ -56,16 +44,6 @@ def one_of_each():
         CameraFrame(rgb=np.ones((2, 3, 3), np.uint8), depth=depth, pose=np.eye(4), intrinsics=intrinsics),
         CameraMask(pixels=depth > 2, depth=depth, points=points, pose=np.eye(4), metadata={"a": 1}),
     ]  # fmt: skip
-
-
-def same(a, b):
-    if type(a).__name__ in RECORDS:
-        return type(a) is type(b) and all(same(getattr(a, f.name), getattr(b, f.name)) for f in fields(a))
-    if isinstance(a, tuple) and a and type(a[0]).__name__ in RECORDS:
-        return len(a) == len(b) and all(map(same, a, b))
-    if isinstance(a, np.ndarray):
-        return a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes()
-    return a == b
 
 
 def test_there_is_one_of_each():

@@ -14,7 +14,7 @@ import time
 import numpy as np
 import pytest
 
-from millisight.core.errors import DamagedFileError, FileError
+from millisight.core.errors import DamagedFileError, FileError, FormatError
 from millisight.io.arrays import read_pickle
 
 MUTATIONS = 300
@@ -274,3 +274,25 @@ def test_a_large_file_may_hold_as_many_arrays_as_an_aperture_has_positions(tmp_p
     found = read_pickle(tmp_path / "channels.pkl")
     assert len(found) == 100_000
     assert np.array_equal(found[-1], channels[-1])
+
+
+def test_copies_that_calls_make_are_counted(tmp_path):
+    """A megabyte that asks 8 000 times for its text as bytes took 8 GB."""
+    text = b"x" * 1_000_000
+    data = (
+        b"\x80\x02](X" + struct.pack("<I", len(text)) + text + b"q\x01X\x06\0\0\0latin1q\x02c_codecs\nencode\nq\x03000"
+    )
+    data += b"h\x03h\x01h\x02\x86R" * 8000 + b"e."
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with pytest.raises(FormatError, match=r"calls make \d+ bytes; expected at most \d+ of a file of this size"):
+        read(tmp_path, data)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 200_000  # kB
+
+
+def test_a_long_list_is_looked_into_once(tmp_path):
+    """However often it is held: 100 000 times 100 000 items took over a minute."""
+    data = b"\x80\x02]q\x00(" + b"K\x01" * 100_000 + b"e0](" + b"h\x00" * 100_000 + b"e."
+    began = time.perf_counter()
+    with pytest.raises(FormatError, match="its shared parts counted each time"):
+        read(tmp_path, data)
+    assert time.perf_counter() - began < 10

@@ -1,8 +1,11 @@
 """Loading: every format, every repair, and every refusal by its message."""
 
+import json
 import logging
+import struct
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -296,3 +299,58 @@ def test_a_clean_mesh_is_not_touched(caplog):
 def test_importing_the_loader_imports_no_trimesh():
     code = "import sys, millisight.meshes._load; sys.exit('trimesh' in sys.modules or 'numba' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def triangle_glb(tmp_path, **changes):
+    """A GLB file of one triangle, its description changed."""
+    data = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]], "<f4").tobytes() + np.arange(3, dtype="<u4").tobytes()
+    content = {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"},
+            {"bufferView": 1, "componentType": 5125, "count": 3, "type": "SCALAR"},
+        ],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}, {"buffer": 0, "byteOffset": 36, "byteLength": 12}],
+        "buffers": [{"byteLength": 48}],
+        **changes,
+    }
+    text = json.dumps(content).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<I", len(text)) + b"JSON" + text + struct.pack("<I", len(data)) + b"BIN\0" + data
+    (tmp_path / "t.glb").write_bytes(b"glTF" + struct.pack("<II", 2, 12 + len(chunks)) + chunks)
+    return tmp_path / "t.glb"
+
+
+CHAIN = [{"children": [i + 1]} for i in range(5000)] + [{"mesh": 0}]
+
+
+def unstored(count):
+    """Vertices that no buffer holds: zeros by the specification."""
+    vertices = {"componentType": 5126, "count": count, "type": "VEC3"}
+    return [vertices, {"componentType": 5125, "count": 3, "type": "SCALAR"}]
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"accessors": unstored(10**9)}, "its meshes take 12000000012 bytes"),
+        ({"nodes": [{"mesh": 0}] * 2000, "accessors": unstored(1000)}, "its meshes take 24024000 bytes"),
+        ({"nodes": CHAIN}, "its nodes hang more than 100 deep"),
+        ({"nodes": [{"children": [1]}, {"children": [0], "mesh": 0}]}, "in a circle"),
+        ({"nodes": [{"children": [1, 1]}, {"mesh": 0}]}, "below two others"),
+        ({"accessors": 5}, "its description cannot be followed"),
+        ({"meshes": [{"primitives": [{"attributes": {"POSITION": 7}}]}]}, "its description cannot be followed"),
+    ],
+    ids=["unstored", "instances", "chain", "circle", "twice", "no list", "no accessor"],
+)
+def test_a_glb_that_asks_for_more_than_it_holds_is_refused(tmp_path, changes, message):
+    """616 bytes asked for 13 GiB."""
+    assert len(load_mesh(triangle_glb(tmp_path)).faces) == 1
+    began = time.perf_counter()
+    with pytest.raises(MeshError, match=rf"t\.glb cannot be read as GLB .*{message}"):
+        load_mesh(triangle_glb(tmp_path, **changes))
+    assert time.perf_counter() - began < 10

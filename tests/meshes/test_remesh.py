@@ -209,3 +209,23 @@ def test_scans_become_even(subtests):
             assert wound_alike(mesh)
             assert volume(mesh) > 0
             check(mesh, 10_000)
+
+
+def test_absurd_counts_are_refused_before_any_work():
+    with pytest.raises(InputError, match="vertices is 100000000; expected at most 2000000"):
+        resample(box(), 100_000_000)
+
+
+def test_a_stray_vertex_asks_for_no_finer_mesh_than_sensible(monkeypatch):
+    """Slivers never meet the number of vertices asked for: the second attempt asked for 48 times as many."""
+    from millisight.meshes import _remesh
+
+    asked = []
+    once = _remesh._resampled
+    monkeypatch.setattr(_remesh, "_resampled", lambda mesh, ask, tell: (asked.append(ask), once(mesh, ask, tell))[1])
+    sphere = LOW_POLY["sphere"]()
+    vertices = sphere.vertices.copy()
+    vertices[0] = [100, 0, 0]
+    resample(TriangleMesh(vertices=vertices, faces=sphere.faces), 300)
+    assert len(asked) > 1
+    assert max(asked) <= 1200

@@ -334,3 +334,46 @@ def test_a_writer_of_one_s_own_is_given_all_there_is():
     assert log.positions[-1] == pytest.approx(rig.plan.rows[-1][1].position, abs=1e-6)
     with pytest.raises(InputError, match="the radars are called"):
         record_scan(rig.arm, rig.radars[:1] * 2, None, rig.plan, writer)
+
+
+SMALL = {"radars": (RadarSettings(frame_period=0.02),), "scan": ScanSettings(size=(0.1, 0.1), row_spacing=0.1)}
+
+
+def small_scan(folder, **settings):
+    world = world_of(**SMALL)
+    rig = VirtualRig(world, frames=points)
+    out = experiment_folder(folder, "058_golf_ball", (0, 0, 0), 1, "los")
+    writer = PublishedWriter(out, info=experiment_info(world), **settings)
+    return writer, lambda: record_scan(rig.arm, rig.radars, None, rig.plan, writer)
+
+
+def test_an_experiment_appears_when_all_of_it_is_there(tmp_path):
+    """And another run begins anew where one was killed before; what that left goes."""
+
+    def fail():
+        assert not writer.path.exists()
+        assert [path.name for path in tmp_path.rglob(CAPTURE_NAME)] == [CAPTURE_NAME]
+        raise KeyError
+
+    writer, scan = small_scan(tmp_path, last=fail)
+    with pytest.raises(KeyError):
+        scan()
+    assert not writer.path.exists()
+    remains = writer.path.parent.with_name(".exp1.0123abcd.part")
+    (remains / "rows").mkdir(parents=True)
+    writer, scan = small_scan(tmp_path)
+    scan()
+    raw = radar_folder(writer.path, "77_ghz", processed=False)
+    assert load(raw / CAPTURE_NAME).metadata["source"].startswith("058_golf_ball/robot_collected/0_0_0/exp1/los/")
+    assert not remains.exists()
+    assert sorted(p.name for p in writer.path.parent.iterdir()) == ["experiment_info.json", "los"]
+
+
+def test_two_runs_of_one_experiment_are_refused(tmp_path):
+    def again():
+        with pytest.raises(FileError, match=r"another run \(process \d+\) is using .*exp1; wait for it, or stop it"):
+            small_scan(tmp_path)[1]()
+
+    writer, scan = small_scan(tmp_path, hdf5=False, last=again)
+    scan()
+    assert writer.path.exists()

@@ -13,8 +13,10 @@ OWN = [
     ("127.0.0.1", "localhost:8080", "http://localhost:8080"),
     ("127.0.0.1", "localhost:9000", "http://localhost:9000"),  # through `ssh -L 9000:localhost:8080`
     ("localhost", "[::1]:8080", "http://[::1]:8080"),
-    ("0.0.0.0", "lab:8080", "http://lab:8080"),
-    ("0.0.0.0", "lab", "https://lab"),  # behind a server that speaks TLS
+    ("0.0.0.0", "192.0.2.1:8080", "http://192.0.2.1:8080"),  # no name, so nobody else's
+    ("0.0.0.0", f"{socket.gethostname().lower()}:8080", None),
+    ("lab", "lab:8080", "http://lab:8080"),
+    ("lab", "lab", "https://lab"),  # behind a server that speaks TLS
 ]
 OTHERS = [
     ("127.0.0.1", "localhost:8080", "https://evil.example"),
@@ -27,8 +29,12 @@ OTHERS = [
     ("127.0.0.1", "[", None),
     ("127.0.0.1", "", None),
     ("127.0.0.1", None, None),
-    ("0.0.0.0", "lab:8080", "http://evil.example"),
-    ("0.0.0.0", "lab:8080", "http://[lab:8080"),
+    ("0.0.0.0", "evil.example:8080", "http://evil.example:8080"),
+    ("0.0.0.0", "evil.example:8080", None),
+    ("192.0.2.1", "evil.example:8080", None),
+    ("127.0.0.1", "192.0.2.1:8080", None),
+    ("lab", "lab:8080", "http://evil.example"),
+    ("lab", "lab:8080", "http://[lab:8080"),
 ]
 
 

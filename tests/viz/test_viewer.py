@@ -28,6 +28,7 @@ from millisight.viz.viewer import _server as server_module
 from millisight.viz.viewer._layout import FOV, placed, rows_and_columns, start_camera
 from millisight.viz.viewer._levels import FLOOR_DB, levels_of, mixed_levels
 from millisight.viz.viewer._pane import path_lines
+from millisight.viz.viewer._server import url_of
 from millisight.viz.viewer._settings import colour_bar, palette
 
 GRID = ms.VoxelGrid(x=np.linspace(-0.03, 0.03, 7), y=np.linspace(0, 0.04, 5), z=np.linspace(-0.2, -0.1, 3))
@@ -391,7 +392,7 @@ def test_a_view_that_blocks_waits_until_it_is_closed(monkeypatch, capsys):
     viewer = ms.view(image(), browser=False, block=True)
     assert waited == [200]
     assert repr(viewer).startswith("Viewer(closed")
-    assert re.search(r"viewer: http://127\.0\.0\.1:\d+, press Ctrl-C to stop", capsys.readouterr().err)
+    assert re.search(r"viewer: http://127\.0\.0\.1:\d+/[\w-]{22}, press Ctrl-C to stop", capsys.readouterr().err)
 
 
 def test_another_thread_can_end_the_wait():
@@ -463,11 +464,11 @@ def test_only_its_own_page_is_answered():
     try:
         port = server.get_port()
 
-        def told(**headers):
+        own = url_of(server).replace("http:", "ws:")
+
+        def told(address=own, **headers):
             """The first bytes that a page of that origin is sent."""
-            with connect(
-                f"ws://127.0.0.1:{port}/", subprotocols=[f"viser-v{viser.__version__}"], open_timeout=10, **headers
-            ) as socket:
+            with connect(address, subprotocols=[f"viser-v{viser.__version__}"], open_timeout=10, **headers) as socket:
                 return socket.recv(timeout=10)
 
         assert told(origin=f"http://127.0.0.1:{port}")
@@ -475,11 +476,20 @@ def test_only_its_own_page_is_answered():
         for origin in ("https://evil.example", "http://127.0.0.1:1", "null"):
             with pytest.raises(InvalidStatus, match="403"):
                 told(origin=origin)
-        named = urllib.request.Request(f"http://127.0.0.1:{port}/", headers={"Host": f"evil.example:{port}"})
-        with pytest.raises(urllib.error.HTTPError, match="403"):
-            urllib.request.urlopen(named, timeout=10)
-        with urllib.request.urlopen(f"http://127.0.0.1:{port}/", timeout=10) as answer:
-            assert b"Viser" in answer.read()
+        for address in (f"ws://127.0.0.1:{port}/", f"{own}x", own[:-1], f"ws://127.0.0.1:{port}/x/{server.secret}"):
+            with pytest.raises(InvalidStatus, match="403"):
+                told(address)
+        page = url_of(server)
+        named = urllib.request.Request(page, headers={"Host": f"evil.example:{port}"})
+        for asked in (named, f"http://127.0.0.1:{port}/", f"http://127.0.0.1:{port}/{'x' * len(server.secret)}/"):
+            with pytest.raises(urllib.error.HTTPError, match="403"):
+                urllib.request.urlopen(asked, timeout=10)
+        for asked in (page, f"{page}?threshold_db=-3"):
+            with urllib.request.urlopen(asked, timeout=10) as answer:  # to the same with a slash
+                assert answer.url == asked.replace(page, f"{page}/")
+                assert b"Viser" in answer.read()
+                assert "frame-ancestors 'none'" in answer.headers["Content-Security-Policy"]
+                assert answer.headers["Referrer-Policy"] == "no-referrer"
     finally:
         server.stop()
 
@@ -527,16 +537,17 @@ def test_a_request_is_judged_by_its_whole_head(monkeypatch):
     server = start()
     try:
         own = b"Host: 127.0.0.1:%d\r\n" % server.get_port()
-        assert answered(server, b"GET / HT", b"TP/1.1\r\n" + own + b"\r", b"\n") == "HTTP/1.1 200 OK"
+        get = b"GET /%b/ HTTP/1.1\r\n" % server.secret.encode()
+        assert answered(server, get[:7], get[7:] + own + b"\r", b"\n") == "HTTP/1.1 200 OK"
         evil = b"Origin: https://evil.example\r\n"
-        assert answered(server, b"GET / HTTP/1.1\r\n" + own, evil + b"\r\n") == "HTTP/1.1 403 Forbidden"
-        twice = b"GET / HTTP/1.1\r\n" + own + own + b"\r\n"
+        assert answered(server, get + own, evil + b"\r\n") == "HTTP/1.1 403 Forbidden"
+        twice = get + own + own + b"\r\n"
         assert answered(server, twice) == "HTTP/1.1 403 Forbidden"
-        for target in (b"http://[/x", b"//[/x", b"*", b""):
+        for target in (b"http://[/x", b"//[/x", b"*", b"", b"/", b"/../%b/" % server.secret.encode()):
             assert answered(server, b"GET " + target + b" HTTP/1.1\r\n" + own + b"\r\n") == "HTTP/1.1 403 Forbidden"
-        assert answered(server, b"GET / HTTP/1.1\r\n\r\n") == "HTTP/1.1 403 Forbidden"
-        assert answered(server, b"GET / HTTP/1.1\r\nX: " + (1 << 17) * b"x") in ("HTTP/1.1 403 Forbidden", "")
-        assert answered(server, b"GET / HTTP/1.1\r\n") == ""  # it waits no longer
+        assert answered(server, get + b"\r\n") == "HTTP/1.1 403 Forbidden"
+        assert answered(server, get + b"X: " + (1 << 17) * b"x") in ("HTTP/1.1 403 Forbidden", "")
+        assert answered(server, get) == ""  # it waits no longer
     finally:
         server.stop()
 
@@ -544,7 +555,7 @@ def test_a_request_is_judged_by_its_whole_head(monkeypatch):
 def test_a_viser_that_opens_its_own_port_is_refused(monkeypatch):
     import viser
 
-    monkeypatch.setattr(server_module, "_guarded", lambda listener, host: viser.ViserServer)
+    monkeypatch.setattr(server_module, "_guarded", lambda listener, host, secret: viser.ViserServer)
     with pytest.raises(DeviceError, match="is not known here"):
         start()
 

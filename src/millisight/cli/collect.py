@@ -1,6 +1,7 @@
 """`millisight collect`: run a scan with a rig, and write it in the published layout."""
 
 import shutil
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -84,7 +85,14 @@ def collect(
     objects = [{ object = "mug" }]
     """
     from millisight.rig import PublishedWriter, record_scan
-    from millisight.rig.virtual import VirtualRig, World, build_layout, experiment_folder_of, experiment_info
+    from millisight.rig.virtual import (
+        VirtualRig,
+        World,
+        build_layout,
+        experiment_folder_of,
+        experiment_info,
+        write_truth,
+    )
 
     if rig is not None and rig not in RIGS:
         raise UnknownNameError("rig", rig, RIGS, advice="Real devices are named in a rig file: see docs/how-to/rig.md.")
@@ -122,7 +130,8 @@ def collect(
             f"{output} has {shutil.disk_usage(output).free / 1e6:.0f} MB of free disk space; the scan needs "
             f"{2 * size / 1e6:.0f} MB"
         )
-    writer = PublishedWriter(folder, info=experiment_info(described), hdf5=hdf5)
+    last = None if truth is None else partial(write_truth, virtual, truth)
+    writer = PublishedWriter(folder, info=experiment_info(described), hdf5=hdf5, last=last)
     if live:
         _scan_live(virtual, writer, browser=not no_browser)
     else:
@@ -130,9 +139,7 @@ def collect(
             record_scan(virtual.arm, virtual.radars, virtual.camera, virtual.plan, writer, progress=report)
     say(f"wrote {folder}")
     if truth is not None:
-        from millisight.rig.virtual import write_truth
-
-        say(f"wrote {write_truth(virtual, truth)}: the true path and exact masks")
+        say(f"wrote {truth}: the true path and exact masks")
 
 
 def _scan_live(rig: "VirtualRig", writer: "ScanWriter", *, browser: bool) -> None:

@@ -1,11 +1,13 @@
 """The grid of an image, its memory, and the outline drawn over it, as options name them."""
 
+import os
+
 import numpy as np
 
 from millisight.cli.console import SMALL, length
 from millisight.core.errors import InputError
 from millisight.data import Capture, Scene, TriangleMesh, VoxelGrid
-from millisight.imaging import grid_around, scene_bounds
+from millisight.imaging import grid_around, memory_needed, scene_bounds
 
 # By so much may the box of an outline differ from that of the simulated scene, which was resampled [m].
 _MISFIT = 0.01
@@ -55,6 +57,29 @@ def parse_bytes(text: str) -> float:
     if not 0 < size < float("inf"):
         raise InputError(f"--memory is {text!r}; expected a size with its unit, such as 8GB or 500MB")
     return size
+
+
+def check_memory(capture: Capture, voxels: VoxelGrid, *, advice: str = ", or pass --memory") -> None:
+    """Refuse, before any work, an image that this machine cannot hold.
+
+    Raises
+    ------
+    InputError
+    """
+    needed, there = memory_needed(capture, voxels), _installed_memory()
+    if needed > there:
+        raise InputError(
+            f"the image of {voxels.size:.3g} voxels takes about {needed / 1e9:.2g} GB, and this machine has "
+            f"{there / 1e9:.2g} GB; use a coarser --grid{advice}"
+        )
+
+
+def _installed_memory() -> float:
+    """Memory of this machine [bytes]; infinite where the system does not say."""
+    try:
+        return float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+    except (AttributeError, OSError, ValueError):
+        return float("inf")
 
 
 def outline_mesh(outline: str, capture: Capture) -> TriangleMesh:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from millisight.cli.console import progress, say, say_sampling
-from millisight.cli.grids import parse_grid
+from millisight.cli.grids import check_memory, parse_grid
 from millisight.cli.sources import Opened, Source
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.data import Capture, SarImage, VoxelGrid
@@ -96,6 +96,8 @@ def prepared(opened: Opened, source: Source, settings: ImageSettings, label: str
     """The capture as it is imaged, the voxels, and what clutter is still to be taken off the image."""
     capture = _without_background(opened.capture, source, settings)
     voxels = parse_grid(settings.grid, capture)
+    if settings.memory is None:
+        check_memory(capture, voxels)
     capture = _on_time(Opened(capture, opened.log), voxels, settings.clock, label)
     say(f"grid: {' x '.join(map(str, voxels.shape))} voxels, {capture.channels} channels")
     if len(capture.trajectory) > 1:

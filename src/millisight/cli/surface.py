@@ -7,7 +7,7 @@ import numpy as np
 import typer
 
 from millisight.cli.console import SMALL, answer_json, check_outputs, json_only, length, progress, say
-from millisight.cli.grids import parse_grid
+from millisight.cli.grids import check_memory, parse_grid
 from millisight.cli.image_sources import read_as
 from millisight.cli.image_steps import oddities
 from millisight.cli.options import RadarChoice
@@ -188,6 +188,7 @@ def _points(opened: Capture | SarImage, grid: str | None, **settings: Any) -> Po
         settings.pop("window")
         return surface_points(opened, **settings)
     voxels = parse_grid(grid, opened)
+    check_memory(opened, voxels, advice="")
     say(f"grid: {' x '.join(map(str, voxels.shape))} voxels, {opened.channels} channels")
     with progress("surface points") as report:
         return surface_points(opened, voxels, progress=report, **settings)

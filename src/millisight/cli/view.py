@@ -60,7 +60,7 @@ def view(
     separate: Annotated[bool, typer.Option("--separate", help="Show specular and edge images side by side.")] = False,
     unit: Annotated[str | None, typer.Option(help="Unit of mesh files: m, cm, mm or in.")] = None,
     host: Annotated[
-        str, typer.Option(help="Address to listen on; 0.0.0.0 gives other machines access, without a password.")
+        str, typer.Option(help="Address to listen on; 0.0.0.0 lets other machines in that know the printed address.")
     ] = "127.0.0.1",
     port: Annotated[int | None, typer.Option(min=1, max=65535, help="[default: 8080, or the next free one]")] = None,
     no_browser: Annotated[bool, typer.Option("--no-browser", help="Do not open a browser window.")] = False,

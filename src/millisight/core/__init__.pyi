@@ -29,6 +29,9 @@ from ._files import read_toml as read_toml
 from ._files import same_file as same_file
 from ._files import write_text as write_text
 from ._late import late as late
+from ._limits import Limits as Limits
+from ._limits import limits_of as limits_of
+from ._locks import alone as alone
 from ._matrix import product as product
 from ._progress import share_of as share_of
 from ._records import Metadata as Metadata

@@ -1,18 +1,22 @@
 """Writing files so that a reader never meets half of one.
 
 Whoever writes a file writes it to a temporary name beside its place and renames it when it is whole: a full
-disk, a read-only folder, or Ctrl-C in the middle leaves what was there before, and nothing else.
+disk, a read-only folder, or Ctrl-C in the middle leaves what was there before, and nothing else. What a killed process
+leaves, the next to write the same file removes.
 """
 
 import os
 import re
 import secrets
 import stat
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from millisight.core._limits import limits_of
+from millisight.core._locks import held
 from millisight.core.errors import FileError, FormatError, check_known
 
 FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
@@ -22,6 +26,12 @@ RECORD_SUFFIXES = (".h5", ".hdf5")
 """What records are written as."""
 
 _LARGEST_TOML = 1 << 20  # bytes
+_STALE = 60  # seconds that nobody has written to a temporary file
+_DEEPEST = limits_of(_LARGEST_TOML).depth
+
+# A dotted key of more parts: tomllib's memory grows with the square of their number. Each part is run through once.
+_PART = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
+_DEEP_KEY = re.compile(rf"(?<![\w-]){_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{{_DEEPEST}}}")
 
 # Controls but tab and line feed, and the marks that reorder text.
 _STEERING = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
@@ -42,7 +52,9 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     path = checked_path(path)
     temporary, target = _claim(path)
     try:
-        yield temporary
+        with _in_work(temporary):
+            _sweep(target)
+            yield temporary
         with open(temporary, "rb") as written:
             os.fsync(written.fileno())
         os.replace(temporary, target)
@@ -161,6 +173,28 @@ def _claim(path: Path) -> tuple[Path, Path]:
     return temporary, target
 
 
+@contextmanager
+def _in_work(temporary: Path) -> Iterator[None]:
+    """Lock a temporary file while it is written, so that no other writer takes it for one that was left behind."""
+    if os.name == "nt":  # where an open file could not be renamed, and there are no such locks
+        yield
+        return
+    with open(temporary, "rb") as file:
+        held(file)
+        yield
+
+
+def _sweep(target: Path) -> None:
+    """Remove the temporary files of writers of `target` that were killed."""
+    name = re.compile(rf"\.{re.escape(target.stem[:40])}\.[0-9a-f]{{8}}\.part{re.escape(target.suffix)}")
+    with suppress(OSError), os.scandir(target.parent) as entries:
+        for entry in [entry for entry in entries if name.fullmatch(entry.name)]:
+            with suppress(OSError), open(entry.path, "rb") as file:
+                # Its age: between its making and its locking it is a writer's, too.
+                if time.time() - os.fstat(file.fileno()).st_mtime > _STALE and os.name != "nt" and held(file):
+                    os.unlink(entry.path)
+
+
 def write_text(path: str | os.PathLike[str], text: str) -> None:
     """Write `text` to `path` as UTF-8, atomically."""
     with atomic_path(path) as temporary:
@@ -241,6 +275,8 @@ def parsed_toml(text: str) -> dict[str, Any]:
     """
     import tomllib
 
+    if found := _DEEP_KEY.search(text):
+        raise ValueError(f"a key of more than {_DEEPEST} parts: {found[0][:40]}...")
     content = tomllib.loads(text)
     pending: list[Any] = [content]
     while pending:  # a loop, since tables may be nested as deep as the text is long

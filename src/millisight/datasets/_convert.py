@@ -8,13 +8,14 @@ import hashlib
 import json
 import os
 import shutil
+import stat
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from millisight.core import atomic_path, checked_number, make_folder, printable, record, same_file, write_text
+from millisight.core import alone, atomic_path, checked_number, make_folder, printable, record, same_file, write_text
 from millisight.core.errors import FileError, InputError
 from millisight.datasets import _mito
 from millisight.datasets._dataset import CANNOT_LIST, Dataset, Item
@@ -23,8 +24,8 @@ from millisight.datasets._manifest import (
     ManifestEntry,
     ManifestSource,
     checksum,
+    is_whole,
     read_manifest,
-    size_of,
     write_manifest,
 )
 from millisight.datasets._workers import each
@@ -109,7 +110,7 @@ def convert(
     settings = {"conversion": _VERSION, "schema": SCHEMA_VERSION, "min_distance": min_distance}
     kept, notes = 0, []
     failures = [(path, CANNOT_LIST) for path in dataset.unreadable]
-    with _Ledger(out, settings) as ledger:
+    with alone(out, printable(out)), _Ledger(out, settings) as ledger:
         jobs = [ledger.job(item, dataset.root) for item in items]
         with closing(each(_convert, jobs, workers=workers)) as outcomes:
             for count, outcome in enumerate(outcomes, 1):
@@ -189,7 +190,7 @@ def _convert(job: _Job) -> _Done:
     sources = tuple(_source(path, files, job, known) for path, files in _sources_of(job.item))
     outputs = _outputs(job.item, job.root)
     if [entry.path for entry in job.before] == outputs and all(
-        entry.sources == sources and size_of(job.out / entry.path) == entry.size for entry in job.before
+        entry.sources == sources and is_whole(entry, job.out) for entry in job.before
     ):
         return _Done(job.before, known, True)
     entries = []
@@ -203,6 +204,18 @@ def _convert(job: _Job) -> _Done:
         os.replace(partial, target)
         entries.append(entry)
     return _Done(tuple(entries), known, False)
+
+
+def _known_checksum(file: Path, before: tuple[int, int, str] | None) -> tuple[int, int, str]:
+    """Size, time and SHA-256 of a file, which is read unless size and time are those of before."""
+    try:
+        status = file.stat()
+    except OSError as error:
+        raise FileError(f"cannot read {printable(file)}: {error.strerror}") from error
+    if not stat.S_ISREG(status.st_mode):
+        raise FileError(f"{printable(file)} is a device or a pipe; expected a file")
+    same = before is not None and before[:2] == (status.st_size, status.st_mtime_ns)
+    return status.st_size, status.st_mtime_ns, before[2] if before is not None and same else checksum(file)
 
 
 def _contents(job: _Job) -> Iterator[tuple[Callable[[Path], None], list[str]]]:
@@ -259,17 +272,10 @@ def _source(path: Path, files: Iterable[Path], job: _Job, known: Checksums) -> M
     lines = []
     size = 0
     for file in files:
-        try:
-            status = file.stat()
-        except OSError as error:
-            raise FileError(f"cannot read {printable(file)}: {error.strerror}") from error
         name = _relative(file, job.root)
-        before = job.known.get(name)
-        same = before is not None and before[:2] == (status.st_size, status.st_mtime_ns)
-        sha256 = before[2] if before is not None and same else checksum(file)
-        known[name] = (status.st_size, status.st_mtime_ns, sha256)
-        size += status.st_size
-        lines.append((sha256, file))
+        known[name] = found = _known_checksum(file, job.known.get(name))
+        size += found[0]
+        lines.append((found[2], file))
     if [file for _, file in lines] == [path]:
         return ManifestSource(_relative(path, job.root), size, lines[0][0])
     listing = "".join(f"{sha256}  {file.relative_to(path).as_posix()}\n" for sha256, file in lines)

@@ -151,6 +151,12 @@ def size_of(path: Path) -> int:
         return -1
 
 
+def is_whole(entry: ManifestEntry, root: Path) -> bool:
+    """Whether the file of an entry is there, byte for byte as it was written."""
+    path = root / entry.path
+    return size_of(path) == entry.size and checksum(path) == entry.sha256
+
+
 def _parsed(name: str, number: int, line: bytes) -> dict[str, Any]:
     try:
         value = json.loads(line)

@@ -20,17 +20,15 @@ from typing import Any, TypeVar, overload
 import numpy as np
 
 from millisight import data
-from millisight.core import atomic_path, check_readable, check_record_suffix, check_shape, printable
+from millisight.core import atomic_path, check_record_suffix, check_shape, printable
 from millisight.core.errors import DamagedFileError, FileError, FormatError, InputError
 from millisight.data import Capture
 from millisight.io._about import ABOUT
-from millisight.io._seal import chunk_extents, seal_holds, write_seal
+from millisight.io._opened import PLACED_VERSION, SCHEMA_VERSION, opened, plain, reason
+from millisight.io._seal import chunk_extents, write_seal
 from millisight.io._sink import Sink
 
 T = TypeVar("T")
-
-SCHEMA_VERSION = 2  # 1 had no seal
-_PLACED_VERSION = 3  # of captures with antennas at their own places, or layers, which an older reader would pass over
 
 RECORDS = {
     cls.__name__: cls
@@ -43,7 +41,6 @@ RECORDS = {
 }  # fmt: skip
 
 _CHUNK_BYTES = 1 << 20
-_MESHES = (".stl", ".obj", ".ply", ".off", ".glb")
 _EXTRAS = "extras"
 _JSON = "json:"
 
@@ -80,7 +77,7 @@ def save(
         record.frames_of(slice(0, 1))  # refuses, before anything is written, one whose file was closed
     newer = ("tx_points", "rx_points", "layers")
     placed = isinstance(record, Capture) and any(getattr(record, name) is not None for name in newer)
-    with _sealed(path, _PLACED_VERSION if placed else SCHEMA_VERSION, reproducible=reproducible) as (file, sink):
+    with _sealed(path, PLACED_VERSION if placed else SCHEMA_VERSION, reproducible=reproducible) as (file, sink):
         _write(file, record, sink)
         for name, value in (extras or {}).items():
             _write_extra(file, name, value, sink)
@@ -164,7 +161,7 @@ def load(path: str | os.PathLike[str], kind: type[Any] | None = None) -> Any:
     """
     if kind is not None and kind not in RECORDS.values():
         raise InputError(f"kind is {kind!r}; expected one of {', '.join(sorted(RECORDS))}")
-    with _opened(path) as file:
+    with opened(path) as file:
         if kind is not None:
             _expect(file, path, kind.__name__)
         return _read(file, path)
@@ -179,9 +176,27 @@ def open_capture(path: str | os.PathLike[str]) -> Iterator[Capture]:
     FileError, FormatError, DamagedFileError
         As `load`; FormatError also where the file holds another record.
     """
-    with _opened(path) as file:
+    with opened(path) as file:
         _expect(file, path, "Capture")
         yield _read(file, path, lazy=("frames",))
+
+
+@contextmanager
+def open_image(path: str | os.PathLike[str]) -> Iterator[tuple[data.VoxelGrid, Any]]:
+    """Grid and values of an image; the values, (X, Y, Z) complex64, stay on disk while the `with` block runs.
+
+    Raises
+    ------
+    FileError, FormatError, DamagedFileError
+        As `load`; FormatError also where the file holds another record.
+    """
+    with opened(path) as file:
+        _expect(file, path, data.SarImage.__name__)
+        found = {name: _read_item(file[name], path, lazily=True) for name in ("grid", "values") if name in file}
+        grid, values = found.get("grid"), found.get("values")
+        if not isinstance(grid, data.VoxelGrid) or getattr(values, "shape", None) != grid.shape:
+            raise DamagedFileError(f"{path} is damaged: its values do not fit its grid; make or copy it again")
+        yield grid, values
 
 
 def load_extras(path: str | os.PathLike[str]) -> dict[str, Any]:
@@ -192,68 +207,23 @@ def load_extras(path: str | os.PathLike[str]) -> dict[str, Any]:
     FileError, FormatError, DamagedFileError
         As `load`.
     """
-    with _opened(path) as file:
+    with opened(path) as file:
         extras: dict[str, Any] = {}
         try:
             for name, item in file.get(_EXTRAS, {}).items():
                 array = _read_item(item, path, lazily=False)
                 extras[name] = json.loads(array.tobytes()) if "json" in item.attrs else array
         except (OSError, RuntimeError, LookupError, TypeError, ValueError, AttributeError) as error:
-            reason = _reason(error)
-            raise DamagedFileError(f"{path} is damaged at {_EXTRAS}: {reason}; make or copy it again") from error
+            raise DamagedFileError(f"{path} is damaged at {_EXTRAS}: {reason(error)}; make or copy it again") from error
         return extras
 
 
 def provenance(path: str | os.PathLike[str]) -> dict[str, Any]:
     """Provenance of a file: record, schema_version, code_version, command, created; or "unknown"."""
-    with _opened(path) as file:
+    with opened(path) as file:
         names = ("record", "schema_version", "code_version", "command", "created")
-        told = {name: _plain(file.attrs.get(name, "unknown")) for name in names}
+        told = {name: plain(file.attrs.get(name, "unknown")) for name in names}
         return {name: value if isinstance(value, int | str) else str(value) for name, value in told.items()}
-
-
-@contextmanager
-def _opened(path: str | os.PathLike[str]) -> Iterator[Any]:
-    import h5py
-
-    path = check_readable(path)
-    with open(path, "rb") as raw:
-        start = raw.read(8)
-        sealed = seal_holds(raw)
-    if start != b"\x89HDF\r\n\x1a\n":
-        raise FormatError(f"{path} {_instead(path, start)}")
-    if sealed is False:
-        raise DamagedFileError(f"{path} is damaged: its checksum differs; make or copy it again")
-    try:
-        file = h5py.File(path, "r")
-    except OSError as error:
-        raise DamagedFileError(f"{path} cannot be opened as HDF5: {_reason(error)}; make or copy it again") from error
-    with file:
-        try:
-            ours = str(_plain(file.attrs.get("format"))) == "millisight"
-            version = int(file.attrs.get("schema_version", 0))
-        except (OSError, RuntimeError, KeyError, TypeError, ValueError) as error:
-            raise DamagedFileError(f"{path} is damaged: {_reason(error)}; make or copy it again") from error
-        if not ours:
-            raise FormatError(f"{path} is HDF5, but not written by millisight (no format attribute)")
-        if not 1 <= version <= _PLACED_VERSION:
-            raise FormatError(
-                f"{path} has schema version {version}; this millisight reads up to {_PLACED_VERSION}: upgrade it"
-            )
-        if sealed is None and version > 1:
-            raise DamagedFileError(
-                f"{path} has no checksum: it is damaged, or another program changed it; make or copy it again"
-            )
-        yield file
-
-
-def _instead(path: Path, start: bytes) -> str:
-    """What a file is that begins with `start`, no HDF5."""
-    if not start:
-        return "is empty; expected an HDF5 file that millisight wrote: make or copy it again"
-    if path.suffix.lower() in _MESHES:
-        return "is a mesh; `millisight simulate` makes a capture of it"
-    return f"is not an HDF5 file (it starts with {start!r}); expected one that millisight wrote"
 
 
 def _write(group: Any, record: Any, sink: Sink) -> None:
@@ -273,8 +243,8 @@ def _write(group: Any, record: Any, sink: Sink) -> None:
         elif not isinstance(value, tuple) and np.shape(value):
             about = _write_array(group, field.name, value, sink).attrs
         else:
-            plain = isinstance(value, int | float | complex | np.number) or _is_plain_text(value)
-            group.attrs[field.name] = value if plain else _JSON + json.dumps(value)
+            as_it_is = isinstance(value, int | float | complex | np.number) or _is_plain_text(value)
+            group.attrs[field.name] = value if as_it_is else _JSON + json.dumps(value)
             continue
         own = f"{type(record).__name__}.{field.name}"
         for name, text in ABOUT.get(own, ABOUT.get(field.name, {})).items():
@@ -328,14 +298,14 @@ def _read(group: Any, path: str | os.PathLike[str], lazy: tuple[str, ...] = ()) 
     try:
         for field in fields(RECORDS[name]):
             if field.name in group.attrs:
-                values[field.name] = _plain(group.attrs[field.name])
+                values[field.name] = plain(group.attrs[field.name])
             elif field.name in group:
                 values[field.name] = _read_item(group[field.name], path, lazily=field.name in lazy)
         return RECORDS[name](**values)
     except FileError:
         raise
     except (OSError, RuntimeError, LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
-        raise DamagedFileError(f"{path} is damaged at {group.name}: {_reason(error)}; make or copy it again") from error
+        raise DamagedFileError(f"{path} is damaged at {group.name}: {reason(error)}; make or copy it again") from error
 
 
 def _read_item(item: Any, path: str | os.PathLike[str], *, lazily: bool) -> Any:
@@ -343,26 +313,11 @@ def _read_item(item: Any, path: str | os.PathLike[str], *, lazily: bool) -> Any:
         if "count" in item.attrs:
             return tuple(_read(item[str(i)], path) for i in range(int(item.attrs["count"])))
         return _read(item, path)
-    # An array that claims more than the file stores would be read as zeros, or exhaust the memory.
-    if item.id.get_storage_size() < item.nbytes:
-        raise DamagedFileError(
-            f"{path} is damaged at {item.name}: {item.id.get_storage_size()} bytes stored, "
-            f"{item.nbytes} expected; make or copy it again"
-        )
     if lazily:
         return item
     array = item[...]
     array.flags.writeable = False  # so that the record takes it as it is
     return array
-
-
-def _plain(value: Any) -> Any:
-    """An HDF5 attribute as plain Python."""
-    if isinstance(value, bytes):
-        value = value.decode()
-    if isinstance(value, str) and value.startswith(_JSON):
-        return json.loads(value[len(_JSON) :])
-    return value.item() if isinstance(value, np.generic) else value
 
 
 def _is_plain_text(value: Any) -> bool:
@@ -372,7 +327,7 @@ def _is_plain_text(value: Any) -> bool:
 
 def _kind(group: Any, path: str | os.PathLike[str]) -> str:
     """The name of the record that a group holds."""
-    name = _plain(group.attrs.get("record"))
+    name = plain(group.attrs.get("record"))
     if not isinstance(name, str):
         raise DamagedFileError(f"{path} is damaged at {group.name}: it names no record; make or copy it again")
     return name
@@ -382,7 +337,3 @@ def _expect(group: Any, path: str | os.PathLike[str], kind: str) -> None:
     """Raise `FormatError` unless a group holds a record of that kind."""
     if _kind(group, path) != kind:
         raise FormatError(f"{path} holds a {_kind(group, path)}; expected a {kind}")
-
-
-def _reason(error: BaseException) -> str:
-    return " ".join(str(getattr(error, "strerror", None) or error).split())

@@ -17,6 +17,7 @@ from scipy.sparse.csgraph import connected_components
 from millisight.core import check_known, printable
 from millisight.core.errors import FileError, MeshError
 from millisight.data import TriangleMesh, check_mesh_reach
+from millisight.meshes._glb import check_glb
 
 if TYPE_CHECKING:
     import trimesh
@@ -88,6 +89,8 @@ def _read(path: Path) -> Any:
         with open(path, "rb") as file, warnings.catch_warnings():
             # An open file and no resolver: whatever else the file names cannot be read or fetched.
             warnings.simplefilter("ignore")
+            if suffix == "glb":
+                check_glb(path)
             scene = trimesh.load_scene(file, file_type=suffix, process=False, skip_materials=True)
             declared = _declared_faces(file) if suffix == "off" else 0
     except OSError as error:

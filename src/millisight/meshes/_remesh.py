@@ -30,10 +30,11 @@ from millisight.meshes._subdivide import SIDES, edge_codes, rolled, split_long_e
 logger = logging.getLogger(__name__)
 
 FINENESS = 10  # fine vertices for each cluster, at least: fewer, and the cells of the clusters turn ragged
-FEWEST = 100  # vertices that one may ask for
+FEWEST, MOST = 100, 2_000_000  # vertices that one may ask for
 SWEEPS = 100  # over all edges while settling, at most; 30 to 60 are the rule
 MEND_ROUNDS = 12  # of splitting clusters that meet each other twice
 ATTEMPTS = 3  # at meeting the number of vertices asked for
+EXCESS = 4  # times as many, at most: a mesh of slivers never meets it
 MERGE_ROUNDS = 3  # of joining clusters whose vertices nearly coincide
 CLOSEST = 0.15  # spacing between neighbours below which their clusters are joined
 STIFFNESS = 0.003  # pull of a cluster's centre on its vertex, as a share of the pull of its planes
@@ -50,13 +51,13 @@ def resample(
     Parameters
     ----------
     mesh : closed or open, wound consistently (`load_mesh` sees to it)
-    vertices : how many to aim at, at least 100; met within 2 %
+    vertices : how many to aim at, 100 to 2 million; met within 2 % unless most of the surface is slivers
     progress : called with (steps done, steps in all)
 
     Raises
     ------
     InputError
-        `vertices` is no whole number, or below 100.
+        `vertices` is no whole number, below 100, or above 2 million.
     MeshError
         The mesh falls apart into pieces that are all smaller than the new spacing.
     """
@@ -65,6 +66,8 @@ def resample(
             f"vertices is {vertices!r}; expected a whole number of at least {FEWEST}: fewer cannot carry the shape "
             "of an everyday object. 10000 is the usual choice"
         )
+    if vertices > MOST:
+        raise InputError(f"vertices is {vertices!r}; expected at most {MOST}; 10000 is the usual choice")
     count = int(vertices)
     tell = progress or (lambda done, total: None)
 
@@ -72,7 +75,7 @@ def resample(
     ask = count
     for attempt in range(ATTEMPTS):
         result = _resampled(mesh, ask, lambda done, start=5 * attempt: tell(start + done, 5 * ATTEMPTS))
-        ask = max(FEWEST // 2, round(ask * count / len(result.vertices)))
+        ask = min(EXCESS * count, max(FEWEST // 2, round(ask * count / len(result.vertices))))
         if abs(len(result.vertices) - count) <= 0.015 * count:
             break
     tell(5 * ATTEMPTS, 5 * ATTEMPTS)

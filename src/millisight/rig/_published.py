@@ -4,14 +4,14 @@ import json
 import os
 import secrets
 import shutil
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from millisight.core import atomic_path, checked_numbers, checked_path, make_folder, printable, write_text
+from millisight.core import alone, atomic_path, checked_numbers, checked_path, make_folder, printable, write_text
 from millisight.core.errors import DamagedFileError, FileError, InputError
 from millisight.data import CameraFrame, Trajectory
 from millisight.io import mito, save
@@ -56,8 +56,8 @@ def scan_info(radars: Iterable[Any], background: str) -> dict[str, Any]:
 class PublishedWriter:
     """Writes a scan as an experiment of the published layout: a `ScanWriter`.
 
-    Rows go to disk as they come. The experiment appears under its name when its raw files are whole, and not at all
-    when something fails before.
+    Rows go to disk as they come. The experiment appears under its name when all its files are whole, and not at all
+    when something fails before. One run at a time writes an experiment.
 
     Parameters
     ----------
@@ -69,6 +69,7 @@ class PublishedWriter:
     origin : (3,) of the frame that images are in, in the arm's base frame [m]
     keep : the plan of the scan. What was recorded stays when the scan fails, in a hidden folder beside the
         experiment's, and another writer of the same plan goes on with it; None: nothing stays
+    last : called when all is written and before the experiment appears: for what has to be there, too
 
     The radars' names must be those of the layout, "77_ghz" and "24_ghz".
     """
@@ -82,10 +83,11 @@ class PublishedWriter:
         fill: bool = True,
         origin: tuple[float, float, float] = mito.BASE_ORIGIN,
         keep: ScanPlan | None = None,
+        last: Callable[[], object] | None = None,
     ):
         self.path: Path = Path(os.path.abspath(checked_path(out)))
         self.rows_done: int = 0
-        self._info, self._hdf5, self._fill, self._keep = info, hdf5, fill, keep
+        self._info, self._hdf5, self._fill, self._keep, self._last = info, hdf5, fill, keep, last
         self._origin = np.array(checked_numbers(origin, name="origin", count=3, unit="m"))
         self._spools: dict[str, _Spool] = {}
         self._radars: Sequence[RadarDevice] = ()
@@ -112,11 +114,20 @@ class PublishedWriter:
         self._radars = [radar for radar in radars if mito.checked_radar(radar.name)]
         self._check()
         out = self.path
+        with alone(out.parent, printable(out.parent)):
+            self._check()  # again: the run before may have ended just now
+            for remains in out.parent.parent.glob(f".{out.parent.name}.*.part"):  # of a run that was killed
+                shutil.rmtree(remains, ignore_errors=True)
+            yield from self._recording(radars, out)
+
+    def _recording(self, radars: Sequence[RadarDevice], out: Path) -> Iterator[None]:
         names = [radar.name for radar in radars]
         if self._keep is None:
             self._part = make_folder(out.parent.with_name(f".{out.parent.name}.{secrets.token_hex(4)}.part"))
         else:
             self._part = self._claim(self._keep, {radar.name: radar.frame_period for radar in radars})
+        # The names above it, too: provenance tells them.
+        self._stage = self._part.joinpath(*out.parts[-5:])
         try:
             done = _rows_listed(self._part)
             self.rows_done = len(done)
@@ -136,7 +147,7 @@ class PublishedWriter:
                 shutil.rmtree(self._part, ignore_errors=True)
 
     def add_picture(self, frame: CameraFrame) -> None:
-        folder = make_folder(self._part / self.path.name / "unprocessed" / "camera")
+        folder = make_folder(self._stage / "unprocessed" / "camera")
         mito.write_published(folder / "continuous.pkl", frame)
 
     def add_row(self, radar: RadarDevice, recording: Recording) -> None:
@@ -164,21 +175,24 @@ class PublishedWriter:
             positions = log.positions - self._origin + radar.mount
             mounted = Trajectory(times=log.times, positions=positions, orientations=log.orientations)
             mito.write_raw_experiment(
-                self._part / self.path.name,
+                self._stage,
                 radar.name,
                 self._spools[radar.name],
                 mounted,
                 info=self._info,
                 fill=self._fill,
             )
-        os.replace(self._part / mito.INFO_NAME, self.path.parent / mito.INFO_NAME)
-        os.replace(self._part / self.path.name, self.path)
-        shutil.rmtree(self._part, ignore_errors=True)
         for radar in self._radars if self._hdf5 else ():
-            raw = mito.radar_folder(self.path, radar.name, processed=False)
-            scan = mito.read_experiment(self.path, radar.name)
+            raw = mito.radar_folder(self._stage, radar.name, processed=False)
+            scan = mito.read_experiment(self._stage, radar.name)
             save(raw / CAPTURE_NAME, scan.to_capture(), reproducible=True)
             save(raw / LOG_NAME, scan.log, reproducible=True)
+        if self._last is not None:
+            self._last()
+        # All of it is there: whoever is killed from here on leaves nothing to be done again.
+        os.replace(self._stage.parent / mito.INFO_NAME, self.path.parent / mito.INFO_NAME)
+        os.replace(self._stage, self.path)
+        shutil.rmtree(self._part, ignore_errors=True)
 
     def _log_part(self, row: int) -> Path:
         return self._part / "log" / f"{row}.npz"

@@ -56,8 +56,8 @@ def asked_by_own_page(listening: str, host: str | None, origin: str | None) -> b
     """Whether a request comes from the served page, and not from another site's page in the same browser.
 
     A browser names in `Origin` the page whose script makes a request; a request without `Origin` comes from no script.
-    A page elsewhere whose name was made to point at this machine shows that name in `Host`; such names are refused
-    where the server listens to this machine alone.
+    A page elsewhere whose name was made to point at this machine shows that name in `Host`: so the only names taken are
+    those that were asked for, those of this machine and, where the server listens to others, addresses in numbers.
 
     Parameters
     ----------
@@ -65,7 +65,10 @@ def asked_by_own_page(listening: str, host: str | None, origin: str | None) -> b
     host, origin : the request's headers of these names, None where it has none
     """
     asked = _name(host or "")
-    if asked is None or (_is_local(listening) and not _is_local(asked) and asked != listening):
+    if asked is None:
+        return False
+    known = asked == listening.lower() or _is_local(asked)
+    if not known and not (not _is_local(listening) and (_is_number(asked) or asked == socket.gethostname().lower())):
         return False
     return origin in (None, f"http://{host}", f"https://{host}")
 
@@ -76,6 +79,14 @@ def _name(host: str) -> str | None:
         return urlsplit(f"//{host}").hostname
     except ValueError:
         return None
+
+
+def _is_number(name: str) -> bool:
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return False
+    return True
 
 
 def _is_local(name: str) -> bool:

@@ -11,8 +11,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from millisight.core import make_folder, printable
-from millisight.core.errors import DamagedFileError, FileError, InputError
+from millisight.core import alone, make_folder, printable
+from millisight.core.errors import DamagedFileError, InputError
 from millisight.datasets import (
     MANIFEST_NAME,
     Manifest,
@@ -22,10 +22,9 @@ from millisight.datasets import (
     read_manifest,
     write_manifest,
 )
-from millisight.datasets._manifest import manifest_entry, size_of
+from millisight.datasets._manifest import is_whole, manifest_entry
 
 JOURNAL_NAME = ".journal.jsonl"
-_LOCK_NAME = ".lock"
 
 
 class Ledger:
@@ -51,9 +50,9 @@ class Ledger:
             self._take(line)
 
     def kept(self, job: str, sha256: str) -> bool:
-        """Whether the job of this description is done, and its files are there still, as large as they were."""
+        """Whether the job of this description is done, and its files are there still, as they were written."""
         told = self._done.get(job)
-        return told is not None and told[0] == sha256 and all(size_of(self._out / e.path) == e.size for e in told[1])
+        return told is not None and told[0] == sha256 and all(is_whole(entry, self._out) for entry in told[1])
 
     def files(self, jobs: Iterable[str]) -> list[ManifestEntry]:
         """The files of some jobs."""
@@ -67,7 +66,7 @@ class Ledger:
     def writing(self) -> Iterator[None]:
         """Only in such a block jobs can be added, and only one at a time can have it."""
         make_folder(self._out)
-        with _alone(self._out):
+        with alone(self._out, printable(self._out)):
             if read_manifest(self._out) is None:
                 write_manifest(self._out, Manifest(settings=self._settings, entries={}))
             yield
@@ -119,21 +118,3 @@ def _journal(out: Path) -> Iterator[list[ManifestEntry]]:
             yield [manifest_entry(value, JOURNAL_NAME) for value in json.loads(line)]
         except (ValueError, TypeError, RecursionError, DamagedFileError):
             continue
-
-
-@contextmanager
-def _alone(out: Path) -> Iterator[None]:
-    """A lock on the folder, which goes with the process that holds it; none where the file system has no locks."""
-    try:
-        import fcntl
-    except ImportError:  # Windows
-        yield
-        return
-    with open(out / _LOCK_NAME, "w") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            raise FileError(f"another run is using {printable(out)}; wait for it, or stop it") from error
-        except OSError:
-            pass
-        yield

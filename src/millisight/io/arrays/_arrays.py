@@ -141,7 +141,7 @@ def _entries(path: Any, names: list[str] | None, max_bytes: int | None) -> dict[
     if start.startswith(NPY):
         return npy_entries(path, size)
     if start.startswith(_ZIP):
-        return npz_entries(path, limit)
+        return npz_entries(path, size, limit)
     if start[124:128] in (b"\0\1IM", b"\1\0MI") or start.startswith((b"MATLAB 7.3", _HDF5)):
         return child_entries(path, names, limit)
     raise FormatError(f"it starts with {start[:8]!r}; expected a .npy, .npz, MATLAB .mat (5 or 7.3) or HDF5 file")

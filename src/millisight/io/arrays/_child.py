@@ -7,9 +7,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from millisight.io._children import limit_memory
+
 _MOST = 10_000  # groups and data sets
 _DEEPEST = 16  # structures inside structures
-_OVERHEAD = 2 << 30  # of the libraries' own address space
 
 
 class _Found(NamedTuple):
@@ -28,7 +29,7 @@ def _nothing() -> np.ndarray:
 
 def main(path: str, limit: int, names: list[str] | None) -> None:
     """Write to the standard output what `_from_child` reads there; `names` are sent, None: all."""
-    _limit_memory(limit)
+    limit_memory(limit)
     with open(path, "rb") as raw:
         start = raw.read(10)
     matlab = start.startswith(b"MATLAB")
@@ -61,16 +62,6 @@ def main(path: str, limit: int, names: list[str] | None) -> None:
                 raise ValueError(f"array {one.name!r}: {error}") from error
             sys.stdout.buffer.write(values.reshape(-1).view(np.uint8).data)
             sys.stdout.buffer.flush()
-
-
-def _limit_memory(limit: int) -> None:
-    try:
-        import resource
-    except ImportError:  # not on Windows
-        return
-    most = _OVERHEAD + 3 * limit
-    resource.setrlimit(resource.RLIMIT_AS, (most, most))
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 
 
 def _matlab(path: str, limit: int, names: list[str] | None) -> Iterator[_Found]:

@@ -14,12 +14,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from millisight.core import limits_of
 from millisight.core.errors import FormatError
 
 DAMAGE = (ValueError, LookupError, TypeError, ArithmeticError, EOFError, zlib.error, zipfile.BadZipFile)
 _PLAIN_DTYPE = re.compile(r"[<>|=]?(?:\?|b1|[iu][1248]|f[248]|c(?:8|16)|[SU][1-9]\d{0,5})")
 _MOST_DIMENSIONS = 32
-_RATIO, _LEAST_LIMIT = 100, 1 << 26
 
 
 class Entry(NamedTuple):
@@ -64,7 +64,7 @@ def array_of_bytes(data: Any, dtype: np.dtype, shape: tuple[int, ...], *, fortra
 
 def unpacked_limit(size: int, max_bytes: int | None) -> int:
     """How many bytes a compressed file of `size` bytes may unpack to."""
-    return max(_RATIO * size, _LEAST_LIMIT) if max_bytes is None else max_bytes
+    return limits_of(size).unpacked if max_bytes is None else max_bytes
 
 
 def too_large(size: int, limit: int) -> FormatError:

@@ -5,16 +5,12 @@ follows no link out of the file, hands over the arrays' bytes, and whatever beco
 """
 
 import json
-import os
-import subprocess
-import sys
 from collections.abc import Iterable
-from threading import Timer
 from typing import Any
 
+from millisight.io._children import child, failure
 from millisight.io.arrays._entry import Entry, array_of_bytes, checked_shape, in_array, plain_dtype
 
-_SECONDS, _BYTES_PER_SECOND = 60, 20e6  # a child is given a minute, and what a slow disk needs on top
 _LONGEST_LINE = 1 << 24
 
 
@@ -24,19 +20,11 @@ def child_entries(path: Any, names: Iterable[str] | None, limit: int) -> dict[st
     Those in `names`, by default all, are read at once, in all at most `limit` bytes: ValueError if it unpacks to more.
     """
     wanted = None if names is None else list(names)
-    command = [sys.executable, "-m", "millisight.io.arrays._child"]
-    command += [os.path.abspath(path), str(limit), json.dumps(wanted)]
-    with subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as child:
-        timer = Timer(_SECONDS + os.path.getsize(path) / _BYTES_PER_SECOND, child.kill)
-        timer.start()
+    with child("millisight.io.arrays._child", str(limit), json.dumps(wanted), path=path) as process:
         try:
-            return _entries(child.stdout, limit)
+            return _entries(process.stdout, limit)
         except EOFError as error:  # so the child has ended
-            said = child.stderr.read(4096).decode("utf-8", "replace").strip() if child.stderr else ""
-            raise ValueError(said if child.wait() == 1 and said else "the library that reads it fails") from error
-        finally:
-            timer.cancel()
-            child.kill()
+            raise ValueError(failure(process)) from error
 
 
 def _entries(output: Any, limit: int) -> dict[str, Entry]:

@@ -78,12 +78,14 @@ def _npy_array(path: Any, start: int, header: _Header) -> np.ndarray:
         return header.array(file)
 
 
-def npz_entries(path: Any, limit: int) -> dict[str, Entry]:
+def npz_entries(path: Any, size: int, limit: int) -> dict[str, Entry]:
     """The arrays of an archive that `numpy.savez` or `savez_compressed` wrote."""
     entries: dict[str, Entry] = {}
     with zipfile.ZipFile(path) as archive:
         members = [info for info in archive.infolist() if not info.is_dir()]
         total = sum(info.file_size for info in members)
+        if sum(info.compress_size for info in members) > size:
+            raise ValueError("its members overlap: it claims more than it holds")
         if any(info.compress_type != zipfile.ZIP_STORED for info in members) and total > limit:
             raise too_large(total, limit)
         for info in members:

@@ -8,22 +8,19 @@ arrays. A global of the file never becomes a Python object: it stays a name, and
 import os
 import pickletools
 import struct
+import sys
 import warnings
 from collections.abc import Callable
 from typing import IO, Any, NoReturn
 
 import numpy as np
 
-from millisight.core import check_readable, printable
+from millisight.core import Limits, check_readable, limits_of, printable
 from millisight.core.errors import DamagedFileError, FormatError
 from millisight.io.arrays._entry import array_of_bytes, checked_shape, plain_dtype
+from millisight.io.arrays._pickled_content import Refused, checked_content
 
-_MOST_STEPS = 1_000_000  # so a pickle of empty sets, 216 bytes each, ends at a quarter of a gigabyte
-_BYTES_PER_STEP = 64  # of a large file, which may hold a list of as many arrays as an aperture has positions
 _LONGEST_INTEGER = 512  # bits
-_DEEPEST = 100
-_EXPANSION, _LEAST_LIMIT = 16, 1 << 26  # how large the content may be, shared parts counted each time they occur
-_ATOMS = (str, bytes, bytearray, int, float, complex, type(None), np.generic, np.dtype)
 _KEYS = (str, bytes, bool, int, float, type(None))
 _LONGEST_KEY = 8  # entries of a tuple that is a key
 _KEY_BITS = 16  # of whole numbers in it
@@ -48,22 +45,19 @@ def read_pickle(path: str | os.PathLike[str]) -> Any:
     size = os.path.getsize(path)
     with open(path, "rb") as file, warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # of odd escapes in Python 2's texts
-        machine = _Machine()
+        limits = limits_of(size)
+        machine = _Machine(limits)
         try:
-            return _checked(machine.run(_Bounded(file, size)), _EXPANSION * size + _LEAST_LIMIT)
-        except _Refused as error:
+            return checked_content(machine.run(_Bounded(file, size)), limits)
+        except Refused as error:
             raise FormatError(f"{printable(path)}, byte {machine.position}: {error}") from error
         except (ValueError, LookupError, TypeError, OverflowError, struct.error) as error:
             place = f"{printable(path)} is not a pickle, or is damaged, at byte {machine.position}"
             raise DamagedFileError(f"{place}: {error}; copy or make it again") from error
 
 
-class _Refused(Exception):
-    """What a pickle asks for and is not given."""
-
-
 def _refuse_global(name: str) -> NoReturn:
-    raise _Refused(
+    raise Refused(
         f"the pickle asks for {name[:200]}, which is refused: a pickle can run any code, so only NumPy arrays and "
         "plain containers are read; convert it with the program that wrote it, to .npz for instance"
     )
@@ -103,7 +97,8 @@ class _Unfinished:
 class _Machine:
     """Runs the steps of a pickle (`pickletools` describes each) that build plain values."""
 
-    def __init__(self) -> None:
+    def __init__(self, limits: Limits) -> None:
+        self.limits, self.made = limits, 0  # bytes of copies that calls have made so far
         self.stack: list[Any] = []
         self.below: list[list[Any]] = []  # the stacks under the marks
         self.memo: dict[int, Any] = {}
@@ -111,14 +106,14 @@ class _Machine:
 
     def run(self, file: _Bounded) -> Any:
         """The value that the pickle leaves at its end."""
-        most = max(_MOST_STEPS, file.size // _BYTES_PER_STEP)
+        most = self.limits.items  # so a pickle of empty sets, 216 bytes each, ends at a quarter of a gigabyte
         for number, (step, argument, position) in enumerate(pickletools.genops(file)):  # type: ignore[arg-type]
             self.position = position or 0
             if number == most:
-                raise _Refused(f"the pickle has more than {most} steps; save long lists as NumPy arrays")
+                raise Refused(f"the pickle has more than {most} steps; save long lists as NumPy arrays")
             if step.name in _CONSTANTS:
                 if type(argument) is int and argument.bit_length() > _LONGEST_INTEGER:
-                    raise _Refused(
+                    raise Refused(
                         f"a whole number of {argument.bit_length()} bits; expected at most {_LONGEST_INTEGER}"
                     )
                 self.stack.append(argument)
@@ -185,19 +180,28 @@ class _Machine:
             case "REDUCE":
                 arguments, function = _expected(stack.pop(), tuple), _expected(stack.pop(), _Global)
                 try:
-                    stack.append(_MEANINGS[function.name](*arguments))
+                    stack.append(self.counted(_MEANINGS[function.name](*arguments)))
                 except TypeError as error:
                     raise ValueError(f"{function.name} with {len(arguments)} arguments of the wrong kind") from error
             case "BUILD":
                 state, item = stack.pop(), stack.pop()
                 if not isinstance(item, _Unfinished) or item.value is not None:
-                    raise _Refused(f"the pickle sets the state of a {type(item).__name__}, which is refused")
-                item.value = item.finish(state)
+                    raise Refused(f"the pickle sets the state of a {type(item).__name__}, which is refused")
+                item.value = self.counted(item.finish(state))
                 stack.append(item.value)
             case "INST":
                 _refuse_global(argument.replace(" ", ".", 1))
             case _:  # calls of classes, the extension registry, persistent names, buffers outside the file
                 _refuse_global(f"the step {step}")
+
+    def counted(self, value: Any) -> Any:
+        """`value`, which a call has made; the same few bytes of a file can ask for it a thousand times."""
+        self.made += getattr(value, "nbytes", 0) or sys.getsizeof(value)
+        if self.made > self.limits.content:
+            raise Refused(
+                f"calls make {self.made} bytes; expected at most {self.limits.content} of a file of this size"
+            )
+        return value
 
     def popped(self) -> list[Any]:
         """What lies above the last mark."""
@@ -217,7 +221,7 @@ def _keys(items: list[Any]) -> list[Any]:
         if type(item) is tuple and _is_plain_key(item):
             continue
         if type(item) not in _KEYS or (type(item) is int and item.bit_length() > 63):
-            raise _Refused(
+            raise Refused(
                 f"a {type(item).__name__} as a key; expected text, bytes, None, a number of 64 bits, or a short tuple "
                 f"with a text and whole numbers of {_KEY_BITS} bits"
             )
@@ -246,63 +250,19 @@ def _frozenset(items: Any) -> frozenset[Any]:
     return frozenset(_set(items))
 
 
-def _checked(root: Any, limit: int) -> Any:
-    """`root`, which may hold plain values and arrays alone, not itself, and not be deeper or larger than expected.
-
-    A file of a few bytes can hold a list that twice holds a list that twice holds ...: whoever runs through it later
-    would not come to an end. So sizes are summed as if nothing were shared.
-    """
-    found: dict[int, tuple[int, int] | None] = {}  # bytes and depth of a container; None while it is open
-    todo = [(root, False)]
-    while todo:
-        item, closing = todo.pop()
-        if isinstance(item, _ATOMS):
-            continue
-        inside = _content(item)
-        if not closing:
-            if found.get(id(item), ()) is None:
-                raise _Refused("a container that holds itself")
-            if id(item) not in found:
-                found[id(item)] = None
-                todo.append((item, True))
-                todo.extend((part, False) for part in inside)
-            continue
-        parts = [found[id(part)] or (0, 0) for part in inside if not isinstance(part, _ATOMS)]
-        size = 8 * (1 + len(inside)) + sum(part[0] for part in parts)
-        size += item.nbytes if isinstance(item, np.ndarray) else 0
-        depth = 1 + max((part[1] for part in parts), default=0)
-        if depth > _DEEPEST:
-            raise _Refused(f"containers inside containers, {depth} deep; expected at most {_DEEPEST}")
-        if size > limit:
-            raise _Refused(f"content of {size} bytes, its shared parts counted each time; expected at most {limit}")
-        found[id(item)] = size, depth
-    return root
-
-
-def _content(item: Any) -> list[Any]:
-    """The items inside a container."""
-    if isinstance(item, dict):
-        return list(item.values())
-    if isinstance(item, np.ndarray):
-        return list(item.flat) if item.dtype.hasobject else []
-    if isinstance(item, list | tuple | set | frozenset):
-        return list(item)
-    raise _Refused("a global or an unfinished array in the place of a value")
-
-
 def _dtype(text: Any, *_: Any) -> _Unfinished:
     """`numpy.dtype(text, align, copy)`; the byte order follows as its state."""
 
     def finish(state: Any) -> np.dtype:
         _, order, base, names, *_ = _expected(state, tuple)
         if base is not None or names is not None or order not in ("<", ">", "|", "="):
-            raise _Refused("an array of structures, which is refused; save its fields as arrays of their own")
+            raise Refused("an array of structures, which is refused; save its fields as arrays of their own")
         if text in ("O", "O8"):
             return np.dtype(object)
         try:
             return plain_dtype(f"{order}{text}")
         except ValueError as error:
-            raise _Refused(f"an array that is not read: {error}") from error
+            raise Refused(f"an array that is not read: {error}") from error
 
     return _Unfinished(finish)
 

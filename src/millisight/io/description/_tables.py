@@ -18,6 +18,7 @@ from millisight.core.errors import FileError, FormatError, InputError, UnknownNa
 from millisight.io.arrays import TEXT_SUFFIXES, read_array, read_table
 
 _LONGEST = 1 << 20  # bytes of a description
+_MOST_PARTS = 32  # of a pattern
 REFERENCE = ("file", "array", "columns", "index", "slice", "unit", "skip_rows", "rows", "decimal")
 _UNITS = {
     "": {},
@@ -77,6 +78,7 @@ class Files:
         ------
         FileError
         """
+        _check_pattern(pattern)
         for folder in self._folders:
             try:
                 found = [path for path in folder.glob(pattern) if path.is_file()]
@@ -85,6 +87,17 @@ class Files:
             if found:
                 return sorted(found, key=lambda path: [part.zfill(30) for part in re.split(r"(\d+)", str(path))])
         raise FileError(f"no file in {printable(self._folders[0])} matches {pattern!r}")
+
+
+def _check_pattern(pattern: str) -> None:
+    """Refuse a pattern that could run through the same folders again and again."""
+    parts = Path(pattern).parts
+    choosing = parts[next((i for i, part in enumerate(parts) if set(part) & set("*?[")), len(parts)) :]
+    if choosing.count("**") > 1 or ".." in choosing or len(parts) > _MOST_PARTS:
+        raise FileError(
+            f"the pattern {pattern[:80]!r} could run through folders again and again; expected at most {_MOST_PARTS} "
+            "names, one ** among them, and no .. behind a wildcard"
+        )
 
 
 class TomlTable:

@@ -22,7 +22,7 @@ from millisight.data import (
     VolumeMask,
     VoxelGrid,
 )
-from millisight.io import holds_points, load, load_extras, mito, open_capture, provenance, read_point_cloud
+from millisight.io import holds_points, load, load_extras, mito, open_capture, open_image, provenance, read_point_cloud
 from millisight.meshes import FORMATS, load_mesh
 from millisight.viz import grid_box
 from millisight.viz.viewer._cover import MOST_SEARCHED, Cover, cover_of
@@ -239,23 +239,17 @@ def _add(path: Path, record: Any, found: _Found) -> bool:
 
 def _hdf5_image(path: Path) -> _Image:
     """An image; of one with too many voxels for memory the levels, read in slabs."""
-    import h5py
-
-    with h5py.File(path, "r") as file:
-        values: Any = file.get("values")
-        if getattr(values, "size", 0) <= MOST_VOXELS:  # where there are none, `load` says so
-            image = load(path)
-            positions = _antennas(load_extras(path)) if mito.kind_of("radars", path.name) else None
-            return _Image(path, image.grid, image.metadata, image, None, positions)
-        try:
-            if values.id.get_storage_size() < values.nbytes:
-                raise InputError("less is stored than its shape claims")
-            grid = VoxelGrid(**{name: file[f"grid/{name}"][...] for name in "xyz"})  # pyright: ignore
-            levels = levels_of(grid, values, most=MOST_VOXELS)
-        except (OSError, LookupError, TypeError, ValueError) as error:
-            reason = " ".join(str(error).split())
-            raise DamagedFileError(f"{printable(path)} is damaged: {reason}; make or copy it again") from error
-    return _Image(path, grid, {}, None, levels, None)
+    with open_image(path) as (grid, values):
+        if values.size > MOST_VOXELS:
+            try:
+                levels = levels_of(grid, values, most=MOST_VOXELS)
+            except (OSError, TypeError, ValueError) as error:
+                reason = " ".join(str(error).split())
+                raise DamagedFileError(f"{printable(path)} is damaged: {reason}; make or copy it again") from error
+            return _Image(path, grid, {}, None, levels, None)
+    image = load(path)
+    positions = _antennas(load_extras(path)) if mito.kind_of("radars", path.name) else None
+    return _Image(path, image.grid, image.metadata, image, None, positions)
 
 
 def _read_pickle(path: Path, found: _Found) -> None:

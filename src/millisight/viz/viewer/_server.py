@@ -3,11 +3,15 @@
 viser opens its own port and answers the page of any site that a browser shows; it has no setting for either. Both are
 properties of one server here: `_guarded` subclasses viser's two classes, gives the server's event loop a socket of ours
 to serve, and puts `_Gate` before viser on every connection. No other package's module is changed.
+
+Every address begins with a secret that is printed once: whoever does not know it is answered nothing, whatever machine,
+user or page it is.
 """
 
 import asyncio
 import functools
 import os
+import secrets
 import shutil
 import socket
 import subprocess
@@ -24,6 +28,13 @@ HOST = "127.0.0.1"
 _PORTS = (*range(8080, 8100), 0)  # tried where none was asked for
 _LONGEST_HEAD = 1 << 16  # of a request [bytes]
 _HEAD_SECONDS = 10.0
+# viser's page is one file with its scripts in it, and runs those that it is sent.
+_POLICY = (
+    b"Content-Security-Policy: default-src 'self' 'unsafe-inline' 'unsafe-eval' data: blob:; base-uri 'none'; "
+    b"form-action 'none'; frame-ancestors 'none'\r\n"
+    b"Referrer-Policy: no-referrer\r\nX-Content-Type-Options: nosniff\r\n"
+    b"Cross-Origin-Resource-Policy: same-origin\r\nCross-Origin-Opener-Policy: same-origin\r\n"
+)
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "msedge")
 _FLAGS = (
     "--headless=new", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-first-run",
@@ -47,7 +58,9 @@ def start(host: str = HOST, port: int | None = None) -> Any:
         raise DeviceError('the viewer needs viser: pip install "millisight[viewer]"') from error
     listener = listen(host, _PORTS if port is None else [port])
     found = listener.getsockname()[1]
-    server = _guarded(listener, host)(host=host, port=found, label="millisight", verbose=False)
+    secret = secrets.token_urlsafe(16)
+    server = _guarded(listener, host, secret)(host=host, port=found, label="millisight", verbose=False)
+    server.secret = secret
     if server.get_port() != found:  # it opened a port of its own
         server.stop()
         listener.close()
@@ -55,7 +68,7 @@ def start(host: str = HOST, port: int | None = None) -> Any:
     return server
 
 
-def _guarded(listener: socket.socket, host: str) -> Any:
+def _guarded(listener: socket.socket, host: str, secret: str) -> Any:
     """The class of viser's server that serves `listener` alone, behind a `_Gate`."""
     import viser
     import viser.infra
@@ -71,7 +84,7 @@ def _guarded(listener: socket.socket, host: str) -> Any:
             super().__setattr__(name, value)
 
         async def serve(self, create: Any, factory: Callable[[], Any], *_: Any, **settings: Any) -> Any:
-            return await create(lambda: _Gate(host, factory, waiting), sock=listener, **settings)
+            return await create(lambda: _Gate(host, secret, factory, waiting), sock=listener, **settings)
 
         def stop(self) -> None:
             loop: Any = self._background_event_loop
@@ -79,6 +92,8 @@ def _guarded(listener: socket.socket, host: str) -> Any:
             super().stop()
 
     class Server(viser.ViserServer):
+        secret: str
+
         def __init__(self, **settings: Any) -> None:
             with _rich_quiet():
                 super().__init__(**settings)
@@ -111,11 +126,12 @@ def _rich_quiet() -> Iterator[None]:
 class _Gate(asyncio.Protocol):
     """Reads the head of a connection's request; hands the connection on if it comes from the served page.
 
-    `waiting` holds the gates whose connections have not been judged.
+    The secret is taken off the path. `waiting` holds the gates whose connections have not been judged.
     """
 
-    def __init__(self, listening: str, factory: Callable[[], Any], waiting: "set[_Gate]"):
-        self._listening, self._factory, self._waiting, self._head = listening, factory, waiting, b""
+    def __init__(self, listening: str, secret: str, factory: Callable[[], Any], waiting: "set[_Gate]"):
+        self._listening, self._secret = listening, secret.encode()
+        self._factory, self._waiting, self._head = factory, waiting, b""
 
     def connection_made(self, transport: Any) -> None:
         self._transport = transport
@@ -139,24 +155,57 @@ class _Gate(asyncio.Protocol):
         if not complete and len(head) <= _LONGEST_HEAD:
             return
         self._judged()
-        if complete and _names_a_path(head) and asked_by_own_page(self._listening, *_host_and_origin(head)):
+        path = _path_behind(self._secret, head)
+        if not complete or path is None or not asked_by_own_page(self._listening, *_host_and_origin(head)):
+            self._answer(b"403 Forbidden", b"", b"open the address that millisight view printed\n")
+        elif not path.startswith(b"/") and b"\r\nupgrade:" not in head.lower():
+            # Without the slash the page would look for its parts beside the secret, not behind it.
+            self._answer(b"308 Permanent Redirect", b"Location: /%b/%b\r\n" % (self._secret, path), b"")
+        else:
             protocol = self._factory()
             self._transport.set_protocol(protocol)
-            protocol.connection_made(self._transport)
-            protocol.data_received(self._head)
-        else:
-            text = b"open the address that millisight view printed\n"
-            self._transport.write(
-                b"HTTP/1.1 403 Forbidden\r\nConnection: close\r\nContent-Type: text/plain; charset=utf-8\r\n"
-                b"Content-Length: %d\r\n\r\n%b" % (len(text), text)
-            )
-            self._transport.close()
+            protocol.connection_made(_Policed(self._transport))
+            method, _, rest = self._head.partition(b" ")
+            target = path if path.startswith(b"/") else b"/" + path
+            protocol.data_received(b" ".join((method, target, rest.partition(b" ")[2])))
+
+    def _answer(self, status: bytes, header: bytes, text: bytes) -> None:
+        self._transport.write(
+            b"HTTP/1.1 %b\r\n%bConnection: close\r\nContent-Type: text/plain; charset=utf-8\r\n"
+            b"Content-Length: %d\r\n\r\n%b" % (status, header, len(text), text)
+        )
+        self._transport.close()
 
 
-def _names_a_path(head: bytes) -> bool:
-    """Whether a request is for a path of this server, as browsers send it, and not for an address or nonsense."""
-    target = head.partition(b"\r\n")[0].split(b" ")[1:2]
-    return bool(target) and target[0].startswith(b"/") and not target[0].startswith(b"//")
+class _Policed:
+    """A transport that adds the page's policy to the head of the answer."""
+
+    def __init__(self, transport: Any):
+        self._transport, self._told = transport, False
+
+    def write(self, data: Any) -> None:
+        if not self._told:
+            self._told = True
+            status, end, rest = bytes(data).partition(b"\r\n")
+            data = status + end + _POLICY + rest if end else data
+        self._transport.write(data)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._transport, name)
+
+
+def _path_behind(secret: bytes, head: bytes) -> bytes | None:
+    """What a request asks for, behind the secret; None where it asks for anything else.
+
+    It begins with a slash or a question mark, or is empty.
+    """
+    words = head.partition(b"\r\n")[0].split(b" ")
+    if len(words) != 3 or not words[1].startswith(b"/"):
+        return None
+    given, path = words[1][1 : 1 + len(secret)], words[1][1 + len(secret) :]
+    if not secrets.compare_digest(given, secret) or path[:1] not in (b"", b"/", b"?"):
+        return None
+    return path
 
 
 def _host_and_origin(head: bytes) -> tuple[str | None, str | None]:
@@ -172,10 +221,10 @@ def _host_and_origin(head: bytes) -> tuple[str | None, str | None]:
 
 
 def url_of(server: Any) -> str:
-    """Where a browser on this machine finds the server."""
+    """Where a browser on this machine finds the server, the secret with it."""
     host = server.get_host()
     host = {"0.0.0.0": "localhost", "::": "localhost"}.get(host, f"[{host}]" if ":" in host else host)
-    return f"http://{host}:{server.get_port()}"
+    return f"http://{host}:{server.get_port()}/{server.secret}"
 
 
 @contextmanager

@@ -116,6 +116,7 @@
     const numbers = (told.get("camera") || "").split(",").map(Number);
     told.delete("of");
     told.delete("camera");
+    told.delete("websocket");  // viser's own, since the server lies behind a secret
     wanted = numbers.length === 6 && numbers.every(Number.isFinite) ? numbers : null;
     return told.toString();
   }

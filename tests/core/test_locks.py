@@ -1,0 +1,75 @@
+"""One run at a time on a folder, and nothing left behind by one that was killed."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from helpers.processes import wait_for
+from millisight.core import alone, atomic_path, write_text
+from millisight.core.errors import FileError
+
+HOLD = """
+import sys, time, pathlib
+from millisight.core import alone
+with alone(pathlib.Path(sys.argv[1]), 'it'):
+    time.sleep(60)
+"""
+
+
+@pytest.fixture
+def holder(tmp_path):
+    """A process that holds the folder."""
+    process = subprocess.Popen([sys.executable, "-c", HOLD, tmp_path])
+    wait_for(lambda: (tmp_path / ".lock").exists() and (tmp_path / ".lock").read_text())
+    yield process
+    process.kill()
+    process.wait()
+
+
+def test_a_second_run_is_told_whose_the_folder_is(holder, tmp_path):
+    told = rf"another run \(process {holder.pid}\) is using it; wait for it, or stop it"
+    with pytest.raises(FileError, match=told), alone(tmp_path, "it"):
+        pass
+
+
+def test_the_lock_of_a_killed_run_is_none(holder, tmp_path):
+    os.kill(holder.pid, signal.SIGKILL)
+    holder.wait()
+    assert (tmp_path / ".lock").exists()
+    with alone(tmp_path, "it"):
+        assert (tmp_path / ".lock").read_text() == f"{os.getpid()}\n"
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_lock_goes_with_its_block(tmp_path):
+    for _ in range(2):
+        with pytest.raises(KeyError), alone(tmp_path, "it"):
+            raise KeyError
+        assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_that_is_not_there_cannot_be_held(tmp_path):
+    with pytest.raises(FileError, match="cannot write to it: No such file"), alone(tmp_path / "none", "it"):
+        pass
+
+
+def test_what_a_killed_writer_left_is_removed_by_the_next(tmp_path):
+    """That of others stays: of other files, and what is still being written."""
+    old = time.time() - 3600
+    left = [".notes.0123abcd.part.txt", ".notes.99999999.part.txt"]
+    others = [".notes.0123abcd.part.csv", ".note.0123abcd.part.txt", ".notes.mine.part.txt", "notes.0123abcd.part.txt"]
+    for name in (*left, *others, ".notes.aaaaaaaa.part.txt"):
+        (tmp_path / name).touch()
+        os.utime(tmp_path / name, (old, old))
+    os.utime(tmp_path / ".notes.aaaaaaaa.part.txt")  # just now
+    with atomic_path(tmp_path / "notes.txt") as written:
+        os.utime(written, (old, old))
+        write_text(tmp_path / "notes.txt", "another writer")
+        assert written.exists()
+        written.write_text("this one")
+    assert (tmp_path / "notes.txt").read_text() == "this one"
+    assert {path.name for path in tmp_path.iterdir()} == {*others, ".notes.aaaaaaaa.part.txt", "notes.txt"}

@@ -1,0 +1,219 @@
+"""What HDF5 files may hold, sealed or not: one tree of numbers, whose bytes lie in the file."""
+
+import os
+import time
+
+import h5py
+import numpy as np
+import pytest
+
+import millisight as ms
+from helpers.forging import forge
+from helpers.small_records import same, small_capture
+from millisight.core import limits_of
+from millisight.core.errors import DamagedFileError, FileError, FormatError
+from millisight.io import load_extras, open_image, provenance
+
+SECRET = np.arange(3.0)
+
+
+@pytest.fixture
+def saved(tmp_path):
+    """A trajectory, and beside it two files whose bytes it must not give away."""
+    path = tmp_path / "t.h5"
+    ms.save(path, small_capture().trajectory, extras={"more": SECRET})
+    SECRET.tofile(tmp_path / "secret.bin")
+    with h5py.File(tmp_path / "secret.h5", "w") as file:
+        file["times"] = SECRET
+    return path
+
+
+def as_schema_1(path):
+    """The file as versions before the seal wrote it."""
+    with h5py.File(path, "r+") as file:
+        file.attrs["schema_version"] = 1
+
+
+def external(file):
+    count = len(file["times"])
+    del file["times"]
+    file.create_dataset("times", (count,), "f8", external=[("secret.bin", 0, 8 * count)])
+
+
+def linked(file):
+    del file["times"]
+    file["times"] = h5py.ExternalLink("secret.h5", "times")
+
+
+def soft(file):
+    del file["times"]
+    file["times"] = h5py.SoftLink("/positions")
+
+
+def virtual(file):
+    count = len(file["times"])
+    layout = h5py.VirtualLayout((count,), "f8")
+    layout[:] = h5py.VirtualSource("secret.h5", "times", (3,))[:count] if count <= 3 else np.nan
+    del file["times"]
+    file.create_virtual_dataset("times", layout)
+
+
+def twice(file):
+    file["again"] = file["times"]
+
+
+def itself(file):
+    file["loop"] = file["/"]
+
+
+def packed(file):
+    values = file["times"][...]
+    del file["times"]
+    file.create_dataset("times", data=values, chunks=values.shape, compression="gzip")
+
+
+def words(file):
+    file["words"] = ["a", "b"]
+
+
+def named_type(file):
+    file["kind"] = np.dtype("f8")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (external, "times: its bytes lie in another file"),
+        (linked, "times: a link that may lead elsewhere"),
+        (soft, "times: a link that may lead elsewhere"),
+        (twice, "linked twice"),
+        (itself, "loop: linked twice"),
+        (packed, "times: compressed"),
+        (words, "words: of the type object; expected numbers"),
+        (named_type, "kind: neither a group nor an array"),
+    ],
+)
+@pytest.mark.parametrize("sealed", [True, False])
+def test_no_file_leads_out_of_itself(saved, change, message, sealed, monkeypatch):
+    monkeypatch.chdir(saved.parent)
+    if sealed:
+        forge(saved, change)
+    else:
+        with h5py.File(saved, "r+") as file:
+            change(file)
+        as_schema_1(saved)
+    for read in (ms.load, load_extras, provenance):
+        with pytest.raises(DamagedFileError, match=rf"t\.h5 is damaged at .*{message}"):
+            read(saved)
+
+
+def test_a_virtual_array_is_refused(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    grid = ms.VoxelGrid.regular((0, 0, 0), (0.02, 0, 0), 0.01)
+    assert grid.shape == (3, 1, 1)
+    ms.save("i.h5", ms.SarImage(grid=grid, values=np.ones(grid.shape)))
+    with h5py.File("secret.h5", "w") as file:
+        file["values"] = np.full(grid.shape, 7, "c8")
+
+    def change(file):
+        layout = h5py.VirtualLayout(grid.shape, "c8")
+        layout[:] = h5py.VirtualSource("secret.h5", "values", grid.shape)
+        del file["values"]
+        file.create_virtual_dataset("values", layout)
+
+    forge("i.h5", change)
+    with pytest.raises(DamagedFileError, match="values: its bytes lie in another file"):
+        ms.load("i.h5")
+    with pytest.raises(DamagedFileError, match="values: its bytes lie in another file"), open_image("i.h5"):
+        pass
+
+
+def test_a_chunk_larger_than_the_file_is_refused(saved):
+    """HDF5 would ask for a whole chunk, whatever the array is in size."""
+
+    def change(file):
+        del file["times"]
+        made = file.create_dataset("times", (5,), "f8", chunks=(1 << 28,), maxshape=(None,), fletcher32=True)
+        made.id.write_direct_chunk((0,), bytes(44))
+
+    forge(saved, change)
+    with pytest.raises(DamagedFileError, match=f"44 bytes stored, {8 << 28} expected"):
+        ms.load(saved)
+
+
+def test_files_without_a_seal_are_read_by_way_of_a_copy(tmp_path, monkeypatch):
+    """All of them: record, extras, provenance, frames on disk; and nothing of the copy stays."""
+    capture = small_capture()
+    ms.save(tmp_path / "c.h5", capture, extras={"scalar": np.array(3.5), "text": {"a": [1]}})
+    as_schema_1(tmp_path / "c.h5")
+    told = provenance(tmp_path / "c.h5")
+    monkeypatch.setenv("TMPDIR", str(tmp_path / "temporary"))
+    monkeypatch.setattr("tempfile.tempdir", None)
+    (tmp_path / "temporary").mkdir()
+    assert same(ms.load(tmp_path / "c.h5"), capture)
+    assert load_extras(tmp_path / "c.h5") == {"scalar": 3.5, "text": {"a": [1]}}
+    assert told["schema_version"] == 1
+    assert told["record"] == "Capture"
+    assert told["created"] != "unknown"
+    with ms.open_capture(tmp_path / "c.h5") as lazy:
+        assert np.array_equal(lazy.frames_of(slice(0, 2)), capture.frames[:2])
+    assert not list((tmp_path / "temporary").iterdir())
+
+
+def test_a_newer_file_without_its_seal_is_damaged(saved):
+    with open(saved, "r+b") as raw:
+        raw.seek(-1, os.SEEK_END)
+        raw.write(b"?")
+    with pytest.raises(DamagedFileError, match=r"t\.h5 has no checksum: it is damaged, or another program changed it"):
+        ms.load(saved)
+
+
+@pytest.mark.parametrize(
+    ("script", "message"),
+    [("kill -SEGV $$", "the library that reads it fails"), ("exec sleep 60", "the library that reads it fails")],
+)
+def test_a_crash_or_a_hang_of_the_library_is_an_error(saved, script, message, monkeypatch):
+    import millisight.io._children as children
+
+    as_schema_1(saved)
+    crashing = saved.parent / "python"
+    crashing.write_text(f"#!/bin/sh\n{script}\n")
+    crashing.chmod(0o755)
+    monkeypatch.setattr(children.sys, "executable", str(crashing))
+    monkeypatch.setattr(children, "limits_of", lambda size: limits_of(size)._replace(seconds=0.5))
+    began = time.monotonic()
+    with pytest.raises(DamagedFileError, match=rf"t\.h5 cannot be opened as HDF5: {message}"):
+        ms.load(saved)
+    assert time.monotonic() - began < 10
+
+
+def test_hdf5_never_opens_a_file_without_a_seal_here(saved, tmp_path, monkeypatch):
+    """A damaged file of schema 1 is an error, or the record; this process opens sealed copies alone."""
+    as_schema_1(saved)
+    whole, record = saved.read_bytes(), ms.load(saved)
+    opened, open_file = [], h5py.File
+    monkeypatch.setattr(h5py, "File", lambda path, *mode: (opened.append(str(path)), open_file(path, *mode))[1])
+    noticed = 0
+    for place in (8, 24, 64, 72, 96, 136):  # superblock and the root's header
+        damaged = bytearray(whole)
+        damaged[place : place + 4] = b"\xff" * 4
+        saved.write_bytes(damaged)
+        try:
+            found = ms.load(saved)
+        except FileError:
+            noticed += 1
+        else:
+            assert isinstance(found, type(record))
+    assert noticed >= 3
+    assert str(saved) not in opened
+
+
+def test_other_peoples_files_and_truncated_ones_are_named(tmp_path, saved):
+    with h5py.File(tmp_path / "other.h5", "w") as file:
+        file["x"] = h5py.ExternalLink("secret.h5", "times")
+    with pytest.raises(FormatError, match=r"other\.h5 is HDF5, but not written by millisight"):
+        ms.load(tmp_path / "other.h5")
+    whole = saved.read_bytes()
+    saved.write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(DamagedFileError, match=rf"t\.h5 is cut short: {len(whole) // 2} bytes are left of \d+"):
+        ms.load(saved)
