@@ -23,7 +23,7 @@ class Bench:
         exact = ArmSettings(path_error=0.0, encoder_noise=0.0)
         self.arm = MovingArm(exact, clock, np.random.default_rng(0), np.array([START[1], -START[0], 0.0]))
         self.machine = GrblEmulator(self.arm, clock, origin=np.zeros(3))
-        settings = {"limits": LIMITS, "serial": self.machine.port, "rate": 50.0, "silence": 0.5, **settings}
+        settings = {"limits": LIMITS, "serial": self.machine.port, "rate": 50.0, "silence": 0.8, **settings}
         self.gantry = GrblGantry(GrblSettings(**{"origin": (0.0, 0.0, 0.1), "axes": ("-y", "x", ""), **settings}))
 
     def close(self):

@@ -56,13 +56,13 @@ def correlation(a, b):
 def test_a_scan_through_sockets_images_to_the_virtual_rig_s(tmp_path):
     """With losses, disorder and a radar that is 20 ms late."""
     faults = PacketFaults(loss=0.001, disorder=0.01, duplicates=0.001, seed=1)
-    world = world_of(rows=6, clock_offset=0.02)
+    world = world_of(rows=5, clock_offset=0.02)
     with EmulatedLab(world, frames=points, faults=faults) as emulated:
         lab = Lab.from_toml(emulated.write(tmp_path))
         with lab:
             record_scan(lab.arm, lab.radars, None, lab.plan, writer_of(lab, tmp_path / "real"))
-        assert emulated.card.told.count("RECORD_START") == 6
-    rig = VirtualRig(world_of(rows=6), frames=points)
+        assert emulated.card.told.count("RECORD_START") == 5
+    rig = VirtualRig(world_of(rows=5), frames=points)
     record_scan(rig.arm, rig.radars, None, rig.plan, writer_of(lab, tmp_path / "virtual"))
     real, clock = image_of(experiment_folder(tmp_path / "real", "000_points", (0, 0, 0), 1, "los"))
     virtual, _ = image_of(experiment_folder(tmp_path / "virtual", "000_points", (0, 0, 0), 1, "los"))
@@ -215,6 +215,21 @@ def test_rig_files_that_cannot_be_right(tmp_path, old, new, error, words):
         Lab.from_toml(path)
 
 
+def test_a_gantry_scans_as_well(tmp_path):
+    with EmulatedLab(world_of(rows=3, frame_period=0.01, length=0.04), frames=points, arm="grbl") as emulated:
+        lab = Lab.from_toml(emulated.write(tmp_path))
+        assert [report.error for report in lab.check()] == [None, None]
+        with lab:
+            writer = writer_of(lab, tmp_path)
+            record_scan(lab.arm, lab.radars, None, lab.plan, writer)
+    capture = read_experiment(writer.path, "77_ghz").to_capture()
+    low, high = capture.trajectory.positions.min(axis=0), capture.trajectory.positions.max(axis=0)
+    assert np.stack([low, high]) == pytest.approx(np.array([[0.03, 0, 0], [0.038, 0.04, 0]]), abs=2e-3)
+    assert len(capture.trajectory) > 60
+
+
 def test_a_world_whose_radars_have_no_emulator():
     with pytest.raises(InputError, match="expected 77_ghz alone: the Position2Go's protocol is not public"):
         EmulatedLab(World(radars=(RadarSettings(preset="position2go"),)))
+    with pytest.raises(UnknownNameError, match="unknown emulated arm 'kuka'"):
+        EmulatedLab(world_of(), arm="kuka")

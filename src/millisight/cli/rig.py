@@ -114,6 +114,7 @@ def emulate(
     output: Annotated[
         Path, typer.Option("-o", "--output", metavar="RIG.toml", help="Rig file that leads to the emulators, to write.")
     ] = Path("rig.toml"),
+    arm: Annotated[str, typer.Option(help="What moves the radar: ur, or grbl for a gantry.")] = "ur",
     loss: Annotated[float, typer.Option(help="Share of the radar's packets that get lost.")] = 0.0,
     disorder: Annotated[float, typer.Option(help="Share of the radar's packets that come late.")] = 0.0,
     duplicates: Annotated[float, typer.Option(help="Share of the radar's packets that come twice.")] = 0.0,
@@ -122,7 +123,7 @@ def emulate(
         typer.Option(min=0, help="End after this many seconds. [default: at Ctrl-C]", show_default=False),
     ] = None,
 ) -> None:
-    """Start emulators of a UR arm, and of a TI radar with its DCA1000, and write the rig file that leads to them.
+    """Start emulators of an arm, and of a TI radar with its DCA1000, and write the rig file that leads to them.
 
     They speak the devices' protocols over real sockets and a serial line of this computer, and share one virtual world.
     Leave this running, and scan in another terminal:
@@ -138,7 +139,7 @@ def emulate(
     described = World.from_toml(world)
     faults = PacketFaults(loss=loss, disorder=disorder, duplicates=duplicates, seed=described.seed)
     with progress("build the world"):
-        lab = EmulatedLab(described, faults=faults)
+        lab = EmulatedLab(described, faults=faults, arm=arm)
     with lab:
         path = lab.write(output.absolute().parent, output.name)
         say(f"wrote {output}; the emulators run until {'Ctrl-C' if seconds is None else f'{seconds:g} s have passed'}")

@@ -6,6 +6,7 @@ import secrets
 import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -148,7 +149,9 @@ class PublishedWriter:
 
     def add_picture(self, frame: CameraFrame) -> None:
         folder = make_folder(self._stage / "unprocessed" / "camera")
-        mito.write_published(folder / "continuous.pkl", frame)
+        pose = np.array(frame.pose)
+        pose[:3, 3] += mito.BASE_ORIGIN - self._origin  # to the layout's base frame
+        mito.write_published(folder / "continuous.pkl", replace(frame, pose=pose))
 
     def add_row(self, radar: RadarDevice, recording: Recording) -> None:
         self._spools[radar.name].add(recording)

@@ -6,6 +6,9 @@ from ._grbl import GrblGantry as GrblGantry
 from ._grbl import GrblSettings as GrblSettings
 from ._packet_file import PacketFile as PacketFile
 from ._packet_receiver import PacketReceiver as PacketReceiver
+from ._realsense import RealSenseCamera as RealSenseCamera
+from ._realsense import RealSenseSettings as RealSenseSettings
+from ._realsense import picture_of as picture_of
 from ._studio import studio_script as studio_script
 from ._ur import UrArm as UrArm
 from ._ur import UrSettings as UrSettings

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from millisight.core import make_folder, write_text
+from millisight.core import check_known, make_folder, write_text
 from millisight.core.errors import InputError
 from millisight.data import Waveform
 from millisight.io.mito import BASE_ORIGIN
@@ -14,6 +14,7 @@ from millisight.rig.emulators._arm import MovingArm
 from millisight.rig.emulators._board import BoardEmulator
 from millisight.rig.emulators._clock import RealTime
 from millisight.rig.emulators._dca1000 import Dca1000Emulator, PacketFaults
+from millisight.rig.emulators._grbl import GrblEmulator
 from millisight.rig.emulators._ti_cli import TiCliEmulator
 from millisight.rig.emulators._ur import UrController, UrEmulator
 from millisight.rig.virtual import Frames, RadarSettings, World, WorldLayout, build_layout, optics_of
@@ -22,10 +23,11 @@ _ARM, _RADAR = 1, 3  # keys of the devices' random numbers, as the virtual rig h
 _MARGIN = 0.05  # of the workspace around the aperture [m]
 _ADC_START = 6e-6  # [s]
 _HOST = "127.0.0.1"
+ARMS = ("ur", "grbl")
 
 
 class EmulatedLab:
-    """A UR arm, and a TI radar with a DCA1000, which share a virtual world and real time.
+    """An arm or a gantry, and a TI radar with a DCA1000, which share a virtual world and real time.
 
     Clock errors of the world are told by the network: what the radar's clock is ahead by, its packets come late; what
     the arm's is ahead by, its poses. Drifts are left out.
@@ -36,15 +38,18 @@ class EmulatedLab:
     layout : `build_layout(world)`, where it has been built already
     frames : what a perfect radar would measure; None: the optics of the layout
     faults : of the radar's network
+    arm : "ur" or "grbl"
 
     Attributes
     ----------
-    robot, card, board : the emulators
+    robot, card, board : the emulators; of the arm a `UrEmulator` or a `GrblEmulator`
 
     Raises
     ------
     InputError
         A radar of the world has no emulator.
+    UnknownNameError
+        There is no such arm.
     """
 
     def __init__(
@@ -54,7 +59,9 @@ class EmulatedLab:
         layout: WorldLayout | None = None,
         frames: Frames | None = None,
         faults: PacketFaults | None = None,
+        arm: str = "ur",
     ):
+        check_known("emulated arm", arm, ARMS)
         names = [radar.name for radar in world.radars]
         if names != ["77_ghz"]:
             raise InputError(
@@ -66,13 +73,18 @@ class EmulatedLab:
         ahead = self._settings.clock_offset - world.arm.clock_offset
         clock = RealTime()
         first = world.scan.rows(BASE_ORIGIN)[0][0].position
-        arm = MovingArm(world.arm, clock, world.rng(_ARM), first)
-        self.robot = UrEmulator(UrController(arm, clock, latency=max(0.0, -ahead)))
+        moved = MovingArm(world.arm, clock, world.rng(_ARM), first)
+        self.robot: UrEmulator | GrblEmulator
+        if arm == "ur":
+            self.robot = UrEmulator(UrController(moved, clock, latency=max(0.0, -ahead)))
+        else:
+            self.robot = GrblEmulator(moved, clock, origin=first, acceleration=world.arm.acceleration)
+        self._first = first
         self._data_port = _free_port()
         self.card = Dca1000Emulator(data_port=self._data_port, faults=faults)
         mount = np.array(self._settings.mount)
         self._radar = BoardEmulator(
-            self._settings, clock, lambda times: arm.true_positions(times) - BASE_ORIGIN + mount, perfect,
+            self._settings, clock, lambda times: moved.true_positions(times) - BASE_ORIGIN + mount, perfect,
             self.card.samples, world.rng(_RADAR, 77), latency=max(0.0, ahead),
         )  # fmt: skip
         self.board = TiCliEmulator(self._radar.start, self._radar.stop)
@@ -102,6 +114,15 @@ class EmulatedLab:
         for emulator in (self.board, self.card, self.robot):
             emulator.close()
 
+    def _arm_keys(self) -> str:
+        robot = self.robot
+        if isinstance(robot, GrblEmulator):
+            return f'driver = "grbl"\nserial = "{robot.port}"\norigin = {[float(x) for x in self._first]}'
+        return (
+            f'driver = "ur"\naddress = "{_HOST}"\nrtde_port = {robot.rtde_port}\nscript_port = {robot.script_port}\n'
+            f"rate = {self._world.arm.log_rate}"
+        )
+
     def _rig_file(self, profile: str) -> str:
         world, settings = self._world, self._settings
         places = np.stack([pose.position for row in world.scan.rows(BASE_ORIGIN) for pose in row])
@@ -120,11 +141,7 @@ row_spacing = {world.scan.row_spacing}
 pattern = "{world.scan.pattern}"
 
 [arm]
-driver = "ur"
-address = "{_HOST}"
-rtde_port = {self.robot.rtde_port}
-script_port = {self.robot.script_port}
-rate = {world.arm.log_rate}
+{self._arm_keys()}
 
 [arm.limits]
 lower = {[round(float(x), 6) for x in lower]}
