@@ -118,6 +118,6 @@ def test_files_under_a_folder_are_all_of_them_or_an_error(tmp_path, monkeypatch)
     (tmp_path / ".cache").mkdir()
     (tmp_path / ".cache" / "y").touch()
     assert files_under(tmp_path) == [tmp_path / "a" / "b" / "x"]
-    with hidden(tmp_path, "a/b", monkeypatch=monkeypatch):
-        with pytest.raises(FileError, match=r"cannot list the folder .*a/b: Permission denied; change its permissions"):
-            files_under(tmp_path)
+    told = r"cannot list the folder .*a/b: Permission denied; change its permissions"
+    with hidden(tmp_path, "a/b", monkeypatch=monkeypatch), pytest.raises(FileError, match=told):
+        files_under(tmp_path)
