@@ -2,6 +2,7 @@
 
 import logging
 import os
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,6 +12,7 @@ from typer.testing import CliRunner
 
 import millisight as ms
 from millisight.cli.app import app
+from millisight.core import files_under
 from millisight.core.errors import FileError
 from millisight.datasets import convert, verify
 
@@ -98,3 +100,24 @@ def test_info_fails_for_them(shut):
         code, told = run("info", shut / place)
         assert code == 1
         assert f"failed: robot_collected: {WORDS}" in told
+
+
+@pytest.mark.parametrize("command", ["image", "view", "segment", "classify"])
+def test_commands_on_folders_refuse_what_cannot_be_listed(shut, command, tmp_path):
+    result = CliRunner().invoke(
+        app, [command, str(shut / HIDDEN[0]), "-o", str(tmp_path / "out")][: 2 if command == "view" else 4]
+    )
+    said = f"{result.output} {result.exception}"
+    assert result.exit_code == 1
+    assert re.search(r"cannot (list|read) .*robot_collected: Permission denied", said), said
+
+
+def test_files_under_a_folder_are_all_of_them_or_an_error(tmp_path, monkeypatch):
+    (tmp_path / "a" / "b").mkdir(parents=True)
+    (tmp_path / "a" / "b" / "x").touch()
+    (tmp_path / ".cache").mkdir()
+    (tmp_path / ".cache" / "y").touch()
+    assert files_under(tmp_path) == [tmp_path / "a" / "b" / "x"]
+    told = r"cannot list the folder .*a/b: Permission denied; change its permissions"
+    with hidden(tmp_path, "a/b", monkeypatch=monkeypatch), pytest.raises(FileError, match=told):
+        files_under(tmp_path)

@@ -9,7 +9,7 @@ import pytest
 
 from millisight.core.errors import DamagedFileError, FileError, FormatError
 from millisight.perception import _networks as networks
-from millisight.perception import open_network, read_description
+from millisight.perception import open_network, read_description, run_network
 
 
 def doubler(onnx, *, shape=("n", 3), **external):
@@ -137,3 +137,69 @@ def test_a_description_that_is_missing_or_huge_is_refused(tmp_path, monkeypatch)
     (tmp_path / "w.json").write_text('{"sha256": "ab"}')
     with pytest.raises(FormatError, match=r"w\.json has 16 bytes; expected a description of weights, under 10 bytes"):
         read_description(tmp_path / "w.json")
+
+
+def endless(onnx):
+    """An ONNX network whose loop runs 2^62 times."""
+    make, number = onnx.helper, onnx.TensorProto
+    body = make.make_graph(
+        [
+            make.make_node("Identity", ["go"], ["go_on"]),
+            make.make_node("Add", ["state", "state"], ["next"]),
+        ],
+        "body",
+        [
+            make.make_tensor_value_info("turn", number.INT64, []),
+            make.make_tensor_value_info("go", number.BOOL, []),
+            make.make_tensor_value_info("state", number.FLOAT, None),
+        ],
+        [
+            make.make_tensor_value_info("go_on", number.BOOL, []),
+            make.make_tensor_value_info("next", number.FLOAT, None),
+        ],
+    )
+    most = onnx.numpy_helper.from_array(np.array(1 << 62, np.int64), "most")
+    go = onnx.numpy_helper.from_array(np.array(True), "true")
+    graph = make.make_graph(
+        [make.make_node("Loop", ["most", "true", "x"], ["y"], body=body)],
+        "endless",
+        [make.make_tensor_value_info("x", number.FLOAT, ("n", 3))],
+        [make.make_tensor_value_info("y", number.FLOAT, ("n", 3))],
+        [most, go],
+    )
+    return make.make_model(graph, ir_version=8, opset_imports=[make.make_opsetid("", 17)]).SerializeToString()
+
+
+def test_a_network_that_never_ends_is_not_opened(written):
+    onnx = pytest.importorskip("onnx")
+    with pytest.raises(FormatError, match=r"w\.onnx has the operators Loop; expected those of ONNX without loops"):
+        open_network(*written(endless(onnx)), needed_by="this", channels=3)
+
+
+def test_operators_of_others_are_not_run(written):
+    onnx = pytest.importorskip("onnx")
+    content = onnx.load_model_from_string(doubler(onnx))
+    content.graph.node[0].domain = "com.example"
+    with pytest.raises(FormatError, match=r"has the operators com\.example\.Mul"):
+        open_network(*written(content.SerializeToString()), needed_by="this", channels=3)
+
+
+@pytest.mark.parametrize("content", [b"\x3a\xff\xff\xff\xff\x0f", b"\x3a", b"\xff" * 20, b"\x3b", b"\x3a\x05ab"])
+def test_what_is_no_model_is_refused(written, content):
+    pytest.importorskip("onnxruntime")
+    with pytest.raises(FormatError, match="is not a network that ONNX Runtime can run"):
+        open_network(*written(content), needed_by="this")
+
+
+def test_a_network_that_fails_as_it_runs_is_an_error_of_ours(written):
+    onnx = pytest.importorskip("onnx")
+    session = open_network(*written(doubler(onnx)), needed_by="this", channels=3)
+    with pytest.raises(FormatError, match=r"the network fails on \(1, 4\): .*; train it again"):
+        run_network(session, np.zeros((1, 4), np.float32))
+    content = onnx.load_model_from_string(doubler(onnx, shape=(3, 3)))
+    content.graph.node[0].op_type = "ReduceSum"
+    content.graph.node[0].input.pop()
+    content.graph.output[0].type.tensor_type.ClearField("shape")
+    session = open_network(*written(content.SerializeToString()), needed_by="this", channels=3)
+    with pytest.raises(FormatError, match=r"the network makes \(1, 1\) of \(3, 3\); expected as many"):
+        run_network(session, np.zeros((3, 3), np.float32))

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 import typer
 
 from millisight.cli.console import end_with_failures, in_options, progress, say, summed_up, warn
-from millisight.core import check_known, check_readable, printable
+from millisight.core import check_known, check_readable, files_under, printable
 from millisight.core.errors import FileError, FormatError, InputError, MillisightError
 from millisight.data import SarImage
 from millisight.io.mito import EMPTY_SCENES, RADARS, SIGHTS, object_of
@@ -177,8 +177,7 @@ def _under(path: Path, radar: str | None, condition: str | None, *, multispectra
     if not path.is_dir():
         path = check_readable(path)
         return [_source(path, condition, multispectral=multispectral)]
-    files = [*path.rglob(f"{_PUBLISHED}*.pkl"), *path.rglob(f"{_PUBLISHED}*.h5"), *path.rglob("*.image.h5")]
-    files = sorted(file for file in files if not _passed_over(file.relative_to(path)))
+    files = [file for file in files_under(path) if _is_image(file) and not _passed_over(file.relative_to(path))]
     if multispectral:
         files = [file for file in files if file.parent.name == "77_ghz"]
     elif radar is not None:
@@ -190,6 +189,12 @@ def _under(path: Path, radar: str | None, condition: str | None, *, multispectra
             "layout; make some with `millisight image`"
         )
     return [_source(file, condition, multispectral=multispectral) for file in files]
+
+
+def _is_image(file: Path) -> bool:
+    """Whether a file's name is that of an image, published, converted or ours."""
+    published = file.name.startswith(_PUBLISHED) and file.suffix in (".pkl", ".h5")
+    return published or file.name.endswith(".image.h5")
 
 
 def _passed_over(file: Path) -> bool:

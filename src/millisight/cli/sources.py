@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from millisight.cli.console import progress
-from millisight.core import check_readable, printable
+from millisight.core import check_readable, files_under, printable
 from millisight.core.errors import FileError, FormatError, InputError
 from millisight.data import Capture, RawScan, Trajectory
 
@@ -134,7 +134,7 @@ def _converted(folder: Path, radar: str | None) -> list[Source]:
     from millisight.io.mito import RAW_CAPTURE
 
     found = []
-    for path in sorted(folder.rglob(RAW_CAPTURE)):
+    for path in (path for path in files_under(folder) if path.name == RAW_CAPTURE):
         parts = path.resolve().parts
         places = [part for part in parts[-9:-1] if part not in ("robot_collected", "unprocessed", "radars")]
         if radar in (None, places[-1]):
@@ -147,7 +147,8 @@ def _simulated(folder: Path, radar: str | None) -> list[Source]:
     from millisight.io.mito import RADARS, RAW_SIMULATION, kind_of
 
     found = []
-    for path in sorted(path for suffix in (".pkl", ".h5") for path in folder.rglob(f"raw_sim_files*{suffix}")):
+    files = files_under(folder)
+    for path in (p for p in files if p.name.startswith("raw_sim_files") and p.suffix in (".pkl", ".h5")):
         kind, band = kind_of("simulated", path.name), path.resolve().parent.name
         if kind is not None and kind[0] == RAW_SIMULATION and band in RADARS and radar in (None, band):
             places = [part for part in path.resolve().parts[-7:-1] if part not in ("unprocessed", "radars")]

@@ -11,7 +11,7 @@ import typer
 
 from millisight.cli import interrupts
 from millisight.cli.console import check_outputs, length, progress, say
-from millisight.core import colormap_in_use, printable
+from millisight.core import colormap_in_use, files_under, printable
 from millisight.core.errors import FileError, InputError
 
 
@@ -158,7 +158,7 @@ def _files_of(path: Path) -> list[Path]:
         return [path]
     from millisight.io.mito import IMAGE, RADAR_MASK, kind_of
 
-    files = [file for file in sorted(path.rglob("*")) if not any(one.startswith(".") for one in file.parts)]
+    files = [file for file in files_under(path) if not file.name.startswith(".")]
     found = [file for file in files if (kind_of("radars", file.name) or ("",))[0] in (IMAGE, RADAR_MASK)]
     if not found:
         raise FileError(f"{printable(path)} holds no processed_image*.pkl of the published layout; pass files")

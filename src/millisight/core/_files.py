@@ -13,7 +13,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from millisight.core._limits import limits_of
 from millisight.core._locks import held
@@ -126,6 +126,26 @@ def check_readable(path: object) -> Path:
     except OSError as error:
         raise FileError(f"cannot read {printable(path)}: {error.strerror}; check its name and permissions") from error
     return path
+
+
+def files_under(folder: str | os.PathLike[str]) -> list[Path]:
+    """Every file at or below a folder, sorted; folders whose names begin with a dot are not looked into.
+
+    Raises
+    ------
+    FileError
+        It, or a folder in it, cannot be listed: what lies there would be passed over in silence.
+    """
+
+    def refuse(error: OSError) -> NoReturn:
+        place = printable(error.filename or folder)
+        raise FileError(f"cannot list the folder {place}: {error.strerror}; change its permissions") from error
+
+    found = []
+    for place, folders, files in os.walk(checked_path(folder), onerror=refuse):
+        folders[:] = [name for name in folders if not name.startswith(".")]
+        found += [Path(place, name) for name in files]
+    return sorted(found)
 
 
 def same_file(a: Path, b: Path) -> bool:

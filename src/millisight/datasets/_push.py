@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from millisight.core import printable, record
+from millisight.core import files_under, printable, record
 from millisight.core.errors import FileError
 from millisight.datasets._hub import explained, hub_library
 from millisight.datasets._hub_card import CARD_NAME, hub_card
@@ -136,7 +136,7 @@ def _files_of(root: Path, repository: str, licence: str | None) -> tuple[list[_F
     content = card.encode()
     files.append(_File(CARD_NAME, content, len(content), hashlib.sha256(content).hexdigest()))
     known = {file.path for file in files}
-    found = (path.relative_to(root) for path in sorted(root.rglob("*")) if path.is_file())
+    found = (path.relative_to(root) for path in files_under(root))
     left_out = tuple(
         path.as_posix()
         for path in found

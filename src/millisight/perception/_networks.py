@@ -10,8 +10,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from millisight.core import atomic_path, check_readable, checked_path, printable, write_text
 from millisight.core.errors import DamagedFileError, FileError, FormatError
+from millisight.perception._onnx_nodes import operators
 
 if TYPE_CHECKING:
     from torch import Tensor, nn
@@ -77,7 +80,7 @@ def open_network(path: str | os.PathLike[str], sha256: str, *, needed_by: str, c
     FileError
         It cannot be read.
     FormatError
-        It is too large, no network that ONNX Runtime can run, or takes something else.
+        It is too large, no network that ONNX Runtime can run, has loops or branches, or takes something else.
     DamagedFileError
         It is another file than the one described.
     """
@@ -91,6 +94,15 @@ def open_network(path: str | os.PathLike[str], sha256: str, *, needed_by: str, c
         raise DamagedFileError(
             f"{printable(path)} is not the file that {printable(path.stem)}.json describes: its SHA-256 differs; copy "
             "both again"
+        )
+    try:
+        refused = sorted(f"{domain}.{name}".strip(".") for domain, name in operators(content) if _may_not(domain, name))
+    except ValueError as error:
+        raise FormatError(f"{printable(path)} is not a network that ONNX Runtime can run: {error}") from error
+    if refused:
+        raise FormatError(
+            f"{printable(path)} has the operators {printable(', '.join(refused))[:200]}; expected those of ONNX "
+            "without loops and branches: a network that may never end is not run"
         )
     options = onnxruntime.SessionOptions()
     options.log_severity_level = 3
@@ -107,6 +119,33 @@ def open_network(path: str | os.PathLike[str], sha256: str, *, needed_by: str, c
             f"which becomes one other; it is not a network for {needed_by}"
         )
     return session
+
+
+def run_network(session: Any, channels: np.ndarray) -> np.ndarray:
+    """What a network of `open_network` makes of (n, channels, ...): an array of at least two axes, the first of n.
+
+    Raises
+    ------
+    FormatError
+        It fails at that, or makes something else.
+    """
+    try:
+        (made,) = session.run(None, {session.get_inputs()[0].name: channels})
+    except Exception as error:  # of ONNX Runtime's own kinds, as above
+        raise FormatError(f"the network fails on {channels.shape}: {_one_line(error)}; train it again") from error
+    if not isinstance(made, np.ndarray) or made.ndim < 2 or len(made) != len(channels):
+        shape = np.shape(made)
+        raise FormatError(f"the network makes {shape} of {channels.shape}; expected as many; train it again")
+    return made
+
+
+def _one_line(error: Exception) -> str:
+    return printable(" ".join(str(error).split())[:200])
+
+
+def _may_not(domain: str, operator: str) -> bool:
+    """Whether an operator is none of ONNX's own, or decides at run time how long it takes."""
+    return domain not in ("", "ai.onnx") or operator in ("If", "Loop", "Scan", "SequenceMap")
 
 
 def _takes(session: Any, channels: int) -> bool:

@@ -153,7 +153,7 @@ def _client(address: str) -> Iterator[Any]:
         raise DeviceError('a Dask cluster needs Dask: pip install "millisight[cluster]"') from error
     try:
         client = Client(address, timeout=_CONNECT, set_as_default=False)
-    except (OSError, ValueError, TimeoutError) as error:
+    except (OSError, ValueError, TypeError, RuntimeError, TimeoutError) as error:  # TypeError: TLS without certificates
         raise DeviceError(
             f"no Dask scheduler answers at {address}: {error}; start one, or check the address"
         ) from error

@@ -23,6 +23,7 @@ from millisight.perception import (
     projected_levels,
     read_description,
     resampling_weights,
+    run_network,
     taken_db,
     without_sheets,
 )
@@ -230,7 +231,7 @@ class NetworkClassifier:
             other_band = without_sheets(other_band, frequency=LOW_BAND) if len(self.bands) > 1 else None
         cleaned = without_sheets(image, frequency=HIGH_BAND)
         channels = classifier_input(cleaned, mask, other_band=other_band)
-        (views,) = self._session.run(None, {self._session.get_inputs()[0].name: square_symmetries(channels)})
+        views = run_network(self._session, square_symmetries(channels))
         logits = views.mean(axis=0, dtype=np.float64)
         covered = sheet_was_brightest(taken_db(cleaned))
         how = self.description.get("calibration", {}).get("covered" if covered else "open", self.description)

@@ -27,6 +27,7 @@ from millisight.perception import (
     projected_levels,
     read_description,
     resampling_weights,
+    run_network,
     taken_db,
     without_sheets,
 )
@@ -174,8 +175,7 @@ class WaveSegmenter:
 
     def _logits(self, channels: np.ndarray) -> np.ndarray:
         """(A', B') of channels as of `wave_input`."""
-        (logits,) = self._session.run(None, {self._session.get_inputs()[0].name: channels[None]})
-        return logits[0]
+        return run_network(self._session, channels[None])[0]
 
     def segment(self, picture: Picture, prompts: Prompts | None = None) -> Candidates:
         """Masks that begin at several probabilities, the one that did best on the validation scenes first.

@@ -1,16 +1,15 @@
 """What all scenes to train on have in common: both radars, the lattice of their images, the files of their parts."""
 
 import dataclasses
-import zipfile
-import zlib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from millisight.core import atomic_path, printable
-from millisight.core.errors import DamagedFileError
+from millisight.core.errors import DamagedFileError, FileError
 from millisight.data import Radar, Trajectory
+from millisight.io.arrays import read_arrays as read_stored
 
 BANDS = ("77_ghz", "24_ghz")
 DEPTH = 0.0125
@@ -52,6 +51,9 @@ def read_parts(path: Path, *names: str) -> tuple[dict[str, np.ndarray], dict[str
     DamagedFileError
     """
     held = read_arrays(path, *BANDS, *names)
+    for band in BANDS:
+        if held[band].dtype != np.float16 or not held[band].ndim or held[band].shape[-1] % 2:
+            raise DamagedFileError(f"{printable(path)} is not a scene of this training: {band} is no image; delete it")
     images = {band: held.pop(band).astype(np.float32).view(np.complex64) for band in BANDS}
     return images, held
 
@@ -69,17 +71,7 @@ def read_arrays(path: Path, *names: str) -> dict[str, np.ndarray]:
     DamagedFileError
     """
     try:
-        # Opened here: of a damaged file NumPy would leave it open.
-        with open(path, "rb") as file, np.load(file, allow_pickle=False) as held:
-            return {name: held[name] for name in names}
-    except (
-        OSError,
-        RuntimeError,
-        ValueError,
-        KeyError,
-        EOFError,
-        ImportError,
-        zipfile.BadZipFile,
-        zlib.error,
-    ) as error:
+        found = read_stored(path, names=names, finite=False)
+    except (FileError, LookupError) as error:
         raise DamagedFileError(f"{printable(path)} is not a scene of this training: {error}; delete it") from error
+    return {name: array.copy() for name, array in found.items()}  # which may be written to
