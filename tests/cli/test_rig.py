@@ -85,8 +85,10 @@ def test_collect_scans_with_real_devices_and_goes_on(emulated, tmp_path):
     assert isinstance(done.exception, DeviceError)
     assert "1 of 2 rows are kept; run the same command again to go on after them" in done.output
     emulated.board.silent = False
-    done = run("collect", "rig.toml", "-o", "data", "--no-hdf5")
+    done = run("collect", "rig.toml", "-o", "data", "--no-hdf5", "--live", "--no-browser")
     assert done.exit_code == 0, done.output
+    assert "live image at http://127.0.0.1:" in done.output
+    assert re.search(r"77_ghz: images [\d.]+ s behind the arm at most", done.output)
     folder = tmp_path / "data/000_scan/robot_collected/0_0_0/exp1/los"
     assert "wrote data/000_scan/robot_collected/0_0_0/exp1/los" in done.output
     assert len(read_experiment(folder, "77_ghz").rows) == 2

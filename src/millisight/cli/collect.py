@@ -9,12 +9,12 @@ import typer
 
 from millisight.cli.console import check_outputs, duration, progress, say, say_sampling
 from millisight.cli.rig import collect_with_rig, is_rig_file
+from millisight.cli.scanning import scan, scan_live
 from millisight.core import box, make_folder
 from millisight.core.errors import FileError, InputError, UnknownNameError
 
 if TYPE_CHECKING:
     from millisight.imaging import Sampling
-    from millisight.rig import ScanWriter
     from millisight.rig.virtual import VirtualRig
 
 RIGS = ("virtual",)
@@ -84,7 +84,8 @@ def collect(
 
     objects = [{ object = "mug" }]
     """
-    from millisight.rig import PublishedWriter, record_scan
+    from millisight.io.mito import BASE_ORIGIN
+    from millisight.rig import PublishedWriter
     from millisight.rig.virtual import (
         VirtualRig,
         World,
@@ -99,7 +100,9 @@ def collect(
     if is_rig_file(world):
         if rig is not None or truth is not None or plot is not None:
             raise InputError(f"{world} is a rig file; --rig, --truth and --plot are for worlds")
-        collect_with_rig(world, output, experiment, hdf5=hdf5, dry_run=dry_run)
+        collect_with_rig(
+            world, output, experiment, hdf5=hdf5, dry_run=dry_run, live=live, browser=not no_browser
+        )  # fmt: skip
         return
     check_outputs(figures=(plot,), source=world)
     described = World.from_toml(world)
@@ -133,41 +136,15 @@ def collect(
     last = None if truth is None else partial(write_truth, virtual, truth)
     writer = PublishedWriter(folder, info=experiment_info(described), hdf5=hdf5, last=last)
     if live:
-        _scan_live(virtual, writer, browser=not no_browser)
+        scan_live(
+            virtual, writer, title=", ".join(item.name for item in layout.objects) or "the empty scene",
+            origin=BASE_ORIGIN, background=described.support.kind, browser=not no_browser,
+        )  # fmt: skip
     else:
-        with progress("scan") as report:
-            record_scan(virtual.arm, virtual.radars, virtual.camera, virtual.plan, writer, progress=report)
+        scan(virtual, writer)
     say(f"wrote {folder}")
     if truth is not None:
         say(f"wrote {truth}: the true path and exact masks")
-
-
-def _scan_live(rig: "VirtualRig", writer: "ScanWriter", *, browser: bool) -> None:
-    """Scan with a page that shows the images as they grow, and ends the scan when it is told to."""
-    from millisight.io.mito import BASE_ORIGIN
-    from millisight.rig import LiveImaging, record_scan
-    from millisight.rig.virtual import image_grid
-    from millisight.viz import open_browser
-    from millisight.viz.live import LivePage
-
-    names = ", ".join(item.name for item in rig.layout.objects) or "the empty scene"
-    with LivePage(names, len(rig.plan.rows)) as page:
-        grids = {radar.name: image_grid(rig.world, radar.name) for radar in rig.radars}
-        imaging = LiveImaging(writer, grids, origin=BASE_ORIGIN, shown=page.show)
-        say(f"live image at {page.address}")
-        if browser:
-            open_browser(page.address)
-        with progress("scan") as report:
-            record_scan(
-                rig.arm, rig.radars, rig.camera, rig.plan, imaging, progress=report, enough=lambda: page.stop_asked
-            )
-        ended = "ended early, as asked" if page.stop_asked else "all rows are scanned"
-        page.end(f"{ended}; written to {writer.path}")
-        for name, lag in imaging.lags.items():
-            say(f"{name}: images {lag:.1f} s behind the arm at most, {ended}")
-        if imaging.trouble is not None:
-            say(f"note: the live image stopped: {imaging.trouble}; the scan is whole")
-        page.wait_for_last_look()
 
 
 def _summary(rig: "VirtualRig") -> list[str]:

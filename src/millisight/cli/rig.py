@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from millisight.cli.console import Commands, answer, check_outputs, duration, end_with_failures, progress, say
+from millisight.cli.scanning import scan, scan_live
 from millisight.core import make_folder, read_toml, write_text
 from millisight.core.errors import FileError, InputError, MillisightError
 
@@ -155,10 +156,12 @@ def is_rig_file(path: Path) -> bool:
     return isinstance(arm, dict) and "driver" in arm
 
 
-def collect_with_rig(path: Path, output: Path, experiment: int, *, hdf5: bool, dry_run: bool) -> None:
+def collect_with_rig(
+    path: Path, output: Path, experiment: int, *, hdf5: bool, dry_run: bool, live: bool, browser: bool
+) -> None:
     """Scan with the devices of a rig file; see `collect`."""
     from millisight.io.mito import experiment_folder
-    from millisight.rig import Lab, PublishedWriter, record_scan, scan_info
+    from millisight.rig import Lab, PublishedWriter, scan_info
 
     lab = Lab.from_toml(path)
     file = lab.file
@@ -175,8 +178,13 @@ def collect_with_rig(path: Path, output: Path, experiment: int, *, hdf5: bool, d
     make_folder(output)
     writer = PublishedWriter(folder, info=info, hdf5=hdf5, origin=file.origin, keep=lab.plan)
     try:
-        with lab, progress("scan") as report:
-            record_scan(lab.arm, lab.radars, lab.camera, lab.plan, writer, progress=report)
+        with lab:
+            if live:
+                scan_live(
+                    lab, writer, title=file.object, origin=file.origin, background=file.background, browser=browser
+                )
+            else:
+                scan(lab, writer)
     except MillisightError:
         if writer.rows_done:
             say(
