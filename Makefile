@@ -6,6 +6,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check
 EXTRAS := xarray,hub,cluster,perception,viewer,rig,realsense
 TESTS ?=
 COUNT ?= 100000
+SEED ?= 0
 WORKERS ?= 2
 
 .PHONY: help setup setup-train hooks demo test coverage fuzz lint format-check style types layers docs bench clean
@@ -17,7 +18,7 @@ help:
 	@echo "make demo         the main job: image three objects, and scissors in a carton, into demo/index.html"
 	@echo "make test         all tests and doctests (TESTS=path or -k name for some, WORKERS=2 processes)"
 	@echo "make coverage     make test, and how much of the code it ran: build/coverage/index.html"
-	@echo "make fuzz         100 000 damaged files against every reader (COUNT=)"
+	@echo "make fuzz         100 000 damaged files against every reader (COUNT=, SEED=)"
 	@echo "make lint         formatting, style, types, layers"
 	@echo "make docs         the documentation, into build/docs/html; runs the tutorials' notebooks and checks every link"
 	@echo "make bench        the benchmarks and their tables"
@@ -52,7 +53,7 @@ coverage: setup
 	$(BIN)/python -m pytest -n $(WORKERS) --cov --cov-report=term:skip-covered --cov-report=html $(TESTS)
 
 fuzz: setup
-	$(BIN)/python tests/fuzz/parsers.py --count $(COUNT)
+	$(BIN)/python tests/fuzz/parsers.py --count $(COUNT) --seed $(SEED)
 
 lint: format-check style types layers
 

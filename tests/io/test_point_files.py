@@ -97,3 +97,12 @@ def test_a_missing_file_is_told(tmp_path):
 def test_what_is_no_oriented_point_is_refused(given, told):
     with pytest.raises(InputError, match=told):
         ms.PointCloud(points=np.zeros((2, 3)), **given)
+
+
+@pytest.mark.parametrize("count", ["1e308", "-5", "9" * 4301, "\u0663"])
+def test_a_count_that_is_no_number_is_refused(tmp_path, count):
+    head = f"ply\nformat ascii 1.0\nelement vertex {count}\nproperty float x\nproperty float y\nproperty float z\n"
+    (tmp_path / "a.ply").write_text(f"{head}end_header\n0 0 0\n", encoding="utf-8")
+    assert holds_points(tmp_path / "a.ply")
+    with pytest.raises(FormatError, match=r"a\.ply states no number of vertices"):
+        ms.read_point_cloud(tmp_path / "a.ply")

@@ -193,7 +193,7 @@ def _read_cached(path: Path, key: str) -> Any:
         content = json.loads(path.read_text(encoding="utf-8"))
         result = content["result"]
         return result if (content["key"], content["checksum"]) == (key, _checksum(result)) else None
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
 
 

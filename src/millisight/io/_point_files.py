@@ -90,7 +90,7 @@ def holds_points(path: str | os.PathLike[str]) -> bool:
     FileError, FormatError
     """
     counts = re.findall(rb"^element\s+(\w+)\s+(\d+)", _head(check_readable(path))[0], re.MULTILINE)
-    return not any(name == b"face" and int(count) for name, count in counts)
+    return not any(name == b"face" and count.strip(b"0") for name, count in counts)
 
 
 def read_point_cloud(path: str | os.PathLike[str]) -> PointCloud:
@@ -122,6 +122,11 @@ def read_point_cloud(path: str | os.PathLike[str]) -> PointCloud:
     )
 
 
+def _count(text: str) -> int | None:
+    """The whole number that a text is, of as many digits as files have bytes; None where it is none."""
+    return int(text) if re.fullmatch(r"[0-9]{1,15}", text) else None
+
+
 def _head(path: Path) -> tuple[bytes, bytes]:
     """The header of a PLY file, and what follows it."""
     content = path.read_bytes()
@@ -138,7 +143,9 @@ def _vertices(path: Path, head: bytes, body: bytes) -> dict[str, np.ndarray]:
     elements = [i for i, line in enumerate(lines) if line[:1] == ["element"]]
     if kind not in _ORDERS or not elements or lines[elements[0]][1:2] != ["vertex"] or len(lines[elements[0]]) != 3:
         raise FormatError(f"{printable(path)} is no PLY file of points: expected a format, and vertices first")
-    count = int(lines[elements[0]][2])
+    count = _count(lines[elements[0]][2])
+    if count is None:
+        raise FormatError(f"{printable(path)} states no number of vertices: {lines[elements[0]][2][:40]!r}")
     end = elements[1] if len(elements) > 1 else len(lines)
     properties = [line for line in lines[elements[0] + 1 : end] if line[:1] == ["property"]]
     if any(len(line) != 3 or line[1] not in _TYPES for line in properties):

@@ -140,6 +140,10 @@ def _flattened(scene: Any, name: str) -> tuple[np.ndarray, np.ndarray, float | N
         raise MeshError(f"source is a {type(scene).__name__}; expected a path, a trimesh.Trimesh or a trimesh.Scene")
     vertices, faces, start = [np.empty((0, 3))], [np.empty((0, 3), dtype=np.int64)], 0
     for transform, part in placed:
+        if np.ndim(part.vertices) != 2 or np.shape(part.vertices)[1] != 3:
+            raise MeshError(
+                f"{name} has vertices {np.shape(part.vertices)}; expected x, y and z of each: export it again"
+            )
         corners = np.asarray(part.faces, dtype=np.int64).reshape(-1, 3)
         if len(corners) and (corners.min() < 0 or corners.max() >= len(part.vertices)):
             raise MeshError(
