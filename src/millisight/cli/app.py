@@ -14,6 +14,7 @@ from millisight.cli import (
     generate,
     image,
     info,
+    locate,
     objects,
     segment,
     simulate,
@@ -40,6 +41,7 @@ app.command("objects")(objects.objects)
 app.command("segment")(segment.segment)
 app.command("classify")(classify.classify)
 app.command("surface")(surface.surface)
+app.command("locate")(locate.locate)
 app.command("view")(view.view)
 app.command("annotate")(annotate.annotate)
 app.command("collect")(collect.collect)
