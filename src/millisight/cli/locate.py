@@ -65,9 +65,9 @@ def locate(
         bool,
         typer.Option(
             "--json",
-            help='Print what is written as one JSON document: {"source", "poses": [{"name", "T_world_mesh", "rotation", '
-            '"translation", "middle", "covariance", "free_axes", "score", "explained", "shown", "weight", '
-            '"symmetry"}], "probabilities", "points"}; metres, radians.',
+            help='Print what is written as one JSON document: {"source", "poses": [{"name", "T_world_mesh", '
+            '"rotation", "translation", "middle", "covariance", "free_axes", "score", "explained", "shown", '
+            '"weight", "symmetry"}], "probabilities", "points"}; metres, radians.',
         ),
     ] = False,
 ) -> None:

@@ -77,9 +77,9 @@ def locate(
     Examples
     --------
     >>> from millisight.data import Radar, Scene, Trajectory
-    >>> from millisight.meshes import block
+    >>> from millisight.meshes import build_object
     >>> from millisight.simulation import simulate
-    >>> mesh = block([-0.02, -0.01, -0.005], [0.02, 0.01, 0.005])
+    >>> mesh = build_object("golf_ball")
     >>> capture = simulate(Scene.from_mesh(mesh, vertices=3000), Radar.preset("mito-sim-77ghz"),
     ...                    Trajectory.raster(size=(0.06, 0.06), step=0.002))
     >>> found = locate(capture, mesh, VoxelGrid.regular((-0.03, -0.03, -0.02), (0.03, 0.03, 0.02), 0.002), turns=400)

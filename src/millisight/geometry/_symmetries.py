@@ -77,8 +77,8 @@ def symmetries(mesh: TriangleMesh, tolerance: float | None = None) -> Symmetry:
 
     Examples
     --------
-    >>> from millisight.meshes import block
-    >>> found = symmetries(block([0.0, 0.0, 0.0], [0.10, 0.06, 0.04]))
+    >>> from millisight.meshes import build_object
+    >>> found = symmetries(build_object("cracker_box"))
     >>> len(found.rotations), len(found.axes)
     (4, 0)
     """
@@ -124,13 +124,19 @@ class _Self:
         self.dense = dense.points - self.middle
         self.normals = dense.normals
         self.spread = self.dense.T @ self.dense / len(self.dense)
+        self.spacing = dense.spacing
         self.tree = KDTree(self.dense)
         self.tolerance = tolerance
         self.principal = np.linalg.svd(self.points, full_matrices=False)[2]
 
     def off(self, rotation: np.ndarray) -> np.ndarray:
         """(K,) distances of turned samples from the surface [m]."""
-        return np.asarray(self.tree.query(self.points @ rotation.T)[0])
+        turned = self.points @ rotation.T
+        apart, nearest = map(np.asarray, self.tree.query(turned))
+        along = ((turned - self.dense[nearest]) * self.normals[nearest]).sum(axis=1)
+        # Between samples the surface goes on along their planes, beyond its end it does not.
+        across = np.sqrt(np.maximum(apart**2 - along**2, 0))
+        return np.hypot(along, np.maximum(across - self.spacing, 0))
 
     def bears(self, axis: np.ndarray, angles_deg: tuple[float, ...]) -> bool:
         return all(np.quantile(self.off(turns_about(axis, a)), _WITHIN) < self.tolerance for a in angles_deg)
