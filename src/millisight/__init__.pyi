@@ -17,11 +17,13 @@ from .data import Capture as Capture
 from .data import ClockCorrection as ClockCorrection
 from .data import Instances as Instances
 from .data import Intrinsics as Intrinsics
+from .data import Located as Located
 from .data import Mask as Mask
 from .data import Material as Material
 from .data import Picture as Picture
 from .data import PixelGrid as PixelGrid
 from .data import PointCloud as PointCloud
+from .data import Pose as Pose
 from .data import Prediction as Prediction
 from .data import Prompts as Prompts
 from .data import Radar as Radar
@@ -42,6 +44,7 @@ from .evaluation import FScore as FScore
 from .evaluation import align as align
 from .evaluation import f_score as f_score
 from .evaluation import point_cloud as point_cloud
+from .geometry import locate as locate
 from .geometry import surface as surface
 from .geometry import surface_points as surface_points
 from .imaging import Focused as Focused

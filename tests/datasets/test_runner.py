@@ -214,7 +214,7 @@ def test_a_task_of_a_plugin_is_run(root, plugin):
 
 
 def test_tasks_and_options_are_checked(root):
-    assert tuple(sorted(TASKS.names())) == ("classification", "segmentation", "simulator", "surface")
+    assert tuple(sorted(TASKS.names())) == ("classification", "pose", "segmentation", "simulator", "surface")
     assert all(issubclass(TASKS[name], Task) for name in TASKS)
     with pytest.raises(UnknownNameError, match="unknown task 'poses'"):
         ms.evaluate("poses", root)

@@ -8,8 +8,8 @@ import typer
 from millisight.cli.console import Commands
 
 _ALONE = (
-    "demo", "simulate", "image", "info", "objects", "segment", "classify", "surface", "view", "annotate", "collect",
-    "generate",
+    "demo", "simulate", "image", "info", "objects", "segment", "classify", "surface", "locate", "view", "annotate",
+    "collect", "generate",
 )  # fmt: skip
 _GROUPS = ("dataset", "rig", "evaluate", "train")
 

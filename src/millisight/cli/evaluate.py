@@ -294,6 +294,37 @@ def surface(
     )
 
 
+@app.command("pose")
+def pose(
+    root: Root,
+    output: Output = Path("pose-evaluation"),
+    spacing: Annotated[str, typer.Option(help="Spacing of the voxels along x and y, twice that along z.")] = "2mm",
+    clutter: Annotated[
+        str, typer.Option(help="Taken off captures out of sight: auto, lid or none. Others are left as they are.")
+    ] = "lid",
+    which: Annotated[
+        bool, typer.Option("--which", help="Also choose the object among all of the dataset; takes as often as long.")
+    ] = False,
+    objects: Objects = None,
+    sight: Sight = None,
+    experiment: ExperimentNumber = None,
+    failures: Annotated[int, typer.Option(min=0, help="Number of worst scenes to plot.")] = 4,
+    workers: Workers = None,
+    as_json: AsJson = False,
+) -> None:
+    """Compare poses found in 77 GHz captures with the true ones: ADD, ADD-S, turn, place, success, coverage.
+
+    For scenes of the virtual rig, whose objects' shapes are known, with captures (keep = "captures" or "raw" in the
+    recipe). Meshes are handed over turned at random. A baseline puts each object upright at the brightest place. Writes
+    OUT/index.html, and each table as Markdown and CSV. Run it again to continue after an interruption.
+
+    Example: millisight evaluate pose bench24 -o poses
+    """
+    step = length(spacing, option="--spacing", metres=SMALL)
+    options = {"spacing": (step, 2 * step), "clutter": clutter, "which": which, "failures": failures}
+    _evaluate("pose", root, output, objects, sight, experiment, workers, as_json=as_json, label="poses", **options)
+
+
 def _evaluate(
     task: str,
     dataset: Path,

@@ -1,7 +1,7 @@
 """What `millisight image` does with one capture: background, clocks, focus, sheets, and the image."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from millisight.cli.console import progress, say, say_sampling
 from millisight.cli.grids import check_memory, parse_grid
-from millisight.cli.sources import Opened, Source
+from millisight.cli.sources import Opened, Source, sources
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.data import Capture, SarImage, VoxelGrid
 from millisight.imaging import (
@@ -108,6 +108,27 @@ def prepared(opened: Opened, source: Source, settings: ImageSettings, label: str
     clutter = settings.clutter or _stated(capture).get("clutter") or "none"
     capture, taken = _uncovered(capture, clutter, grid=voxels)
     return capture, voxels, "none" if taken else clutter
+
+
+def one_capture(source: Path, radar: str | None, data: Path | None) -> tuple[Capture, str]:
+    """The capture at a path, in memory, and a name for its outputs; what is odd about it is said.
+
+    Raises
+    ------
+    InputError
+        The path holds several captures.
+    """
+    found = sources([source], radar)
+    if len(found) != 1:
+        names = ", ".join(one.name for one in found)
+        raise InputError(f"{source} holds {len(found)} captures ({names}); pass one, or choose with --radar")
+    with found[0].opened(data) as opened:
+        for note in (*opened.notes, *oddities(opened.capture)):
+            say(note)
+        capture = opened.capture
+        if not capture.in_memory:
+            capture = replace(capture, frames=capture.frames_of(slice(0, len(capture.trajectory))))
+        return capture, found[0].name
 
 
 def oddities(capture: Capture) -> list[str]:

@@ -7,8 +7,9 @@ import sys
 from millisight.cli import interrupts
 
 GO_ON = (
-    "dataset convert", "dataset download", "dataset push", "evaluate classification", "evaluate segmentation",
-    "evaluate simulator", "evaluate surface", "generate", "train classifier", "train released", "train segmenter",
+    "dataset convert", "dataset download", "dataset push", "evaluate classification", "evaluate pose",
+    "evaluate segmentation", "evaluate simulator", "evaluate surface", "generate", "train classifier", "train released",
+    "train segmenter",
 )  # fmt: skip
 """Commands whose next run continues where this one stopped."""
 

@@ -9,9 +9,8 @@ import typer
 from millisight.cli.console import SMALL, answer_json, check_outputs, json_only, length, progress, say
 from millisight.cli.grids import check_memory, parse_grid
 from millisight.cli.image_sources import read_as
-from millisight.cli.image_steps import oddities
+from millisight.cli.image_steps import one_capture
 from millisight.cli.options import RadarChoice
-from millisight.cli.sources import sources
 from millisight.core import atomic_path, check_known, printable
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.data import Capture, PointCloud, SarImage, Surface
@@ -164,19 +163,7 @@ def _opened(source: Path, radar: str | None, data: Path | None) -> tuple[Capture
 
         if source.suffix.lower() == ".pkl" or provenance(source)["record"] == "SarImage":
             return read_as(SarImage, source), source.name.removesuffix(source.suffix).removesuffix(".image")
-    found = sources([source], radar)
-    if len(found) != 1:
-        names = ", ".join(one.name for one in found)
-        raise InputError(f"{source} holds {len(found)} captures ({names}); pass one, or choose with --radar")
-    with found[0].opened(data) as opened:
-        for note in (*opened.notes, *oddities(opened.capture)):
-            say(note)
-        capture = opened.capture
-        if not capture.in_memory:
-            from dataclasses import replace
-
-            capture = replace(capture, frames=capture.frames_of(slice(0, len(capture.trajectory))))
-        return capture, found[0].name
+    return one_capture(source, radar, data)
 
 
 def _points(opened: Capture | SarImage, grid: str | None, **settings: Any) -> PointCloud:

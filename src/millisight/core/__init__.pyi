@@ -52,6 +52,7 @@ from ._registry import Registry as Registry
 from ._rotations import interpolate_poses as interpolate_poses
 from ._rotations import rotation_from_euler_deg as rotation_from_euler_deg
 from ._rotations import rotation_from_quaternion as rotation_from_quaternion
+from ._rotations import rotation_vector as rotation_vector
 from ._tables import record_from_file as record_from_file
 from ._tables import record_from_table as record_from_table
 from ._tables import toml_of as toml_of

@@ -28,6 +28,13 @@ def rotation_from_quaternion(quaternions: np.ndarray) -> np.ndarray:
     return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
 
 
+def rotation_vector(rotation: np.ndarray) -> np.ndarray:
+    """(..., 3) axis times angle [rad] of rotations (..., 3, 3)."""
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_matrix(rotation).as_rotvec()
+
+
 def interpolate_poses(
     times: np.ndarray, known_times: np.ndarray, positions: np.ndarray, orientations: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray | None]:

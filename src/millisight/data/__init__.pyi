@@ -24,6 +24,9 @@ from ._mesh import TriangleMesh as TriangleMesh
 from ._mesh import check_mesh_reach as check_mesh_reach
 from ._picture import Picture as Picture
 from ._points import PointCloud as PointCloud
+from ._pose import NONE_OF_THEM as NONE_OF_THEM
+from ._pose import Located as Located
+from ._pose import Pose as Pose
 from ._prediction import Prediction as Prediction
 from ._prompts import Prompts as Prompts
 from ._radar import RADAR_PRESETS as RADAR_PRESETS

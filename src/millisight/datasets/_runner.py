@@ -33,7 +33,7 @@ def evaluate(
     progress: Progress | None = None,
     **options: Any,
 ) -> Result:
-    """Evaluate simulated images, segmenters, classifiers or surfaces on a dataset in the published layout.
+    """Evaluate simulated images, segmenters, classifiers, surfaces or poses on a dataset in the published layout.
 
     Of the published dataset, images that its authors leave out are left out, and named in the notes. A scene that
     cannot be read does not stop the others: see `Result.failures`. With an `output`, partial results are cached there.
@@ -41,8 +41,8 @@ def evaluate(
 
     Parameters
     ----------
-    task : "simulator", "segmentation", "classification", "surface", or the name of a plug-in's; or a task with its
-        options
+    task : "simulator", "segmentation", "classification", "surface", "pose", or the name of a plug-in's; or a task with
+        its options
     dataset : folder, or a dataset from `ms.datasets.open`
     output : folder for `index.html`, tables as Markdown and CSV, and figures; None: nothing is written
     objects : ids, names or folders of objects; none: all
@@ -50,7 +50,7 @@ def evaluate(
     experiment : N of `exp<N>`; None: all
     workers : number of processes; None: one per core, eight at most
     progress : called with (done, total)
-    options : of the task; see `SimulatorTask`, `SegmentationTask`, `ClassificationTask`, `SurfaceTask`
+    options : of the task; see `SimulatorTask`, `SegmentationTask`, `ClassificationTask`, `SurfaceTask`, `PoseTask`
 
     Raises
     ------

@@ -29,6 +29,9 @@ from ._metrics import score_mask as score_mask
 from ._point_cloud import FScore as FScore
 from ._point_cloud import f_score as f_score
 from ._point_cloud import point_cloud as point_cloud
+from ._pose_truth import LEVEL as LEVEL
+from ._pose_truth import PoseScores as PoseScores
+from ._pose_truth import score_pose as score_pose
 from ._scenes import BOTH as BOTH
 from ._scenes import CAMERA as CAMERA
 from ._scenes import EMPTY as EMPTY
@@ -90,6 +93,8 @@ from .tasks._simulator_tables import ImagePair as ImagePair
 from .tasks._simulator_tables import fitted_toml as fitted_toml
 from .tasks.classification import ClassificationTask as ClassificationTask
 from .tasks.classification import Mistake as Mistake
+from .tasks.pose import PoseTask as PoseTask
+from .tasks.pose import PoseTrial as PoseTrial
 from .tasks.segmentation import SegmentationTask as SegmentationTask
 from .tasks.simulator import SimulatorTask as SimulatorTask
 from .tasks.surface import SurfaceTask as SurfaceTask

@@ -1,6 +1,11 @@
 from ._closed import closed as closed
+from ._locate import locate as locate
+from ._match import Match as Match
+from ._match import range_match as range_match
 from ._points import FALSE_ALARMS as FALSE_ALARMS
 from ._points import surface_points as surface_points
 from ._surface import LEAST_POINTS as LEAST_POINTS
 from ._surface import depth_map as depth_map
 from ._surface import surface as surface
+from ._symmetries import Symmetry as Symmetry
+from ._symmetries import symmetries as symmetries

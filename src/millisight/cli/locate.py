@@ -1,0 +1,155 @@
+"""`millisight locate`: where an object of known shape lies, and which of several it is."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from millisight.cli.console import answer_json, answer_table, check_outputs, json_only, progress, say
+from millisight.cli.grids import parse_grid
+from millisight.cli.image_steps import one_capture
+from millisight.cli.options import RadarChoice
+from millisight.core import check_known, printable, write_text
+from millisight.core.errors import InputError, UnknownNameError
+from millisight.data import Located, TriangleMesh
+from millisight.imaging import CLUTTER
+
+
+def locate(
+    source: Annotated[
+        Path,
+        typer.Argument(
+            metavar="CAPTURE",
+            help="Capture (HDF5), description of raw files (TOML), or an experiment of the published layout.",
+        ),
+    ],
+    mesh: Annotated[
+        list[str],
+        typer.Option(
+            "--mesh",
+            metavar="MESH",
+            help="Mesh of the object: a file, or a name of the catalogue. Repeatable.",
+        ),
+    ],
+    unit: Annotated[
+        str | None, typer.Option(help="Unit of the mesh files: m, cm, mm or in. [default: as they state, or metres]")
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="Poses to write (JSON). [default: NAME.pose.json in the source's folder]"),
+    ] = None,
+    placed: Annotated[
+        Path | None, typer.Option(help="Also write the most probable mesh where it was found (PLY).")
+    ] = None,
+    grid: Annotated[
+        str | None,
+        typer.Option(
+            help="Voxels in which surfaces are searched: one spacing such as 2mm, or lower:upper:spacing for x,y,z. "
+            "[default: as for `millisight image`]"
+        ),
+    ] = None,
+    clutter: Annotated[
+        str, typer.Option(help="lid or auto: take lids and cloths over the object off before; none.")
+    ] = "none",
+    false_alarms: Annotated[
+        float, typer.Option(help="Probability that a voxel of noise alone is taken for a surface.")
+    ] = 1e-6,
+    plot: Annotated[
+        Path | None, typer.Option(help="Also plot the points over the mesh where it was found, from three sides.")
+    ] = None,
+    radar: RadarChoice = None,
+    data: Annotated[
+        Path | None, typer.Option(help="Folder of the files named in a description. [default: its own folder]")
+    ] = None,
+    as_json: Annotated[
+        bool,
+        typer.Option(
+            "--json",
+            help='Print what is written as one JSON document: {"source", "poses": [{"name", "T_world_mesh", '
+            '"rotation", "translation", "middle", "covariance", "free_axes", "score", "explained", "shown", '
+            '"weight", "symmetry"}], "probabilities", "points"}; metres, radians.',
+        ),
+    ] = False,
+) -> None:
+    """Find the pose of an object of known shape: place and turn with their uncertainty, and which of several it is.
+
+    Points on the object's surface are compared with what of the mesh would shine, turned all ways. Where the mesh looks
+    the same after a turn, that is told, and the turn is left open.
+
+    Example: millisight locate mug.capture.h5 --mesh mug.stl --unit mm --grid 2mm --plot mug.pose.png
+
+    Example: millisight locate scan.capture.h5 --mesh mug --mesh bowl --clutter lid
+    """
+    check_known("--clutter", clutter, CLUTTER)
+    if placed is not None and placed.suffix.lower() != ".ply":
+        raise UnknownNameError("mesh format", placed.suffix or placed.name, (".ply",))
+    with json_only(as_json):
+        meshes = _meshes(mesh, unit)
+        capture, name = one_capture(source, radar, data)
+        to = output or source.parent / f"{name}.pose.json"
+        check_outputs(to, placed, figures=(plot,), source=source)
+        voxels = parse_grid(grid, capture)
+        say(f"grid: {' x '.join(map(str, voxels.shape))} voxels, {capture.channels} channels")
+        from millisight.geometry import locate as locate_in
+
+        with progress("locate") as report:
+            found = locate_in(capture, meshes, voxels, clutter=clutter, false_alarms=false_alarms, progress=report)
+        say(f"{len(found.points)} oriented points")
+        for pose in found.poses:
+            say(f"{pose.name}: {pose.symmetry}")
+        best = found.poses[0]
+        _write(to, source, found)
+        say(f"wrote {to}")
+        if placed is not None:
+            from millisight.meshes import write_mesh
+
+            write_mesh(placed, best.placed(meshes[best.name]))
+            say(f"wrote {placed}")
+        if plot is not None:
+            from millisight.viz import save_figure
+
+            title = printable(f"{name}: {best.name}, score {best.score:.2f}")
+            save_figure(found.plot(meshes[best.name], title=title), plot)
+            say(f"wrote {plot}")
+        if found.best is None:
+            say("most probably it is none of the meshes")
+    if as_json:
+        answer_json({"source": str(source)} | found.to_dict())
+    else:
+        answer_table(_rows(found))
+
+
+def _meshes(given: list[str], unit: str | None) -> dict[str, TriangleMesh]:
+    """The meshes by their names, in metres, as they lie in their files."""
+    from millisight.data import Scene
+
+    found: dict[str, TriangleMesh] = {}
+    for one in given:
+        name = Path(one).stem
+        if name in found:
+            raise InputError(f"two meshes are called {printable(name)}; rename one of the files")
+        found[name] = Scene.from_mesh(one, unit=unit if Path(one).suffix else None, vertices=None, center=False).mesh
+    return found
+
+
+def _rows(found: Located) -> list[tuple[str, ...]]:
+    """The table of the poses."""
+    rows: list[tuple[str, ...]] = [
+        ("mesh", "probability", "x [mm]", "y [mm]", "z [mm]", "± [mm]", "± [°]", "score", "points explained", "shown")
+    ]
+    for pose in found.poses:
+        rows.append((
+            printable(pose.name), f"{100 * found.probabilities[pose.name]:.0f} %",
+            *(f"{1e3 * one:.1f}" for one in pose.place), f"{1e3 * pose.place_sigma:.1f}", f"{pose.turn_sigma_deg:.1f}",
+            f"{pose.score:.2f}", f"{100 * pose.explained:.0f} %", f"{100 * pose.shown:.0f} %",
+        ))  # fmt: skip
+    for name, share in found.ranking:
+        if all(name != pose.name for pose in found.poses):
+            rows.append((printable(name), f"{100 * share:.0f} %", *[""] * 8))
+    return rows
+
+
+def _write(to: Path, source: Path, found: Located) -> None:
+    import json
+
+    write_text(to, json.dumps({"source": str(source)} | found.to_dict(), indent=2) + "\n")

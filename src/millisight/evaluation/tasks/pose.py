@@ -1,0 +1,305 @@
+"""The task "pose": where objects of known shape lie, against the truth of the virtual rig."""
+
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from millisight.core import (
+    check_known,
+    checked_integer,
+    checked_number,
+    checked_record,
+    record,
+    rotation_from_euler_deg,
+)
+from millisight.core.errors import InputError
+from millisight.data import Located, PointCloud, Pose, TriangleMesh, VoxelGrid
+from millisight.evaluation._pose_truth import LEVEL, PoseScores, score_pose
+from millisight.evaluation._scenes import HIGH, SIGHTS
+from millisight.evaluation._sources import EvaluationData, SceneSource
+from millisight.evaluation._statistics import bootstrap_interval, wilson_interval
+from millisight.evaluation._tables import Table, table_of
+from millisight.evaluation._task import TASKS, EvaluationItem, EvaluationSet, ReportFigure, Task
+from millisight.geometry import locate, symmetries
+from millisight.imaging import CLUTTER
+
+_FORMAT = 1
+_MARGIN = 0.03  # of the voxels around the object [m]
+_OFF = 0.01  # by which their box is off the object, at most [m]
+_DRAWN = 1500  # points that a result keeps for its picture
+OURS, BLIND = "locate", "upright at the brightest place"
+POSES = (OURS, BLIND)
+"""What is compared: `locate`; and a guess without a search: the object as it stands in the catalogue, its middle at the
+strongest point."""
+_NEAR, _TURNED_DEG = 0.01, 10.0  # of a success
+
+
+@record
+class PoseTrial:
+    """The scores of one pose.
+
+    Attributes
+    ----------
+    scene, object, sight : of the scene
+    method : one of POSES
+    scores : PoseScores
+    answer : object that was most probable among all, "" where only this one's mesh was given
+    points : (n, 3) some of the points, for a picture [m]
+    transform : (4, 4) of the mesh, as it stands in the catalogue, to the world [m]
+    """
+
+    scene: str
+    object: str
+    sight: str
+    method: str
+    scores: PoseScores
+    answer: str
+    points: np.ndarray
+    transform: np.ndarray
+
+    @property
+    def success(self) -> bool:
+        """Within 1 cm and 10 degrees."""
+        return self.scores.place <= _NEAR and self.scores.degrees <= _TURNED_DEG
+
+
+class _Source(NamedTuple):
+    scene: SceneSource
+    others: Mapping[str, SceneSource]
+    spacing: tuple[float, float, float]
+    clutter: Mapping[str, str]
+
+
+@TASKS.add("pose")
+@record
+class PoseTask(Task):
+    """Compare poses of objects of known shape with the true ones: simulated captures of one object each.
+
+    The mesh is handed over turned at random, by the scene's name; so is the box in which points are searched off the
+    object by up to a centimetre along each axis.
+
+    Attributes
+    ----------
+    spacing : of the voxels along x and y, and along z [m]
+    clutter : taken off the captures out of sight: "auto", "lid" or "none"; those in line of sight are left as they are
+    which : whether the object is also chosen among all of the dataset
+    failures : number of worst scenes to plot
+    """
+
+    name: ClassVar[str] = "pose"
+    title: ClassVar[str] = "Poses"
+    cache: ClassVar[str] = "poses"
+
+    spacing: tuple[float, float] = (0.002, 0.004)
+    clutter: str = "lid"
+    which: bool = False
+    failures: int = 4
+
+    def __post_init__(self) -> None:
+        check_known("clutter", self.clutter, CLUTTER)
+        for one in self.spacing:
+            checked_number(one, name="spacing", unit="m", above=0)
+        checked_record(self.which, bool, name="which")
+        checked_integer(self.failures, name="failures", minimum=0)
+
+    def plan(self, data: EvaluationData) -> EvaluationSet:
+        """One item for each scene with a 77 GHz capture and a known shape."""
+        across, deep = self.spacing
+        clutter = {"los": "none", "nlos": self.clutter}
+        there = [scene for scene in data.scenes if scene.shape_paths(HIGH)]
+        first = {scene.object: scene for scene in reversed(there)} if self.which else {}
+        others = {name: first[name] for name in sorted(first)}
+        settings = {
+            "format": _FORMAT, "spacing": [across, deep], "clutter": clutter, "others": list(others),
+        }  # fmt: skip
+        items = [
+            EvaluationItem(
+                name=scene.name,
+                source=_Source(scene, others, (across, across, deep), clutter),
+                parts={scene.name.replace("/", "."): settings},
+                paths=(*scene.paths, *scene.shape_paths(HIGH)),
+            )
+            for scene in there
+        ]
+        if not items:
+            raise InputError(
+                f"{data.path} holds no 77 GHz capture of an object of known shape; expected scenes of the virtual rig "
+                'made with keep = "captures" or "raw": see `millisight generate`'
+            )
+        left = len(data.scenes) - len(there)
+        return EvaluationSet(
+            items=tuple(items),
+            data=f"{data.path.resolve().name} (virtual rig; simulated, not real data)",
+            notes=(f"{left} scenes have no capture or no known shape",) if left else (),
+        )
+
+    @staticmethod
+    def run(item: EvaluationItem) -> Mapping[str, Any]:
+        """Both methods on one scene."""
+        source: _Source = item.source
+        scene = source.scene
+        capture, world = scene.read_capture(HIGH), joined(scene.read_shape(HIGH))
+        upright, middle = _upright(scene, world)
+        random = np.random.default_rng(zlib.crc32(scene.name.encode()))
+        handed = _any_turn(random)
+        off = random.uniform(-_OFF, _OFF, 3)
+        mesh = upright.moved(rotation=handed)
+        rotation = rotation_from_euler_deg(scene.angles) @ handed.T
+        grid = VoxelGrid.regular(world.bounds[0] - _MARGIN + off, world.bounds[1] + _MARGIN + off, source.spacing)
+        meshes = {scene.object: mesh} | {
+            name: _upright(other, joined(other.read_shape(HIGH)))[0].moved(rotation=_any_turn(random))
+            for name, other in source.others.items()
+            if name != scene.object
+        }
+        found = locate(capture, meshes, grid, clutter=source.clutter[scene.sight])
+        ours = next(pose for pose in found.poses if pose.name == scene.object)
+        symmetry = symmetries(mesh)
+        answer = found.ranking[0][0] if source.others else ""
+        guesses = {OURS: (ours, answer), BLIND: (_blind(found, ours, mesh, handed), "")}
+        (part,) = item.parts
+        return {
+            part: [
+                {
+                    "scene": scene.name, "object": scene.object, "sight": scene.sight, "method": method,
+                    "scores": list(score_pose(pose, mesh, symmetry, rotation, middle)), "answer": name,
+                    "points": np.round(found.points.points[:: max(1, -(-len(found.points) // _DRAWN))], 5).tolist(),
+                    "transform": (pose.T_world_mesh @ _turned(handed)).tolist(),
+                }
+                for method, (pose, name) in guesses.items()
+            ]
+        }  # fmt: skip
+
+    def rows(self, planned: EvaluationSet, results: Mapping[str, Any]) -> list[PoseTrial]:
+        """By scene and method."""
+        return [
+            PoseTrial(**one | {
+                "scores": PoseScores(*one["scores"]),
+                "points": np.array(one["points"]).reshape(-1, 3),
+                "transform": np.array(one["transform"]),
+            })
+            for trials in results.values() for one in trials
+        ]  # fmt: skip
+
+    def describe(self, planned: EvaluationSet, rows: Sequence[PoseTrial]) -> tuple[str, str]:
+        """What the data are, and the introduction of the page."""
+        return planned.data, (
+            f"Poses of objects of known shape, of {planned.data}. Meshes are handed over turned at random. The "
+            "pictures show the worst scenes: points, and the mesh where it was found."
+        )
+
+    def tables(self, planned: EvaluationSet, rows: Sequence[PoseTrial]) -> dict[str, Table]:
+        """Medians and shares of each sight, and every scene."""
+        there = [sight for sight in SIGHTS if any(one.sight == sight for one in rows)]
+        return {
+            **{sight: _summary(rows, sight, planned.data) for sight in there},
+            "scenes": table_of(
+                f"Every scene, {planned.data}",
+                ["scene", "method", "ADD [mm]", "ADD-S [mm]", "turn [°]", "place [mm]", "in the 90 % region", "answer"],
+                [
+                    (
+                        one.scene, one.method, round(1e3 * one.scores.add, 2), round(1e3 * one.scores.add_s, 2),
+                        round(one.scores.degrees, 2), round(1e3 * one.scores.place, 2),
+                        None if one.method == BLIND else ("yes" if one.scores.covered else "no"), one.answer or None,
+                    )
+                    for one in rows
+                ],
+                place="file",
+            ),
+        }  # fmt: skip
+
+    def figures(self, planned: EvaluationSet, rows: Sequence[PoseTrial]) -> Iterator[ReportFigure]:
+        """The worst scenes of `locate`."""
+        sources = {item.source.scene.name: item.source.scene for item in planned.items}
+        ours = sorted((one for one in rows if one.method == OURS), key=lambda one: -one.scores.add_s)
+        for number, one in enumerate(ours[: self.failures], 1):
+            scene = sources[one.scene]
+            mesh = _upright(scene, joined(scene.read_shape(HIGH)))[0]
+            told = (
+                f"ADD-S {1e3 * one.scores.add_s:.1f} mm, {one.scores.degrees:.0f}°, {1e3 * one.scores.place:.1f} mm off"
+            )
+            what = f"{one.object}, {SIGHTS[one.sight]}"
+            yield ReportFigure(
+                name=f"worst-{number:02d}",
+                heading=what,
+                caption=f"{told}. Grey: the mesh where it was found.",
+                plot="plot_points",
+                arguments={
+                    "cloud": PointCloud(points=one.points),
+                    "truth": [mesh.moved(rotation=one.transform[:3, :3], translation=one.transform[:3, 3])],
+                    "title": f"{what}: {told}",
+                },
+                facts={"scene": one.scene},
+                dpi=90,
+            )
+
+
+def joined(meshes: Sequence[TriangleMesh]) -> TriangleMesh:
+    """Several meshes as one: their vertices and faces one after the other."""
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes[:-1])])
+    return TriangleMesh(
+        vertices=np.concatenate([mesh.vertices for mesh in meshes]),
+        faces=np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=True)]),
+    )
+
+
+def _upright(scene: SceneSource, world: TriangleMesh) -> tuple[TriangleMesh, np.ndarray]:
+    """The object as it stands in the catalogue, around the origin, and the place of that in the scene (3,) [m]."""
+    middle = world.bounds.mean(axis=0)
+    return world.moved(translation=-middle).moved(rotation=rotation_from_euler_deg(scene.angles).T), middle
+
+
+def _any_turn(random: np.random.Generator) -> np.ndarray:
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_quat(random.normal(size=4)).as_matrix()
+
+
+def _turned(rotation: np.ndarray) -> np.ndarray:
+    made = np.eye(4)
+    made[:3, :3] = rotation
+    return made
+
+
+def _blind(found: Located, ours: Pose, mesh: TriangleMesh, handed: np.ndarray) -> Pose:
+    """The object upright, its middle at the strongest point."""
+    place = found.points.points[int(np.argmax(found.points.power))]
+    return Pose(
+        name=ours.name, rotation=handed.T, translation=place - handed.T @ mesh.bounds.mean(axis=0), middle=ours.middle,
+        covariance=ours.covariance, free_axes=ours.free_axes, score=0.0, explained=0.0, shown=0.0,
+    )  # fmt: skip
+
+
+def _summary(rows: Sequence[PoseTrial], sight: str, data: str) -> Table:
+    body = []
+    for method in POSES:
+        trials = [one for one in rows if one.sight == sight and one.method == method]
+        medians = []
+        for name, scale in (("add", 1e3), ("add_s", 1e3), ("degrees", 1), ("place", 1e3)):
+            values = [scale * getattr(one.scores, name) for one in trials]
+            low, high = bootstrap_interval(values)
+            medians.append(f"{np.median(values):.1f} ({low:.1f} to {high:.1f})")
+        shares = [
+            _share([one.success for one in trials]),
+            _share([one.scores.add_s <= _NEAR for one in trials]),
+            _share([one.scores.covered for one in trials]) if method == OURS else None,
+            _share([one.answer == one.object for one in trials]) if all(one.answer for one in trials) else None,
+        ]
+        body.append([method, len(trials), *medians, *shares])
+    return table_of(
+        f"{SIGHTS[sight].capitalize()}: medians over scenes (95 % bootstrap interval), shares (95 % Wilson interval), "
+        f"{data}",
+        [
+            "method", "scenes", "ADD [mm]", "ADD-S [mm]", "turn [°]", "place [mm]", "within 1 cm and 10° [%]",
+            "ADD-S within 1 cm [%]", f"truth in the {100 * LEVEL:.0f} % region [%]", "right object [%]",
+        ],
+        body,
+        "Of turns that look the same, the nearest counts, but for ADD-S, which asks for no identity.",
+        place="summary",
+    )  # fmt: skip
+
+
+def _share(right: Sequence[bool]) -> str:
+    low, high = wilson_interval(sum(right), len(right))
+    return f"{100 * sum(right) / len(right):.0f} ({100 * low:.0f} to {100 * high:.0f})"

@@ -1,0 +1,203 @@
+"""Where objects of known shapes lie: poses of meshes that agree with the oriented points of a capture."""
+
+from collections.abc import Callable, Mapping
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from millisight.core import checked_array, checked_integer, checked_record, rotation_vector, with_step
+from millisight.core.errors import InputError, MeshError
+from millisight.data import NONE_OF_THEM, Capture, Located, PointCloud, Pose, TriangleMesh, VoxelGrid
+from millisight.geometry._moments import channel_middles
+from millisight.geometry._points import FALSE_ALARMS, surface_points
+from millisight.geometry._registration import Fit, Seen, curvature, register, seen_by
+from millisight.geometry._samples import MeshSamples, samples_of
+from millisight.geometry._symmetries import Symmetry, symmetries
+from millisight.geometry._turns import reduced_rotations
+
+_LEAST = 12  # points
+_SAMPLES = 350
+_THINNED, _MOST = 0.004, 300  # spacing [m] and number of the points that are compared
+_TURNS = 3000
+_LARGER = 12.0  # than the points' extent, or smaller: what no object of that size shows
+_UNITS = {"millimetres": 0.001, "centimetres": 0.01, "inches": 0.0254}
+
+# Chosen on development objects alone (examples/objects.toml): see docs/how-to/locate.md.
+_WEIGHT = 0.03  # difference of scores by which a pose is e times as probable as another
+_CURVED = 60.0  # observations that a score is worth
+_WHICH, _NOTHING = 0.03, 0.15  # the same between meshes, and the score of "none of them"
+_FARTHEST, _ANY_TURN = 0.03, np.pi / np.sqrt(3)  # standard deviations where nothing is known [m], [rad]
+
+
+def locate(
+    source: Capture | PointCloud,
+    meshes: TriangleMesh | Mapping[str, TriangleMesh],
+    grid: VoxelGrid | None = None,
+    *,
+    antennas: ArrayLike | None = None,
+    clutter: Literal["none", "lid", "auto"] | str = "none",
+    false_alarms: float = FALSE_ALARMS,
+    turns: int = _TURNS,
+    progress: Callable[[int, int], None] | None = None,
+) -> Located:
+    """Find the pose of an object of known shape, in six degrees of freedom, and which of several it is (primer 25, 26).
+
+    Oriented points of the capture are compared with what of the mesh, in a pose, mirrors some antenna to itself.
+    Rotations spread over all there are, less those that the mesh's symmetries make alike, are tried; pairs of points
+    and samples with like normals vote for the translation; the best are fitted by iterated closest points, both ways.
+    The score is the harmonic mean of the share of the points that the mesh explains, and of the share of what should
+    shine of the mesh that was found. The covariance is that of the curvature of the score, and of other poses whose
+    scores are near.
+
+    Parameters
+    ----------
+    source : Capture; or oriented points, as of `surface_points`
+    meshes : in metres; several by name
+    grid : of a capture: voxels in which surfaces are searched, as for `surface_points`; None: around its scene
+    antennas : (n, 3) antennas that saw the points [m]; of a capture its own
+    clutter : "lid" or "auto" to take lids and other sheets off before; of a capture
+    false_alarms : see `surface_points`; of a capture
+    turns : rotations that are tried of a mesh without symmetry; 3000 are 15 degrees apart
+    progress : called with (done, total)
+
+    Returns
+    -------
+    Located
+        The best pose of each mesh, and the probability that it is this one, or none of them. Nothing is drawn by
+        chance: the same points give the same poses.
+
+    Raises
+    ------
+    InputError
+        Fewer than 12 oriented points; points without normals or antennas; what `surface_points` refuses.
+    MeshError
+        Every mesh is more than 12 times larger or smaller than what was seen: it is in another unit.
+
+    Examples
+    --------
+    >>> from millisight.data import Radar, Scene, Trajectory
+    >>> from millisight.meshes import build_object
+    >>> from millisight.simulation import simulate
+    >>> mesh = build_object("golf_ball")
+    >>> capture = simulate(Scene.from_mesh(mesh, vertices=3000), Radar.preset("mito-sim-77ghz"),
+    ...                    Trajectory.raster(size=(0.06, 0.06), step=0.002))
+    >>> found = locate(capture, mesh, VoxelGrid.regular((-0.03, -0.03, -0.02), (0.03, 0.03, 0.02), 0.002), turns=400)
+    >>> bool(np.linalg.norm(found.poses[0].place) < 0.01)
+    True
+    """
+    named = {"mesh": meshes} if isinstance(meshes, TriangleMesh) else dict(_by_name(meshes))
+    if not named or NONE_OF_THEM in named:
+        raise InputError(f"there are {len(named)} meshes; expected at least one, none of them called {NONE_OF_THEM!r}")
+    turns = checked_integer(turns, name="turns", minimum=100)
+    total = len(named) + 1
+
+    if isinstance(source, PointCloud):
+        if grid is not None or clutter != "none":
+            raise InputError("points were found already; leave grid and clutter out")
+        if antennas is None:
+            raise InputError("points do not tell who saw them; pass antennas, (n, 3) in metres")
+        points, seen_from = source, checked_array(antennas, name="antennas", shape=("n", 3), unit="m")
+    else:
+        capture = checked_record(source, Capture, name="source")
+        if antennas is not None:
+            raise InputError("a capture states its own antennas; leave antennas out")
+        points = surface_points(capture, grid, clutter=clutter, false_alarms=false_alarms)
+        seen_from = channel_middles(capture).reshape(-1, 3)
+    normals = points.normals
+    if normals is None:
+        raise InputError("the points have no normals, by which poses are found; pass those of surface_points")
+    if len(points) < _LEAST:
+        raise InputError(
+            f"{len(points)} oriented points were found; expected at least {_LEAST}: nothing is in view, or the grid "
+            "does not hold it"
+        )
+    if progress is not None:
+        progress(1, total)
+    seen = seen_by(points, normals, seen_from, spacing=_THINNED, most=_MOST)
+    odd = {name: why for name, mesh in named.items() if (why := _odd_size(name, mesh, seen.points))}
+    if len(odd) == len(named):
+        raise MeshError("; ".join(odd.values()))
+    poses: list[Pose] = []
+    for number, (name, mesh) in enumerate(named.items(), 2):
+        if name not in odd:
+            poses.append(_pose(name, mesh, seen, turns))
+        if progress is not None:
+            progress(number, total)
+    shares = _softmax(np.array([*(one.score for one in poses), _NOTHING]) / _WHICH)
+    probabilities = dict.fromkeys(named, 0.0)
+    probabilities |= dict(zip([*(one.name for one in poses), NONE_OF_THEM], shares.tolist(), strict=True))
+    metadata = with_step(points.metadata, "locate", meshes=list(named), turns=turns)
+    ordered = sorted(poses, key=lambda one: -one.score)
+    return Located(poses=tuple(ordered), probabilities=probabilities, points=points, metadata=metadata)
+
+
+def _by_name(meshes: Mapping[str, TriangleMesh]) -> Mapping[str, TriangleMesh]:
+    for name, mesh in checked_record(meshes, Mapping, name="meshes").items():
+        checked_record(mesh, TriangleMesh, name=f"mesh {name!r}")
+    return meshes
+
+
+def _odd_size(name: str, mesh: TriangleMesh, points: np.ndarray) -> str:
+    """What is wrong with the size of a mesh, beside that of what was seen; "" if nothing."""
+    lower, upper = np.quantile(points, [0.1, 0.9], axis=0)
+    seen, size = float(np.linalg.norm(upper - lower)), float(np.linalg.norm(mesh.extent))
+
+    def fits(scale: float) -> bool:
+        return seen / _LARGER < size * scale < seen * _LARGER
+
+    if fits(1.0):
+        return ""
+    guesses = [f"{unit} ({size * scale:.2g} m)" for unit, scale in _UNITS.items() if fits(scale)]
+    guesses += [f"metres, told as {unit} ({size / scale:.2g} m)" for unit, scale in _UNITS.items() if fits(1 / scale)]
+    advice = f"did you mean {' or '.join(guesses)}? Load it with its unit" if guesses else "check its unit"
+    return f"{name} is {size:.3g} m large, but what was seen {seen:.2g} m; {advice}"
+
+
+def _pose(name: str, mesh: TriangleMesh, seen: Seen, turns: int) -> Pose:
+    """The best pose of a mesh."""
+    shape, symmetry = samples_of(mesh, _SAMPLES), symmetries(mesh)
+    fits = register(shape, reduced_rotations(turns, symmetry.rotations, symmetry.axes), seen)
+    best = fits[0]
+    weights = _softmax(np.array([one.score for one in fits]) / _WEIGHT)
+    free = (best.rotation @ symmetry.axes.T).T
+    return Pose(
+        name=name,
+        rotation=best.rotation,
+        translation=best.translation - best.rotation @ shape.middle,
+        middle=shape.middle,
+        covariance=_covariance(fits, weights, shape, symmetry, seen, free),
+        free_axes=free,
+        score=best.score,
+        explained=best.explained,
+        shown=best.shown,
+        weight=float(weights[0]),
+        symmetry=symmetry.about,
+    )
+
+
+def _covariance(
+    fits: list[Fit], weights: np.ndarray, shape: MeshSamples, symmetry: Symmetry, seen: Seen, free: np.ndarray
+) -> np.ndarray:
+    """(6, 6) of the best pose: by the curvature of its score, and by the other poses, as a mixture (primer 26)."""
+    best = fits[0]
+    known = np.diag([_FARTHEST**-2] * 3 + [_ANY_TURN**-2] * 3)
+    values, vectors = np.linalg.eigh(curvature(shape, best, seen))
+    precision = known + _CURVED * (vectors * np.maximum(values, 0)) @ vectors.T
+    made = np.linalg.inv(precision)
+    for one, weight in zip(fits[1:], weights[1:], strict=True):
+        nearest = symmetry.nearest(one.rotation, best.rotation)
+        turn = rotation_vector(nearest @ best.rotation.T)
+        off = np.concatenate([one.translation - best.translation, turn])
+        made += weight * np.outer(off, off)
+    for axis in free:
+        # Any turn about the axis, and its share of all else.
+        made[:, 3:] -= np.outer(made[:, 3:] @ axis, axis)
+        made[3:] -= np.outer(axis, axis @ made[3:])
+        made[3:, 3:] += _ANY_TURN**2 * np.outer(axis, axis)
+    return (made + made.T) / 2
+
+
+def _softmax(values: np.ndarray) -> np.ndarray:
+    shares = np.exp(values - values.max())
+    return shares / shares.sum()

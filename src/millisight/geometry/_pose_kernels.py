@@ -1,0 +1,289 @@
+"""Compiled loops of the search for a pose: what shines, votes for places, and how well points and a mesh agree."""
+
+import numpy as np
+from numba import prange
+
+from millisight.core import kernel, subroutine
+
+_MOST = 30.0  # squared distance beyond which nothing is a pair
+_ASKEW = 4.0  # most that normals which differ add to it
+_DARK = 2.0  # what it costs that a surface does not shine
+
+
+@subroutine
+def _shines(x, y, z, u, v, w, antennas, cosine):
+    """Whether a place, with a normal, mirrors some antenna to itself, within an angle."""
+    square = cosine * cosine
+    for a in range(antennas.shape[0]):
+        dx, dy, dz = antennas[a, 0] - x, antennas[a, 1] - y, antennas[a, 2] - z
+        along = dx * u + dy * v + dz * w
+        if along > 0 and along * along > square * (dx * dx + dy * dy + dz * dz):
+            return True
+    return False
+
+
+@subroutine
+def _place(points, normals, clear, rotation, translation, antennas, cosine, at, out, lit):
+    """Put what faces the antennas of a turned and moved mesh into `at` and `out` (K, 3), and whether it shines into
+    `lit` (K,); how many they are."""
+    count, last = 0, antennas.shape[0] - 1
+    for k in range(points.shape[0]):
+        for i in range(3):
+            at[count, i] = translation[i]
+            out[count, i] = 0.0
+            for j in range(3):
+                at[count, i] += rotation[i, j] * points[k, j]
+                out[count, i] += rotation[i, j] * normals[k, j]
+        towards = 0.0
+        for i in range(3):
+            towards += (antennas[last, i] - at[count, i]) * out[count, i]
+        x, n = at[count], out[count]
+        lit[count] = clear[k] and _shines(x[0], x[1], x[2], n[0], n[1], n[2], antennas[:last], cosine)
+        if lit[count] or towards > 0:
+            count += 1
+    return count
+
+
+@subroutine
+def _apart(found, facing, at, out, lit, place, turn, spacing):
+    """Squared distance of two oriented points, in standard deviations; `_MOST` at most.
+
+    Along the normal it is counted by `place`, across by the samples' spacing as well. What does not shine may be seen
+    by its edges: it counts as a pair, but a worse one, and so does a pair whose normals differ.
+    """
+    square, along, cos = 0.0, 0.0, 0.0
+    for i in range(3):
+        way = found[i] - at[i]
+        square += way * way
+        along += way * out[i]
+        cos += facing[i] * out[i]
+    along *= along
+    reach = place * place
+    apart = along / reach + (square - along) / (reach + 0.36 * spacing * spacing)
+    if apart >= _MOST:
+        return _MOST
+    apart += min(2 * (1 - cos) / (turn * turn), _ASKEW)
+    return apart if lit else apart + _DARK
+
+
+@subroutine
+def _agreement(found, facing, weights, at, out, lit, count, place, turn, spacing):
+    """Shares of the found points that the mesh explains, and of what shines that was found, each 0 to 1."""
+    best = np.full(count, _MOST)
+    explained, total = 0.0, 0.0
+    for i in range(found.shape[0]):
+        least = _MOST
+        for k in range(count):
+            apart = _apart(found[i], facing[i], at[k], out[k], lit[k], place, turn, spacing)
+            least, best[k] = min(least, apart), min(best[k], apart)
+        explained += weights[i] * np.exp(-0.5 * least)
+        total += weights[i]
+    shown, bright = 0.0, 0
+    for k in range(count):
+        if lit[k]:
+            shown += np.exp(-0.5 * best[k])
+            bright += 1
+    return explained / total, shown / max(bright, 1)
+
+
+@kernel()
+def agreements(
+    points, normals, clear, rotations, translations, antennas, cosine, found, facing, weights, place, turn, spacing
+):
+    """(n, 2) shares explained and shown, of n poses of a mesh.
+
+    Parameters
+    ----------
+    points, normals, clear : (K, 3), (K, 3), (K,) samples of the mesh
+    rotations, translations : (n, 3, 3), (n, 3)
+    antennas : (A, 3) some of the antennas, and their middle
+    cosine : of the largest angle at which a surface shines
+    found, facing, weights : (M, 3), (M, 3), (M,) measured points
+    place, turn : standard deviations, of distances [m] and of angles [rad]
+    spacing : of the samples [m]
+    """
+    shares = np.zeros((len(rotations), 2))
+    for n in prange(len(rotations)):
+        at, out, lit = np.empty(points.shape), np.empty(points.shape), np.empty(len(points), np.bool_)
+        count = _place(points, normals, clear, rotations[n], translations[n], antennas, cosine, at, out, lit)
+        one, other = _agreement(found, facing, weights, at, out, lit, count, place, turn, spacing)
+        shares[n, 0], shares[n, 1] = one, other
+    return shares
+
+
+@kernel()
+def vote(points, normals, clear, rotations, middle, antennas, cosine, found, facing, weights, turn, cell, cells):
+    """(n, 3) translation of each rotation that most pairs of measured points and of what shines agree on.
+
+    Each pair whose normals are alike votes for the translation that lays one on the other, in cubes of `cell` [m],
+    `cells` along each side, around the translation that puts the mesh's origin on `middle` (3,).
+    """
+    made = np.zeros((len(rotations), 3))
+    for n in prange(len(rotations)):
+        at, out, lit = np.empty(points.shape), np.empty(points.shape), np.empty(len(points), np.bool_)
+        count = _place(points, normals, clear, rotations[n], middle, antennas, cosine, at, out, lit)
+        votes = np.zeros((cells, cells, cells))
+        alike = np.cos(turn)
+        half = 0.5 * cells
+        for k in range(count):
+            if not lit[k]:
+                continue
+            for i in range(found.shape[0]):
+                if facing[i, 0] * out[k, 0] + facing[i, 1] * out[k, 1] + facing[i, 2] * out[k, 2] > alike:
+                    a = int(np.floor((found[i, 0] - at[k, 0]) / cell + half))
+                    b = int(np.floor((found[i, 1] - at[k, 1]) / cell + half))
+                    c = int(np.floor((found[i, 2] - at[k, 2]) / cell + half))
+                    if 0 <= a < cells and 0 <= b < cells and 0 <= c < cells:
+                        votes[a, b, c] += weights[i]
+        # Of pairs of neighbouring cubes along each axis, so that no peak is cut in two.
+        best, top = 0.0, (cells // 2, cells // 2, cells // 2)
+        for a in range(cells - 1):
+            for b in range(cells - 1):
+                for c in range(cells - 1):
+                    sum_ = 0.0
+                    for i in range(2):
+                        for j in range(2):
+                            for m in range(2):
+                                sum_ += votes[a + i, b + j, c + m]
+                    if sum_ > best:
+                        best, top = sum_, (a, b, c)
+        made[n, 0] = middle[0] + (top[0] + 1 - half) * cell
+        made[n, 1] = middle[1] + (top[1] + 1 - half) * cell
+        made[n, 2] = middle[2] + (top[2] + 1 - half) * cell
+    return made
+
+
+@kernel()
+def climb(
+    points,
+    normals,
+    clear,
+    rotations,
+    translations,
+    antennas,
+    cosine,
+    found,
+    facing,
+    weights,
+    place,
+    turn,
+    spacing,
+    steps,
+):
+    """Fit poses by iterated closest points, both ways; change `rotations` (n, 3, 3) and `translations` (n, 3).
+
+    Pairs are nearest in place and normal together, and weigh as exp(-q / 2) of their squared distance q in standard
+    deviations: see `_apart`.
+    """
+    for n in prange(len(rotations)):
+        at, out, lit = np.empty(points.shape), np.empty(points.shape), np.empty(len(points), np.bool_)
+        for _ in range(steps):
+            count = _place(points, normals, clear, rotations[n], translations[n], antennas, cosine, at, out, lit)
+            if count == 0:
+                break
+            matrix, missed = np.zeros((6, 6)), np.zeros(6)
+            for i in range(6):
+                matrix[i, i] = 1e-9
+            back, least = np.full(count, -1), np.full(count, _MOST)
+            for i in range(len(found)):
+                nearest, lowest = -1, _MOST
+                for k in range(count):
+                    apart = _apart(found[i], facing[i], at[k], out[k], lit[k], place, turn, spacing)
+                    if apart < lowest:
+                        nearest, lowest = k, apart
+                    if apart < least[k]:
+                        back[k], least[k] = i, apart
+                if nearest >= 0:
+                    weight = weights[i] * np.exp(-0.5 * lowest)
+                    _pull(
+                        found[i], facing[i], at[nearest], out[nearest], translations[n], weight, place, turn, spacing,
+                        matrix, missed,
+                    )  # fmt: skip
+            share = weights.sum() / max(lit[:count].sum(), 1)
+            for k in range(count):
+                if lit[k] and back[k] >= 0:
+                    i = back[k]
+                    weight = share * np.exp(-0.5 * least[k])
+                    _pull(
+                        found[i],
+                        facing[i],
+                        at[k],
+                        out[k],
+                        translations[n],
+                        weight,
+                        place,
+                        turn,
+                        spacing,
+                        matrix,
+                        missed,
+                    )
+            for i in range(6):
+                matrix[i, i] *= 1 + 1e-3
+            step = np.linalg.solve(matrix, missed)
+            size = np.sqrt(step[3] ** 2 + step[4] ** 2 + step[5] ** 2)
+            if size > 0.2:
+                step *= 0.2 / size
+                size = 0.2
+            _turn(rotations[n], step[3:], size)
+            for i in range(3):
+                translations[n, i] += step[i]
+            if size < 1e-4 and step[0] ** 2 + step[1] ** 2 + step[2] ** 2 < 1e-9:
+                break
+
+
+@subroutine
+def _pull(found, facing, at, out, middle, weight, place, turn, spacing, matrix, missed):
+    """Add a pair to the normal equations of a shift and a small turn about `middle`."""
+    arm = at - middle
+    reach = place * place
+    across = reach / (reach + 0.36 * spacing * spacing)
+    askew = 2 * (1 - (facing * out).sum()) > _ASKEW * turn * turn
+    row = np.zeros(6)
+    for i in range(3):
+        # Along axis i: the shift, and the turn's w × arm.
+        row[:] = 0.0
+        row[i] = 1.0
+        j, m = (i + 1) % 3, (i + 2) % 3
+        row[3 + j], row[3 + m] = arm[m], -arm[j]
+        _add(row, found[i] - at[i], weight * across / reach, matrix, missed)
+        row[i] = 0.0
+        row[3 + j], row[3 + m] = out[m], -out[j]
+        if not askew:
+            _add(row, facing[i] - out[i], weight / (turn * turn), matrix, missed)
+    row[:] = 0.0
+    along = 0.0
+    for i in range(3):
+        j, m = (i + 1) % 3, (i + 2) % 3
+        row[i] = out[i]
+        row[3 + i] = arm[j] * out[m] - arm[m] * out[j]
+        along += out[i] * (found[i] - at[i])
+    _add(row, along, weight * (1 - across) / reach, matrix, missed)
+
+
+@subroutine
+def _add(row, value, weight, matrix, missed):
+    for i in range(6):
+        missed[i] += weight * row[i] * value
+        for j in range(6):
+            matrix[i, j] += weight * row[i] * row[j]
+
+
+@subroutine
+def _turn(rotation, by, size):
+    """Turn a rotation (3, 3) in place by the rotation vector `by`, of length `size`."""
+    if size < 1e-12:
+        return
+    x, y, z = by[0] / size, by[1] / size, by[2] / size
+    c, s = np.cos(size), np.sin(size)
+    d = 1 - c
+    own = rotation.copy()
+    turn = np.array(
+        [
+            [c + d * x * x, d * x * y - s * z, d * x * z + s * y],
+            [d * x * y + s * z, c + d * y * y, d * y * z - s * x],
+            [d * x * z - s * y, d * y * z + s * x, c + d * z * z],
+        ]
+    )
+    for i in range(3):
+        for j in range(3):
+            rotation[i, j] = turn[i, 0] * own[0, j] + turn[i, 1] * own[1, j] + turn[i, 2] * own[2, j]

@@ -1,0 +1,74 @@
+"""`millisight locate` as a user meets it: a capture, meshes, what is written, and what cannot be."""
+
+import json
+
+import numpy as np
+import pytest
+import trimesh
+
+import millisight as ms
+from helpers import posed
+from helpers.commands import run_here
+from millisight.meshes import load_mesh
+
+VOXELS = "-5cm:5cm:2mm,-5cm:5cm:2mm,-3cm:3cm:4mm"
+
+
+@pytest.fixture(scope="module")
+def stage(tmp_path_factory):
+    """A capture of a bracket that lies flat, and its mesh, turned, in millimetres."""
+    folder = tmp_path_factory.mktemp("bracket")
+    bracket = posed.bracket()
+    lying = bracket.moved(translation=-bracket.bounds.mean(axis=0)).moved(rotation=posed.turn(11))
+    trajectory = ms.Trajectory.raster(size=(0.14, 0.14), step=0.002)
+    capture = ms.simulate(
+        ms.Scene.from_mesh(lying, vertices=4000, center=False), ms.Radar.preset("mito-sim-77ghz"), trajectory
+    )
+    ms.save(folder / "bracket.capture.h5", capture)
+    trimesh.Trimesh(1e3 * bracket.vertices, bracket.faces).export(folder / "bracket.stl")
+    return folder
+
+
+@pytest.fixture
+def here(stage, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    given = (str(stage / "bracket.capture.h5"), "--grid", VOXELS, "-o", "found.json")
+    return lambda *arguments: run_here("locate", *given, *arguments)
+
+
+def test_poses_are_told_written_and_drawn(stage, here, tmp_path):
+    code, out, err, _ = here(
+        "--mesh", str(stage / "bracket.stl"), "--mesh", "golf_ball", "--unit", "mm", "--placed", "there.ply",
+        "--plot", "there.png", "--json",
+    )  # fmt: skip
+    assert code == 0, err
+    told = json.loads(out)
+    assert told == json.loads((tmp_path / "found.json").read_text())
+    assert {one["name"] for one in told["poses"]} == {"bracket", "golf_ball"}
+    assert set(told["probabilities"]) == {"bracket", "golf_ball", "none of them"}
+    pose = told["poses"][0]
+    assert pose["name"] == "bracket"
+    bracket = posed.bracket()
+    found = bracket.vertices @ np.array(pose["rotation"]).T + pose["translation"]
+    true = (bracket.vertices - bracket.bounds.mean(axis=0)) @ posed.turn(11).T
+    assert np.linalg.norm(found - true, axis=1).mean() < 0.01
+    np.testing.assert_allclose(
+        load_mesh(tmp_path / "there.ply").bounds, [found.min(axis=0), found.max(axis=0)], atol=1e-5
+    )
+    assert (tmp_path / "there.png").read_bytes().startswith(b"\x89PNG")
+    assert "golf_ball: the same after any turn" in err
+    assert "oriented points" in err
+
+
+def test_a_wrong_unit_is_an_error_with_advice(stage, here, tmp_path):
+    code, out, _, error = here("--mesh", str(stage / "bracket.stl"), "--unit", "in")
+    assert code == 1
+    assert out == ""
+    assert "bracket is" in error
+    assert "Load it with its unit" in error
+    assert not (tmp_path / "found.json").exists()
+
+
+def test_two_meshes_of_one_name_and_other_suffixes_are_refused(stage, here):
+    assert "two meshes are called mug" in here("--mesh", "mug", "--mesh", "mug")[3]
+    assert "mesh format" in here("--mesh", "mug", "--placed", "there.stl")[3]

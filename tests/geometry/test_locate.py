@@ -1,0 +1,152 @@
+"""Poses of meshes in oriented points: right in all six, whatever lies beside, and what cannot be."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import millisight as ms
+from helpers import posed, solid_mirrors
+from millisight.core.errors import InputError, MeshError
+from millisight.data import NONE_OF_THEM
+from millisight.meshes import build_object
+
+AT = np.array([0.02, -0.01, posed.DEPTH])
+
+
+def angle_deg(one, other):
+    return np.degrees(Rotation.from_matrix(one.T @ other).magnitude())
+
+
+def off(pose, mesh, rotation, translation):
+    """Mean distance of the vertices from their true places [m]."""
+    true = mesh.vertices @ rotation.T + translation
+    return np.linalg.norm(mesh.vertices @ pose.rotation.T + pose.translation - true, axis=1).mean()
+
+
+@pytest.fixture(scope="module")
+def bracket():
+    return posed.bracket()
+
+
+@pytest.fixture(scope="module")
+def cloud(bracket):
+    """What is seen of the bracket, turned at random."""
+    return posed.points_of(bracket.moved(rotation=posed.turn(11), translation=AT))
+
+
+def located(cloud, meshes, **settings):
+    return ms.locate(cloud, meshes, antennas=posed.ANTENNAS, turns=1200, **settings)
+
+
+def test_the_pose_is_found_in_all_six(bracket, cloud):
+    assert len(cloud) > 200
+    found = located(cloud, bracket)
+    (pose,) = found.poses
+    assert off(pose, bracket, posed.turn(11), AT) < 0.003
+    assert angle_deg(pose.rotation, posed.turn(11)) < 3
+    assert pose.distance(posed.turn(11) @ pose.middle + AT, posed.turn(11)) < 4
+    assert pose.symmetry == "no symmetry"
+    assert len(pose.free_axes) == 0
+    assert min(pose.explained, pose.shown) > 0.5
+    assert found.best is pose
+    assert sum(found.probabilities.values()) == pytest.approx(1)
+    np.testing.assert_allclose(pose.T_world_mesh[:3, :3] @ pose.middle + pose.T_world_mesh[:3, 3], pose.place)
+    again = located(cloud, bracket).poses[0]
+    np.testing.assert_array_equal(again.rotation, pose.rotation)  # nothing is drawn by chance
+
+
+def test_a_mesh_handed_over_moved_lies_where_it_did(bracket, cloud):
+    handed = bracket.moved(rotation=posed.turn(4), translation=np.array([0.3, 0.1, -0.2]))
+    rotation = posed.turn(11) @ posed.turn(4).T
+    pose = located(cloud, handed).poses[0]
+    assert off(pose, handed, rotation, AT - rotation @ [0.3, 0.1, -0.2]) < 0.003
+
+
+def test_another_object_beside_does_not_matter(bracket, cloud):
+    other = posed.points_of(posed.block([-0.12, 0.04, -0.27], [-0.06, 0.10, -0.25]), rng=1)
+    assert len(other) > 50
+    pose = located(posed.merged(cloud, other), bracket).poses[0]
+    assert off(pose, bracket, posed.turn(11), AT) < 0.004
+    assert pose.explained < located(cloud, bracket).poses[0].explained
+
+
+def test_turns_that_show_nothing_are_told_and_left_open():
+    can = build_object("tomato_soup_can")
+    place = can.moved(rotation=posed.turn(2), translation=AT)
+    pose = located(posed.points_of(place), can).poses[0]
+    axis = np.array([1.0, 0, 0]) if can.extent.argmax() == 0 else np.eye(3)[can.extent.argmax()]
+    assert "any turn" in pose.symmetry
+    assert abs(pose.free_axes[0] @ posed.turn(2) @ axis) > np.cos(np.radians(5))
+    assert pose.free_axes[0] @ pose.covariance[3:, 3:] @ pose.free_axes[0] == pytest.approx(np.pi**2 / 3, rel=1e-6)
+    assert pose.turn_sigma_deg < 40
+    np.testing.assert_allclose(pose.place, place.bounds.mean(axis=0), atol=0.008)
+
+
+def test_which_of_several_and_none_of_them(bracket, cloud):
+    meshes = {
+        "box": posed.block(np.zeros(3), np.array([0.09, 0.06, 0.03])),
+        "bracket": bracket,
+        "needle": posed.block(np.zeros(3), np.array([9.0, 0.02, 0.02])),
+    }
+    found = located(cloud, meshes)
+    assert found.best.name == found.poses[0].name == "bracket"
+    assert found.probabilities["bracket"] > 0.9
+    assert found.probabilities["needle"] == 0  # far too large: it has no pose
+    assert [one.name for one in found.poses] == ["bracket", "box"]
+    random = np.random.default_rng(0)
+    normals = random.normal(size=(300, 3))
+    noise = ms.PointCloud(
+        points=AT + random.uniform(-0.06, 0.06, (300, 3)),
+        normals=normals / np.linalg.norm(normals, axis=1, keepdims=True),
+    )
+    nothing = located(noise, bracket)
+    assert nothing.best is None
+    assert nothing.probabilities[NONE_OF_THEM] > 0.5
+
+
+def test_an_open_mesh_counts_from_both_sides(bracket, cloud):
+    """A scan without its underside, wound inside out, is no different."""
+    kept = bracket.face_crosses[:, 2] > -1e-9
+    scan = ms.TriangleMesh(vertices=bracket.vertices, faces=bracket.faces[kept][:, ::-1])
+    assert (scan.edge_faces[2] < 0).any()
+    pose = located(cloud, scan).poses[0]
+    assert off(pose, scan, posed.turn(11), AT) < 0.004
+
+
+@pytest.mark.parametrize(
+    ("scale", "told"), [(1000, "millimetres"), (100, "centimetres"), (0.001, "told as millimetres")]
+)
+def test_a_mesh_in_another_unit_is_found_by_its_size(bracket, cloud, scale, told):
+    with pytest.raises(MeshError, match=told):
+        located(cloud, ms.TriangleMesh(vertices=scale * bracket.vertices, faces=bracket.faces))
+
+
+def test_what_cannot_be_is_refused(bracket, cloud):
+    with pytest.raises(InputError, match="3 oriented points were found; expected at least 12"):
+        located(cloud.chosen(np.arange(3)), bracket)
+    with pytest.raises(InputError, match="pass antennas"):
+        ms.locate(cloud, bracket)
+    with pytest.raises(InputError, match="have no normals"):
+        located(ms.PointCloud(points=cloud.points), bracket)
+    with pytest.raises(InputError, match="at least one, none of them called"):
+        located(cloud, {})
+    with pytest.raises(InputError, match="leave grid and clutter out"):
+        located(cloud, bracket, clutter="lid")
+    with pytest.raises(InputError, match="mesh 'cup'"):
+        located(cloud, {"cup": "cup.stl"})
+
+
+def test_a_capture_of_one_antenna_or_of_nothing_is_refused(bracket):
+    grid = ms.VoxelGrid.regular((-0.02, -0.02, -0.27), (0.02, 0.02, -0.23), 0.004)
+    still = solid_mirrors.capture_of(solid_mirrors.ball(0.05), size=0.0005, step=0.001)
+    with pytest.raises(InputError, match="in one place or on one line"):
+        ms.locate(still, bracket, grid)
+    silent = solid_mirrors.capture_of(solid_mirrors.ball(0.05), size=0.06, step=0.004)
+    empty = ms.Capture(
+        radar=silent.radar, trajectory=silent.trajectory,
+        frames=(np.random.default_rng(0).normal(size=silent.frames.shape) + 0j).astype(np.complex64),
+    )  # fmt: skip
+    with pytest.raises(InputError, match="nothing is in view"):
+        ms.locate(empty, bracket, grid)
+    with pytest.raises(InputError, match="its own antennas"):
+        ms.locate(silent, bracket, grid, antennas=posed.ANTENNAS)
