@@ -104,20 +104,20 @@ class Lab:
     """
 
     def __init__(self, file: RigFile, *, folder: str | os.PathLike[str] = ".", source: str = "rig file"):
-        self.file = file
+        self.file: RigFile = file
         self._devices: list[tuple[str, Any]] = []
-        self.arm = self._device("arm", file.arm, "arm", folder, source)
-        self.radars = tuple(
+        self.arm: Any = self._device("arm", file.arm, "arm", folder, source)
+        self.radars: tuple[Any, ...] = tuple(
             self._device("radar", table, f"radars[{i}]", folder, source) for i, table in enumerate(file.radars)
         )
         names = [radar.name for radar in self.radars]
         if len(set(names)) < len(names):
             raise InputError(f"the radars are called {names}; expected different names")
-        self.camera = None
+        self.camera: Any = None
         if file.camera is not None:
             self.camera = self._device("camera", file.camera, "camera", folder, source)
             self.camera.place = self._camera_place
-        self.plan = self._plan()
+        self.plan: ScanPlan = self._plan()
 
     @classmethod
     def from_toml(cls, path: str | os.PathLike[str]) -> "Lab":

@@ -124,16 +124,16 @@ class Dca1000:
     """
 
     def __init__(self, settings: Dca1000Settings):
-        self.settings = settings
-        self.name = settings.name
-        self.mount = np.array(settings.mount)
+        self.settings: Dca1000Settings = settings
+        self.name: str = settings.name
+        self.mount: np.ndarray = np.array(settings.mount)
         preset = Radar.preset(settings.preset, rx_axis=settings.rx_axis)
         config = None if settings.profile is None else read_ti_config(settings.path(settings.profile))
         receivers = len(preset.array.rx_positions)
         if config is not None:
             _check_config(config, receivers, str(settings.profile))
-        self.radar = preset if config is None else replace(preset, waveform=config.waveform)
-        self.frame_period = float(settings.frame_period or 0) if config is None else config.frame_period
+        self.radar: Radar = preset if config is None else replace(preset, waveform=config.waveform)
+        self.frame_period: float = float(settings.frame_period or 0) if config is None else config.frame_period
         self._order = settings.order if config is None else config.order or settings.order
         self._swap = settings.sample_swap or (config is not None and config.sample_swap)
         self._chirps = settings.chirps if config is None else config.chirps_per_frame

@@ -92,8 +92,8 @@ class GrblGantry:
     """A gantry: an `Arm` and a `Device`. Nothing is sent to it that leaves its limits."""
 
     def __init__(self, settings: GrblSettings):
-        self.settings = settings
-        self.limits = settings.limits
+        self.settings: GrblSettings = settings
+        self.limits: Limits = settings.limits
         self._serial: Any = None
         self._lock = threading.Lock()
         self._thread: threading.Thread | None = None

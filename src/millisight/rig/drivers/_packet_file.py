@@ -35,9 +35,12 @@ class PacketFile:
     """
 
     def __init__(self, path: Path, *, size: int, first_number: int = 1, first_byte: int = 0):
-        self.path = path
-        self.size = checked_integer(size, name="size")
-        self.end = self.duplicates = self.late = self.refused = 0
+        self.path: Path = path
+        self.size: int = checked_integer(size, name="size")
+        self.end: int = 0
+        self.duplicates: int = 0
+        self.late: int = 0
+        self.refused: int = 0
         self._first = first_number, first_byte
         self._last = 0, 0  # number and place of the packet that reached farthest, counted from 0 and never wrapped
         # Missing stretches below `end`, in order: where they start, and where they stop.

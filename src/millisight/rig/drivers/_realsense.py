@@ -62,7 +62,7 @@ class RealSenseCamera:
     """
 
     def __init__(self, settings: RealSenseSettings):
-        self.settings = settings
+        self.settings: RealSenseSettings = settings
         self.place: Callable[[], tuple[np.ndarray, np.ndarray]] | None = None
         self._pipeline: Any = None
 

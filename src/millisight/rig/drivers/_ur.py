@@ -88,8 +88,8 @@ class UrArm:
     def __init__(self, settings: UrSettings):
         from scipy.spatial.transform import Rotation
 
-        self.settings = settings
-        self.limits = settings.limits
+        self.settings: UrSettings = settings
+        self.limits: Limits = settings.limits
         self._level = Rotation.from_rotvec(settings.level)
         self._client: RtdeClient | None = None
         self._program = 0  # number of the program that was sent last

@@ -85,7 +85,7 @@ class PacketSender:
     def begin(self) -> None:
         """A new recording."""
         self.lost: list[int] = []
-        self.sent = 0
+        self.sent: int = 0
         self._bytes = 0
         self._rest = b""
         self._held: list[tuple[int, bytes]] = []  # packets that are late, and when they are due
@@ -173,7 +173,7 @@ class Dca1000Emulator:
         self._socket.settimeout(_POLL)
         self.port: int = self._socket.getsockname()[1]
         self.told: list[str] = []
-        self.silent = False
+        self.silent: bool = False
         self.refused: set[str] = set()
         self._sender: PacketSender | None = None
         self._commander: tuple[str, int] | None = None

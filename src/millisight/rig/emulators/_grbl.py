@@ -36,9 +36,11 @@ class GrblEmulator:
     """
 
     def __init__(self, arm: MovingArm, time: Time, *, origin: np.ndarray, acceleration: float = 2.0):
-        self.arm, self._time, self._origin, self._acceleration = arm, time, np.asarray(origin), acceleration
+        self.arm: MovingArm = arm
+        self._time, self._origin, self._acceleration = time, np.asarray(origin), acceleration
         self.lines: list[str] = []
-        self.alarm = self.silent = False
+        self.alarm: bool = False
+        self.silent: bool = False
         self._came = b""
         self._queue: deque[str] = deque()
         self._held = self._closing = False

@@ -81,13 +81,13 @@ class EmulatedLab:
             self.robot = GrblEmulator(moved, clock, origin=first, acceleration=world.arm.acceleration)
         self._first = first
         self._data_port = _free_port()
-        self.card = Dca1000Emulator(data_port=self._data_port, faults=faults)
+        self.card: Dca1000Emulator = Dca1000Emulator(data_port=self._data_port, faults=faults)
         mount = np.array(self._settings.mount)
         self._radar = BoardEmulator(
             self._settings, clock, lambda times: moved.true_positions(times) - BASE_ORIGIN + mount, perfect,
             self.card.samples, world.rng(_RADAR, 77), latency=max(0.0, ahead),
         )  # fmt: skip
-        self.board = TiCliEmulator(self._radar.start, self._radar.stop)
+        self.board: TiCliEmulator = TiCliEmulator(self._radar.start, self._radar.stop)
 
     def __enter__(self) -> "EmulatedLab":
         return self

@@ -36,7 +36,7 @@ class TiCliEmulator:
         self._start, self._stop = start, stop
         self.lines: list[str] = []
         self.refused: set[str] = set()
-        self.silent = False
+        self.silent: bool = False
         self._frames: int | None = None
         self._running = False
         self._came = b""

@@ -37,8 +37,10 @@ class UrController:
 
     Attributes
     ----------
+    arm : as given
     registers : integer output registers
     robot_mode, safety_mode : as RTDE tells them
+    running : whether a program runs
     remote : whether it takes programs; else they are passed over, as an e-Series in local control does
     programs : how many it has been sent
     """
@@ -51,12 +53,15 @@ class UrController:
         level: tuple[float, float, float] = (np.pi, 0.0, 0.0),
         latency: float = 0.0,
     ):
-        self.arm, self._time, self._latency = arm, time, latency
+        self.arm: MovingArm = arm
+        self._time, self._latency = time, latency
         self._turned = tuple(level)
         self.registers: dict[int, int] = {}
-        self.robot_mode, self.safety_mode, self.remote = wire.ROBOT_RUNNING, 1, True
-        self.programs = 0
-        self.running = False
+        self.robot_mode: int = wire.ROBOT_RUNNING
+        self.safety_mode: int = 1
+        self.remote: bool = True
+        self.programs: int = 0
+        self.running: bool = False
         self._number = 0  # of the program that runs
 
     def run(self, program: str) -> None:
@@ -122,13 +127,16 @@ class UrEmulator:
 
     Attributes
     ----------
+    controller : as given
     rtde_port, script_port : where it listens
     silent : it keeps its connections and says nothing more
     """
 
     def __init__(self, controller: UrController, *, host: str = "127.0.0.1", rtde_port: int = 0, script_port: int = 0):
-        self.controller = controller
-        self.silent = False
+        self.controller: UrController = controller
+        self.silent: bool = False
+        self.rtde_port: int
+        self.script_port: int
         self._closing = False
         self._connections: list[socket.socket] = []
         self._threads: list[threading.Thread] = []
