@@ -359,5 +359,7 @@ def test_a_glb_that_asks_for_more_than_it_holds_is_refused(tmp_path, changes, me
 def test_vertices_without_three_places_are_refused(tmp_path):
     """Three damaged meshes ended in a traceback."""
     (tmp_path / "flat.obj").write_text("v 0 0\nv 1 0\nv 0 1\nf 1 2 3\n")
-    with pytest.raises(MeshError, match=r"flat\.obj has vertices \(3, 2\); expected x, y and z of each: export it again"):
+    with pytest.raises(
+        MeshError, match=r"flat\.obj has vertices \(3, 2\); expected x, y and z of each: export it again"
+    ):
         load_mesh(tmp_path / "flat.obj", unit="m")
