@@ -9,7 +9,7 @@ COUNT ?= 100000
 SEED ?= 0
 WORKERS ?= 2
 
-.PHONY: help setup setup-train hooks demo test coverage fuzz lint format-check style types layers docs bench clean
+.PHONY: help setup setup-train hooks demo test coverage fuzz mutants sbom lint format-check style types layers docs bench clean
 
 help:
 	@echo "make setup        everything but torch, into $(VENV)"
@@ -19,6 +19,8 @@ help:
 	@echo "make test         all tests and doctests (TESTS=path or -k name for some, WORKERS=2 processes)"
 	@echo "make coverage     make test, and how much of the code it ran: build/coverage/index.html"
 	@echo "make fuzz         100 000 damaged files against every reader (COUNT=, SEED=)"
+	@echo "make mutants      physics broken on purpose: every time a test must fail"
+	@echo "make sbom         all components and their licences, in CycloneDX: build/sbom.json"
 	@echo "make lint         formatting, style, types, layers"
 	@echo "make docs         the documentation, into build/docs/html; runs the tutorials' notebooks and checks every link"
 	@echo "make bench        the benchmarks and their tables"
@@ -54,6 +56,16 @@ coverage: setup
 
 fuzz: setup
 	$(BIN)/python tests/fuzz/parsers.py --count $(COUNT) --seed $(SEED)
+
+# Physics broken on purpose, a place at a time: the nearest tests must fail.
+mutants: setup
+	$(BIN)/python tests/mutations.py
+
+# In an environment of its own: what lists the components is none of them.
+sbom: setup
+	$(PYTHON) -m venv build/sbom
+	build/sbom/bin/python -m pip install --quiet --disable-pip-version-check cyclonedx-bom
+	build/sbom/bin/cyclonedx-py environment $(BIN)/python --pyproject pyproject.toml --output-reproducible -o build/sbom.json
 
 lint: format-check style types layers
 

@@ -1,0 +1,180 @@
+"""Physics broken on purpose, a place at a time: the nearest tests must fail each time, or they prove too little.
+
+    python tests/mutations.py            all of them
+    python tests/mutations.py windows    those of files with this in their name
+
+The package is copied, one text in one file of the copy is exchanged, and the tests named beside it are run against the
+copy until one fails. Every text occurs once in its file; where it does not, the list is out of date and says so.
+"""
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).parents[1]
+
+
+class Mutation(NamedTuple):
+    """A bug: in a file of the package a text becomes another; the tests, from `tests/` on, that are to notice."""
+
+    file: str
+    old: str
+    new: str
+    tests: tuple[str, ...]
+
+
+PHASE = ("imaging/test_exact.py", "imaging/test_backprojection.py")
+SIMULATED = ("simulation/test_simulate.py", "simulation/test_scattering.py")
+WINDOWS = ("imaging/test_windows.py", "imaging/test_laws.py")
+RADAR = ("data/test_radar.py",)
+PATHS = ("test_records.py", "data/test_radar.py", "imaging/test_exact.py")
+MESH = ("simulation/test_simulate.py", "data/test_scene.py", "test_records.py")
+MATERIAL = ("data/test_material.py",)
+SLABS = ("rig/test_slabs.py",)
+LAYERS = ("imaging/test_refraction.py",)
+
+MUTATIONS = [
+    # Signs
+    Mutation("core/phase.py", "return cycles - np.rint(cycles)", "return np.rint(cycles) - cycles", PHASE),
+    Mutation("imaging/_kernels.py", "total += frames[p, t, r, j] * complex(math.cos(angle), math.sin(angle))",
+             "total += frames[p, t, r, j] * complex(math.cos(angle), -math.sin(angle))", PHASE),
+    Mutation("imaging/_backprojection.py", "* np.exp(2j * np.pi * cycles)", "* np.exp(-2j * np.pi * cycles)", PHASE),
+    Mutation("simulation/_kernels.py", "complex(_cosine(turn), -_sine(turn))", "complex(_cosine(turn), _sine(turn))",
+             SIMULATED),
+    Mutation("simulation/_kernels.py", "total_imag += imag[i] * cosine - real[i] * sine",
+             "total_imag += imag[i] * cosine + real[i] * sine", SIMULATED),
+    Mutation("simulation/_kernels.py", "total_real += real[i] * cosine + imag[i] * sine",
+             "total_real += real[i] * cosine - imag[i] * sine", SIMULATED),
+    Mutation("core/_rotations.py", "[2 * (x * y + z * w), 1", "[2 * (x * y - z * w), 1", PATHS),
+    Mutation("core/_rotations.py", "[[1, 0, 0], [0, cx, -sx], [0, sx, cx]]", "[[1, 0, 0], [0, cx, sx], [0, -sx, cx]]",
+             ("data/test_scene.py", "test_records.py", "simulation/test_simulate.py")),
+    Mutation("data/_material.py", "return (index - 1) / (index + 1)", "return (1 - index) / (index + 1)", MATERIAL),
+    Mutation("data/_material.py", "eps * (1 - 1j * loss)", "eps * (1 + 1j * loss)", MATERIAL),
+    Mutation("data/_material.py", "1 - 1j * self.conductivity", "1 + 1j * self.conductivity", MATERIAL),
+    Mutation("rig/virtual/_slabs.py", "through = np.exp(-1j *", "through = np.exp(1j *", SLABS),
+    # Factors of two
+    Mutation("data/_radar.py", "return SPEED_OF_LIGHT / (2 * self.bandwidth)", "return SPEED_OF_LIGHT / self.bandwidth",
+             RADAR),
+    Mutation("data/_trajectory.py", "step = SPEED_OF_LIGHT / (4 *", "step = SPEED_OF_LIGHT / (2 *", PATHS),
+    Mutation("simulation/_noise.py", "10 ** (snr_db / 10) / 2))", "10 ** (snr_db / 10)))", SIMULATED),
+    Mutation("simulation/_noise.py", "10 ** (snr_db / 10) / 2", "10 ** (snr_db / 20) / 2", SIMULATED),
+    Mutation("data/_mesh.py", ".sum() / 2)", ".sum())", ("meshes/test_load.py", *MESH)),
+    Mutation("imaging/_combine.py", "np.float32(a1 / (a1 + a2)), np.float32(a2", "np.float32(a1), np.float32(a2",
+             ("imaging/test_image.py",)),
+    Mutation("imaging/_combine.py", "np.float32(a2 / (a1 + a2))", "np.float32(a1 / (a1 + a2))",
+             ("imaging/test_image.py",)),
+    Mutation("simulation/_coverage.py", "min(wavelength / 2, one)", "min(wavelength, one)",
+             ("simulation/test_simulate.py", "imaging/test_sampling.py")),
+    # Wavelengths and bands
+    Mutation("data/_radar.py", "self.start_frequency + self.frequency_step * (self.samples_per_chirp - 1) / 2",
+             "self.start_frequency", RADAR),
+    Mutation("data/_radar.py", "self.start_frequency + self.frequency_step * (self.samples_per_chirp - 1) / 2",
+             "self.start_frequency + self.frequency_step * self.samples_per_chirp / 2", RADAR),
+    Mutation("data/_radar.py", "return self.samples_per_chirp * abs(self.frequency_step)",
+             "return (self.samples_per_chirp - 1) * abs(self.frequency_step)", RADAR),
+    Mutation("data/_radar.py", "return self.slope / self.sample_rate", "return self.slope * self.sample_rate", RADAR),
+    Mutation("imaging/_backprojection.py", "+ carrier * offset\n", "\n", PHASE),
+    Mutation("imaging/_backprojection.py", "paths + offset)", "paths)", PHASE),
+    Mutation("imaging/_backprojection.py", "weights = weights / np.sinc(baseband / per_metre) ** 2", "pass", PHASE),
+    Mutation("imaging/_exact.py", "return sums / frames.size", "return sums / len(frames)", PHASE),
+    Mutation("simulation/_simulate.py", "nodes = np.cos(np.pi * (np.arange(count) + 0.5) / count)",
+             "nodes = np.linspace(-1, 1, count)", SIMULATED),
+    Mutation("simulation/_simulate.py", "int(np.ceil(phase + 5 * np.cbrt(phase) + 8))", "int(np.ceil(phase / 2)) + 1",
+             SIMULATED),
+    # Offsets, paths, antennas
+    Mutation("simulation/_kernels.py", "_wrapped(carrier * (d + path_offset))", "_wrapped(carrier * d)", SIMULATED),
+    Mutation("simulation/_kernels.py", "- rx[c, 2]) + path_offset", "- rx[c, 2])", SIMULATED),
+    Mutation("simulation/_kernels.py", "z - tx2) + _distance(x - rx0, y - rx1, z - rx2)",
+             "z - tx2) + _distance(x - tx0, y - tx1, z - tx2)", SIMULATED),
+    Mutation("simulation/_kernels.py", "weights[c, v] / d if spread", "weights[c, v] / (d * d) if spread", SIMULATED),
+    Mutation("simulation/_kernels.py", "x, y, z = ax * b + bx * a,", "x, y, z = ax * a + bx * b,", SIMULATED),
+    Mutation("data/_trajectory.py", 'turned = np.einsum("pij,aj->pai"', 'turned = np.einsum("pji,aj->pai"', PATHS),
+    Mutation("data/_trajectory.py", "rows[1::2] = rows[1::2, ::-1]", "rows[::2] = rows[::2, ::-1]", PATHS),
+    Mutation("data/_trajectory.py", "[np.repeat(x, len(y)), rows.ravel(),", "[rows.ravel(), np.repeat(x, len(y)),",
+             PATHS),
+    Mutation("simulation/_simulate.py", "tx = np.broadcast_to(tx[:, :, None], shape)",
+             "tx = np.broadcast_to(rx[:, None], shape)", SIMULATED),
+    # Angles
+    Mutation("simulation/models/_specular.py", "np.cos(np.radians(self.tau_deg))", "np.cos(self.tau_deg)", SIMULATED),
+    Mutation("simulation/models/_specular.py", "np.radians(self.tau_deg)", "np.radians(2 * self.tau_deg)", SIMULATED),
+    Mutation("simulation/models/_specular.py", "np.radians(self.tau_deg)", "np.radians(self.tau_deg / 2)", SIMULATED),
+    Mutation("data/_mesh.py", "np.cos(np.radians(edge_deg))", "np.cos(np.radians(2 * edge_deg))", MESH),
+    Mutation("data/_mesh.py", "np.cos(np.radians(edge_deg))", "np.cos(np.radians(edge_deg / 2))", MESH),
+    Mutation("data/_mesh.py", "(second < 0) | (cosines", "(cosines", MESH),
+    Mutation("simulation/models/_rough.py", "exponent = self.exponent / 2", "exponent = self.exponent", SIMULATED),
+    Mutation("simulation/models/_rough.py", "2 * along_tx[:, None]", "along_tx[:, None]", SIMULATED),
+    # Windows
+    Mutation("imaging/_windows.py", "return np.cos(np.pi / 2 * u) ** 2", "return 0.54 + 0.46 * np.cos(np.pi * u)",
+             WINDOWS),
+    Mutation("imaging/_windows.py", "(samples - 1) / samples))", "))", WINDOWS),
+    Mutation("imaging/_windows.py", "10 ** (30 / 20)", "10 ** (30 / 10)", WINDOWS),
+    Mutation("imaging/_windows.py", "return weights / weights.mean()", "return weights / weights.max()", WINDOWS),
+    Mutation("imaging/_windows.py", "/ (extents[axis] / 2)", "/ extents[axis]", WINDOWS),
+    Mutation("imaging/_windows.py", "np.argsort(extents)[1:]", "np.argsort(extents)[:2]", WINDOWS),
+    # Refraction
+    Mutation("core/phase.py", "path += t * n * n *", "path += t * n *", LAYERS),
+    Mutation("core/phase.py", "reach += t * least * q / root", "reach += t * q / root", LAYERS),
+]  # fmt: skip
+
+
+def killed(mutation: Mutation, folder: Path) -> str:
+    """The test that noticed; empty if none did.
+
+    Raises
+    ------
+    LookupError
+        The text is not once in its file.
+    """
+    path = folder / "src" / "millisight" / mutation.file
+    whole = path.read_text(encoding="utf-8")
+    if whole.count(mutation.old) != 1:
+        raise LookupError(f"{mutation.file} has {mutation.old!r} {whole.count(mutation.old)} times; expected once")
+    path.write_text(whole.replace(mutation.old, mutation.new), encoding="utf-8")
+    try:
+        return failing(mutation.tests, folder)
+    finally:
+        path.write_text(whole, encoding="utf-8")
+
+
+def failing(tests: tuple[str, ...], folder: Path) -> str:
+    """The first of the tests that fails with the package of `folder`; empty if none does."""
+    environment = {**os.environ, "PYTHONPATH": str(folder / "src"), "NUMBA_CACHE_DIR": str(folder / "cache")}
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-n", "0", "--no-header", "--tb=no"]
+    command += [str(ROOT / "tests" / test) for test in tests]
+    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
+    if done.returncode == 0:
+        return ""
+    found = [line.split(" ")[1] for line in done.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
+    return found[0] if found else f"pytest, which ended with {done.returncode}"
+
+
+def main() -> None:
+    wanted = [one for one in MUTATIONS if not sys.argv[1:] or any(word in one.file for word in sys.argv[1:])]
+    survived = 0
+    with tempfile.TemporaryDirectory() as text:
+        folder = Path(text)
+        shutil.copytree(ROOT / "src", folder / "src", ignore=shutil.ignore_patterns("__pycache__"))
+        for tests in {one.tests: None for one in wanted}:
+            if by := failing(tests, folder):
+                sys.exit(f"{by} fails without any bug")
+        for number, one in enumerate(wanted, 1):
+            began = time.monotonic()
+            by = killed(one, folder)
+            survived += not by
+            told = f"noticed by {by}" if by else "NOT NOTICED"
+            sys.stdout.write(
+                f"[{number}/{len(wanted)}] {one.file}: {one.old.strip()!r} -> {one.new.strip()!r}: {told}, "
+            )
+            sys.stdout.write(f"{time.monotonic() - began:.0f} s\n")
+            sys.stdout.flush()
+    sys.stdout.write(f"{len(wanted)} bugs, {survived} not noticed\n")
+    sys.exit(bool(survived))
+
+
+if __name__ == "__main__":
+    main()
