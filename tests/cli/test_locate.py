@@ -9,19 +9,17 @@ import trimesh
 import millisight as ms
 from helpers import posed
 from helpers.commands import run_here
-from millisight.core import rotation_from_euler_deg
 from millisight.meshes import load_mesh
 
-LYING = rotation_from_euler_deg((4, -3, 40))
-VOXELS = "-7cm:7cm:2mm,-7cm:7cm:2mm,-5cm:5cm:4mm"
+VOXELS = "-5cm:5cm:2mm,-5cm:5cm:2mm,-3cm:3cm:4mm"
 
 
 @pytest.fixture(scope="module")
 def stage(tmp_path_factory):
-    """A capture of a bracket that lies nearly flat, and its mesh, turned, in millimetres."""
+    """A capture of a bracket turned at random, and its mesh, turned, in millimetres."""
     folder = tmp_path_factory.mktemp("bracket")
     bracket = posed.bracket()
-    lying = bracket.moved(translation=-bracket.bounds.mean(axis=0)).moved(rotation=LYING)
+    lying = bracket.moved(translation=-bracket.bounds.mean(axis=0)).moved(rotation=posed.turn(11))
     trajectory = ms.Trajectory.raster(size=(0.14, 0.14), step=0.002)
     capture = ms.simulate(
         ms.Scene.from_mesh(lying, vertices=4000, center=False), ms.Radar.preset("mito-sim-77ghz"), trajectory
@@ -52,12 +50,9 @@ def test_poses_are_told_written_and_drawn(stage, here, tmp_path):
     assert pose["name"] == "bracket"
     bracket = posed.bracket()
     found = bracket.vertices @ np.array(pose["rotation"]).T + pose["translation"]
-    true = (bracket.vertices - bracket.bounds.mean(axis=0)) @ LYING.T
-    # Flat as it lies, it may be taken for itself turned over; tests/geometry asks for the turn.
-    assert (
-        np.linalg.norm((found.min(axis=0) + found.max(axis=0)) / 2 - (true.min(axis=0) + true.max(axis=0)) / 2) < 0.02
-    )
-    assert pose["explained"] > 0.2
+    true = (bracket.vertices - bracket.bounds.mean(axis=0)) @ posed.turn(11).T
+    # Few of its faces shine at so small an aperture: tests/geometry asks for millimetres.
+    assert np.linalg.norm(found - true, axis=1).mean() < 0.025
     np.testing.assert_allclose(
         load_mesh(tmp_path / "there.ply").bounds, [found.min(axis=0), found.max(axis=0)], atol=1e-5
     )
