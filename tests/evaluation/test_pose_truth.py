@@ -17,7 +17,7 @@ from millisight.geometry import symmetries
 CUBE = posed.block([-0.03] * 3, [0.03] * 3)
 AT = np.array([0.1, 0.2, -0.3])
 UP = np.array([0, 0, 0.012])
-ANGLES = (70, 200, 33)
+ANGLES = (4, -3, 40)
 
 
 def pose(rotation, translation, sigma=0.01, free=()):

@@ -19,11 +19,11 @@ def block(lower, upper):
 
 
 def bracket():
-    """A bracket without symmetry: three blocks that touch, of 10, 7 and 4 cm."""
+    """A bracket without symmetry: three blocks, 0.2 mm apart, of 10, 7 and 4 cm."""
     parts = [
         block([0.0, 0.0, 0.0], [0.10, 0.03, 0.02]),
-        block([0.0, 0.03, 0.0], [0.025, 0.07, 0.02]),
-        block([0.075, 0.0, 0.02], [0.10, 0.02, 0.06]),
+        block([0.0, 0.0302, 0.0], [0.025, 0.07, 0.02]),
+        block([0.075, 0.0, 0.0202], [0.10, 0.02, 0.06]),
     ]
     return together(*parts)
 

@@ -16,6 +16,7 @@ _PROBED_DEG = (17.0, 41.0, 73.0, 113.0, 151.0)  # no divisors of a turn: what be
 _AXES = 260  # directions that are tried, about 9 degrees apart
 _ROUGH = 0.09  # by how much the nearest of them is off, at the radius of a sample [rad]
 _ALIKE_DEG = 8.0  # axes nearer than this are one
+_TAKEN_DEG = 12.0  # from an axis that was found: what starts there would end there
 _STEPS = 12
 
 
@@ -88,13 +89,12 @@ def symmetries(mesh: TriangleMesh, tolerance: float | None = None) -> Symmetry:
     own = _Self(mesh, within)
     axes = even_directions(_AXES)
     axes = np.concatenate([own.principal, axes[axes[:, 2] >= 0]])
-    whole = [axis for axis in own.fitting(axes, _PROBED_DEG[:1]) if own.bears(axis, _PROBED_DEG)]
-    whole = _apart(whole)
+    whole = own.fitting(axes, _PROBED_DEG, most=2)
     if len(whole) > 1:  # two axes make a ball
         return Symmetry(rotations=np.eye(3)[None], axes=np.eye(3), middle=own.middle, tolerance=within)
     found = [np.eye(3)]
     for order in _ORDERS:
-        for axis in _apart(own.fitting(axes, (360 / order,))):
+        for axis in own.fitting(axes, (360 / order,)):
             if len(whole) and abs(axis @ whole[0]) > np.cos(np.radians(_ALIKE_DEG)):
                 continue
             found += [turns_about(axis, 360 * n / order) for n in range(1, order)]
@@ -141,12 +141,14 @@ class _Self:
     def bears(self, axis: np.ndarray, angles_deg: tuple[float, ...]) -> bool:
         return all(np.quantile(self.off(turns_about(axis, a)), _WITHIN) < self.tolerance for a in angles_deg)
 
-    def fitting(self, axes: np.ndarray, angles_deg: tuple[float, ...]) -> list[np.ndarray]:
-        """Axes near the given ones about which these turns leave the samples in place, best first."""
-        made = []
+    def fitting(self, axes: np.ndarray, angles_deg: tuple[float, ...], most: int | None = None) -> list[np.ndarray]:
+        """Axes near the given ones, none alike, about which these turns leave the samples in place; `most` at most."""
+        made: list[np.ndarray] = []
         room = 2 * self.tolerance + _ROUGH * np.linalg.norm(self.points, axis=1)
         size = np.sqrt(np.trace(self.spread))
         for axis in axes:
+            if any(abs(axis @ other) > np.cos(np.radians(_TAKEN_DEG)) for other in made):
+                continue
             turn = turns_about(axis, angles_deg[0])
             # The second moments first, which cost nothing.
             if np.linalg.norm(turn @ self.spread @ turn.T - self.spread) > 2 * size * (self.tolerance + _ROUGH * size):
@@ -154,9 +156,12 @@ class _Self:
             if np.mean(self.off(turn) < room) < 0.9:
                 continue
             fitted = self._fitted(axis, angles_deg[0])
-            if self.bears(fitted, angles_deg):
-                made.append((float(np.mean(self.off(turns_about(fitted, angles_deg[0])) ** 2)), fitted))
-        return [axis for _, axis in sorted(made, key=lambda one: one[0])]
+            alike = any(abs(fitted @ other) > np.cos(np.radians(_ALIKE_DEG)) for other in made)
+            if not alike and self.bears(fitted, angles_deg):
+                made.append(fitted)
+                if len(made) == most:
+                    break
+        return made
 
     def _fitted(self, axis: np.ndarray, angle: float) -> np.ndarray:
         """The axis that fits best near by: point-to-plane steps over its two tilts."""
@@ -180,15 +185,6 @@ class _Self:
             if np.linalg.norm(step) < 1e-5:
                 break
         return axis
-
-
-def _apart(axes: list[np.ndarray]) -> list[np.ndarray]:
-    """The first of those that are nearly one axis."""
-    kept: list[np.ndarray] = []
-    for axis in axes:
-        if all(abs(axis @ other) < np.cos(np.radians(_ALIKE_DEG)) for other in kept):
-            kept.append(axis)
-    return kept
 
 
 def _turned_towards(rotation: np.ndarray, to: np.ndarray, axis: np.ndarray) -> np.ndarray:
