@@ -20,6 +20,7 @@ _SIZE = (0.30, 0.24)  # [m]
 NEXT = {
     "millisight view {folder}/carton-77ghz.image.h5": "turn the image in the browser",
     "millisight image {folder}/shut_carton/77_ghz.toml --clutter lid": "form it from the raw frames, without the lid",
+    "millisight locate {folder}/shut_carton/77_ghz.toml --mesh scissors --clutter lid": "how they lie, by their mesh",
     "millisight segment {folder}/carton-77ghz.image.h5 --condition nlos": "what lies in the carton: a mask",
     "millisight segment {folder}/mug-77ghz.image.h5": "the mug's mask",
     "millisight classify {folder}/mug-77ghz.image.h5": "and its class",
