@@ -175,7 +175,7 @@ def test_bad_captures_get_one_clear_line(capture):
     folder = capture.parent
     whole = capture.read_bytes()
     (folder / "cut.h5").write_bytes(whole[: len(whole) // 2])
-    assert "cut.h5 cannot be opened as HDF5: " in refused("image", "cut.h5", cwd=folder)
+    assert "cut.h5 is cut short: " in refused("image", "cut.h5", cwd=folder)
     (folder / "text.h5").write_text("hello")
     assert "is not an HDF5 file" in refused("image", "text.h5", cwd=folder)
     with h5py.File(folder / "foreign.h5", "w") as file:

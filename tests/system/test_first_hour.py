@@ -203,7 +203,7 @@ NONSENSE = {
     "simulate mug -o nowhere/mug.h5": "there is no folder nowhere; make it or choose another",
     "image words.capture.h5": "is not an HDF5 file .*; expected one that millisight wrote",
     "image empty.h5": "empty.h5 is empty; expected an HDF5 file that millisight wrote",
-    "image cut.h5": "cut.h5 cannot be opened as HDF5: .*; make or copy it again",
+    "image cut.h5": "cut.h5 is cut short: .*; make or copy it again",
     "image folder": "folder holds no capture: .*; pass a file",
     "image broken.stl": "broken.stl is a mesh; `millisight simulate` makes a capture of it",
     "info notes.txt": "notes.txt line 1 has 1 cells; expected",
