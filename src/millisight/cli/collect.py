@@ -1,6 +1,7 @@
 """`millisight collect`: run a scan with a rig, and write it in the published layout."""
 
 import shutil
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -8,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from millisight.cli.console import check_outputs, duration, progress, say, say_sampling
-from millisight.core import box, check_known, make_folder
+from millisight.core import alone, box, check_known, make_folder
 from millisight.core.errors import FileError
 
 if TYPE_CHECKING:
@@ -76,6 +77,8 @@ def collect(
     virtual = VirtualRig(described, layout=layout)
     folder = experiment_folder_of(described, output, experiment)
     if not dry_run and folder.exists():
+        with suppress(FileError), alone(folder.parent, ""):
+            pass  # the lock of a run that was killed just after it ended is taken over, and goes
         raise FileError(f"{folder} already exists; choose another --experiment, or remove it")
     for line in _summary(virtual):
         say(line)
