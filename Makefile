@@ -9,7 +9,7 @@ COUNT ?= 100000
 SEED ?= 0
 WORKERS ?= 2
 
-.PHONY: help setup setup-train hooks demo test coverage fuzz mutants sbom lint format-check style types layers docs bench clean
+.PHONY: help setup setup-train hooks demo test coverage fuzz faults mutants sbom lint format-check style types layers docs bench clean
 
 help:
 	@echo "make setup        everything but torch, into $(VENV)"
@@ -19,6 +19,7 @@ help:
 	@echo "make test         all tests and doctests (TESTS=path or -k name for some, WORKERS=2 processes)"
 	@echo "make coverage     make test, and how much of the code it ran: build/coverage/index.html"
 	@echo "make fuzz         100 000 damaged files against every reader (COUNT=, SEED=)"
+	@echo "make faults       every command that writes, broken off at every step: killed, disk full, no rights, two at once"
 	@echo "make mutants      physics broken on purpose: every time a test must fail"
 	@echo "make sbom         all components and their licences, in CycloneDX: build/sbom.json"
 	@echo "make lint         formatting, style, types, layers"
@@ -56,6 +57,9 @@ coverage: setup
 
 fuzz: setup
 	$(BIN)/python tests/fuzz/parsers.py --count $(COUNT) --seed $(SEED)
+
+faults: setup
+	$(BIN)/python tests/faults.py
 
 # Physics broken on purpose, a place at a time: the nearest tests must fail.
 mutants: setup

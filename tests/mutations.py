@@ -167,10 +167,8 @@ def main() -> None:
             by = killed(one, folder)
             survived += not by
             told = f"noticed by {by}" if by else "NOT NOTICED"
-            sys.stdout.write(
-                f"[{number}/{len(wanted)}] {one.file}: {one.old.strip()!r} -> {one.new.strip()!r}: {told}, "
-            )
-            sys.stdout.write(f"{time.monotonic() - began:.0f} s\n")
+            sys.stdout.write(f"[{number}/{len(wanted)}] {one.file}: {one.old.strip()!r} -> {one.new.strip()!r}: ")
+            sys.stdout.write(f"{told}, {time.monotonic() - began:.0f} s\n")
             sys.stdout.flush()
     sys.stdout.write(f"{len(wanted)} bugs, {survived} not noticed\n")
     sys.exit(bool(survived))

@@ -222,7 +222,7 @@ def test_damaged_manifests_are_refused_by_line(content, message, tmp_path):
 
 def test_a_damaged_checksum_cache_is_worked_out_again(miniature, converted, tmp_path):
     shutil.copytree(converted[0], tmp_path / "out")
-    for content in (b"", b"[]", b'{"a": {"b": 1}}', b"\xff"):
+    for content in (b"", b"[]", b'{"a": {"b": 1}}', b"\xff", b'{"a": {"b": [1e999, 2, "0"]}}'):
         (tmp_path / "out" / ".checksums.json").write_bytes(content)
         done = convert(ms.datasets.open(miniature.healthy).only([EMPTY]), tmp_path / "out", workers=1)
         assert (done.made, done.kept) == (0, 2)

@@ -28,3 +28,15 @@ def same(a, b):
     if isinstance(a, np.ndarray):
         return a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes()
     return a == b
+
+
+class Comparable:
+    """A record that is equal to records of the same content, whenever and by whatever command they were made."""
+
+    def __init__(self, record):
+        self.record = record
+
+    def __eq__(self, other):
+        return isinstance(other, Comparable) and same(self.record, other.record)
+
+    __hash__ = None

@@ -48,3 +48,17 @@ def test_published_sidelobes():
 def test_an_unknown_window_is_refused_before_any_work():
     with pytest.raises(UnknownNameError, match="unknown window 'han'. Did you mean 'hann'"):
         window_pair("han")
+
+
+def test_the_aperture_is_tapered_along_its_two_widest_axes_from_end_to_end():
+    """Hann: cos² of the place between the ends, along x and z here; along y, the narrowest, nothing."""
+    from millisight.imaging._windows import aperture_weights
+
+    x, y, z = np.meshgrid(np.linspace(0, 0.2, 9), np.linspace(-0.01, 0.01, 3), np.linspace(0.3, 0.4, 5), indexing="ij")
+    weights = aperture_weights("hann", np.stack([x, y, z], axis=-1).reshape(-1, 3)).reshape(x.shape)
+    expected = np.cos(np.pi / 2 * (x - 0.1) / 0.1) ** 2 * np.cos(np.pi / 2 * (z - 0.35) / 0.05) ** 2
+    assert weights.mean() == pytest.approx(1)
+    assert np.allclose(weights, expected / expected.mean(), atol=0.01)
+    assert weights[[0, -1]].max() < 1e-4
+    assert weights[:, :, [0, -1]].max() < 1e-4
+    assert np.allclose(weights, weights[:, :1])

@@ -180,7 +180,7 @@ def _read_cache(path: Path) -> dict[str, Checksums]:
             item: {name: (int(size), int(changed), str(sha256)) for name, (size, changed, sha256) in known.items()}
             for item, known in cache.items()
         }
-    except (OSError, ValueError, TypeError, AttributeError, RecursionError):
+    except (OSError, ValueError, TypeError, AttributeError, RecursionError, OverflowError):
         return {}
 
 

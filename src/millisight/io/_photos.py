@@ -1,5 +1,6 @@
 """Photographs: PNG and JPEG files as arrays of colours."""
 
+import io
 import os
 import warnings
 from typing import Any
@@ -9,7 +10,7 @@ import numpy as np
 from millisight.core import check_readable, printable
 from millisight.core.errors import DamagedFileError, FormatError, InputError
 
-_MOST_PIXELS = 50_000_000
+_MOST_PIXELS, _MOST_BYTES = 50_000_000, 1 << 28
 
 
 def read_photo(path: str | os.PathLike[str]) -> np.ndarray:
@@ -28,10 +29,13 @@ def read_photo(path: str | os.PathLike[str]) -> np.ndarray:
 
     path = check_readable(path)
     name = printable(path)
+    if path.stat().st_size > _MOST_BYTES:
+        raise FormatError(f"{name} has {path.stat().st_size} bytes; expected a picture of under {_MOST_BYTES}")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of its size, which is judged here; of odd metadata
-            opened = Image.open(path, formats=("PNG", "JPEG"))
+            # In memory, where a part that claims gigabytes is no longer than the file.
+            opened = Image.open(io.BytesIO(path.read_bytes()), formats=("PNG", "JPEG"))
         with opened:
             if opened.width * opened.height > _MOST_PIXELS:
                 raise Image.DecompressionBombError

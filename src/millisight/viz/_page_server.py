@@ -54,7 +54,8 @@ class PageServer(ThreadingHTTPServer):
     def __init__(self, room: str, static: tuple[str, ...], port: int = 0) -> None:
         self.secret: str = secrets.token_urlsafe(16)
         self.ending: threading.Event = threading.Event()
-        self.room, self.static = room, {"": static[0], **{name: name for name in static[1:]}}
+        self.room: str = room
+        self.static: dict[str, str] = {"": static[0], **{name: name for name in static[1:]}}
         self._pages = 0
         self._left: float | None = None
         self._counting = threading.Lock()
