@@ -29,7 +29,7 @@ LEFT_OUT = {
     r"^millisight train": "takes from minutes to an hour: tests/cli/test_train_*.py train small ones",
     r"^millisight (generate|collect) (?!.*--dry-run)": "takes minutes to hours: tests/cli has small ones",
     r"^millisight rig |rig\.toml": "needs emulators that run beside it: tests/cli/test_rig.py has them",
-    r"(?<!--)\b(bench24|unseen|surfaces|tiny|ball-or-box|mine|data|mito|both)\b|_ghz\.image": "made by one that is left out",
+    r"(?<!--)\b(bench24|unseen|surfaces|tiny|ball-or-box|mine|data|mito|both)\b|_ghz\.image": "made by one left out",
     r"--method sam\b": "needs weights that a page tells how to get",
     r"\bFOLDER\b|letter_r_22ghz": "real captures: tests/imaging runs them where they are",
     r"\bhall\.": "takes minutes and gigabytes: tests/imaging/test_slabs.py has a small one",
