@@ -32,7 +32,15 @@ def test_cutting_keeps_area_plane_and_winding(corners, reach):
     assert (np.cross(pieces[:, 1] - pieces[:, 0], pieces[:, 2] - pieces[:, 0]) @ normal > 0).all()
     # Thin triangles do not give more pieces than their length and their area ask for.
     longest = np.linalg.norm(whole[0] - np.roll(whole[0], 1, axis=0), axis=1).max()
-    assert len(pieces) <= 4 + 12 * longest / reach + 5 * areas(whole)[0] / reach**2
+    assert len(pieces) <= 4 + 8 * longest / reach + 5 * areas(whole)[0] / reach**2
+
+
+def test_a_blunt_sliver_gives_few_pieces():
+    """Its shortest side is as long as half of it: slices parallel to that side would be slanted, and many."""
+    sliver = np.array([[[0, 0.06640625, 0], [0.0625, 0.0625, 0], [-0.0625, 0.0625, 0]]])
+    pieces = cut(sliver, 0.003)
+    assert areas(pieces).sum() == pytest.approx(areas(sliver)[0], rel=1e-9)
+    assert len(pieces) < 150
 
 
 def test_faces_without_area_are_left_out():

@@ -18,6 +18,8 @@ REACH = 0.345
 # Clusters are padded to whole vectors of so many patches, with patches of no area.
 LANES = 16
 
+_SLANTED = 0.5  # sine of the angle between shortest and longest side, below which a triangle is a blunt sliver
+
 
 @record
 class Patches:
@@ -80,7 +82,23 @@ def cut(triangles: np.ndarray, reach: float) -> np.ndarray:
     triangles = triangles[_doubled_area(triangles) > 0]
     too_large = np.linalg.norm(triangles - triangles.mean(axis=1, keepdims=True), axis=2).max(axis=1) > reach
     # Half a square, the worst of the pieces, reaches sqrt(5) / 3 of its side.
-    return np.concatenate([triangles[~too_large], _sliced(triangles[too_large], 3 / np.sqrt(5) * reach)])
+    return np.concatenate([triangles[~too_large], _sliced(_upright(triangles[too_large]), 3 / np.sqrt(5) * reach)])
+
+
+def _upright(triangles: np.ndarray) -> np.ndarray:
+    """The triangles, blunt slivers halved at the height over their longest side.
+
+    Slices parallel to a sliver's shortest side would be far longer than it is high.
+    """
+    sides = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2)
+    longest = sides.max(axis=1)
+    sliver = _doubled_area(triangles) < _SLANTED * longest * sides.min(axis=1)
+    order = (sides[sliver].argmax(axis=1)[:, None] + np.arange(3)) % 3
+    a, b, c = np.take_along_axis(triangles[sliver], order[..., None], axis=1).transpose(1, 0, 2)
+    share = ((c - a) * (b - a)).sum(axis=1, keepdims=True) / longest[sliver, None] ** 2
+    foot = a + share * (b - a)
+    halves = np.concatenate([np.stack([a, foot, c], axis=1), np.stack([foot, b, c], axis=1)])
+    return np.concatenate([triangles[~sliver], halves])
 
 
 def _sliced(triangles: np.ndarray, longest: float) -> np.ndarray:
