@@ -442,7 +442,6 @@ class _Maker:
             archive.writestr("a.npy", content.getvalue())
             for _ in range(6000):
                 archive.filelist.append(copy.copy(archive.filelist[0]))
-            archive._didModify = True  # type: ignore[attr-defined]
         return stream.getvalue()
 
     def bombs(self) -> tuple[bytes, ...]:
