@@ -18,7 +18,16 @@ from millisight.cli.console import (
     say,
     slices,
 )
-from millisight.cli.options import Crop, ExperimentNumber, Objects, SamDevice, Sight, Workers, checked_sight
+from millisight.cli.options import (
+    Crop,
+    ExperimentNumber,
+    FalseAlarms,
+    Objects,
+    SamDevice,
+    Sight,
+    Workers,
+    checked_sight,
+)
 
 app: typer.Typer = Commands(
     no_args_is_help=True,
@@ -38,6 +47,11 @@ Transform = Annotated[
         "(published). [default: file for simulated scenes, else published]"
     ),
 ]
+Spacing = Annotated[str, typer.Option(help="Spacing of the voxels along x and y, twice that along z.")]
+HiddenClutter = Annotated[
+    str, typer.Option(help="Taken off captures out of sight: auto, lid or none. Others are left as they are.")
+]
+Failures = Annotated[int, typer.Option(min=0, help="Number of worst scenes to plot.")]
 AsJson = Annotated[
     bool,
     typer.Option(
@@ -264,17 +278,13 @@ def classification(
 def surface(
     root: Root,
     output: Output = Path("surface-evaluation"),
-    spacing: Annotated[str, typer.Option(help="Spacing of the voxels along x and y, twice that along z.")] = "2mm",
-    clutter: Annotated[
-        str, typer.Option(help="Taken off captures out of sight: auto, lid or none. Others are left as they are.")
-    ] = "auto",
-    false_alarms: Annotated[
-        float, typer.Option(help="Probability that a voxel of noise alone is taken for a surface.")
-    ] = 1e-6,
+    spacing: Spacing = "2mm",
+    clutter: HiddenClutter = "auto",
+    false_alarms: FalseAlarms = 1e-6,
     objects: Objects = None,
     sight: Sight = None,
     experiment: ExperimentNumber = None,
-    failures: Annotated[int, typer.Option(min=0, help="Number of worst scenes to plot.")] = 4,
+    failures: Failures = 4,
     workers: Workers = None,
     as_json: AsJson = False,
 ) -> None:
@@ -298,17 +308,15 @@ def surface(
 def pose(
     root: Root,
     output: Output = Path("pose-evaluation"),
-    spacing: Annotated[str, typer.Option(help="Spacing of the voxels along x and y, twice that along z.")] = "2mm",
-    clutter: Annotated[
-        str, typer.Option(help="Taken off captures out of sight: auto, lid or none. Others are left as they are.")
-    ] = "lid",
+    spacing: Spacing = "2mm",
+    clutter: HiddenClutter = "lid",
     which: Annotated[
         bool, typer.Option("--which", help="Also choose the object among all of the dataset; takes as often as long.")
     ] = False,
     objects: Objects = None,
     sight: Sight = None,
     experiment: ExperimentNumber = None,
-    failures: Annotated[int, typer.Option(min=0, help="Number of worst scenes to plot.")] = 4,
+    failures: Failures = 4,
     workers: Workers = None,
     as_json: AsJson = False,
 ) -> None:

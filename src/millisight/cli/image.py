@@ -9,7 +9,7 @@ import typer
 from millisight.cli.console import check_outputs, end_with_failures, in_options, say, summed_up
 from millisight.cli.grids import outline_mesh, parse_bytes
 from millisight.cli.image_steps import ImageSettings, check_stated, image_of, large_image_of, oddities
-from millisight.cli.options import RadarChoice
+from millisight.cli.options import DataFolder, RadarChoice
 from millisight.cli.sources import Source, sources
 from millisight.core import check_known, checked_colormap, colormap_in_use, make_folder
 from millisight.core.errors import InputError, MillisightError
@@ -71,9 +71,7 @@ def image(
         float | None,
         typer.Option(help="Largest relative error of fast and backprojection, from 0.0005 to 0.1. [default: 0.005]"),
     ] = None,
-    data: Annotated[
-        Path | None, typer.Option(help="Folder of the files named in a description. [default: its own folder]")
-    ] = None,
+    data: DataFolder = None,
     radar: RadarChoice = None,
     background: Annotated[
         Path | None,

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from millisight.cli.console import answer, answer_json, in_options, json_only
+from millisight.cli.options import DataFolder
 from millisight.core import check_readable, printable
 from millisight.core.errors import FileError, InputError, MillisightError
 from millisight.data import RawScan
@@ -36,9 +37,7 @@ def info(
     config: Annotated[
         Path | None, typer.Option(help="For .bin files: TI .cfg of the recording. [default: one in the same folder]")
     ] = None,
-    data: Annotated[
-        Path | None, typer.Option(help="Folder of the files named in a description. [default: its own folder]")
-    ] = None,
+    data: DataFolder = None,
     as_json: Annotated[
         bool,
         typer.Option(

@@ -8,7 +8,7 @@ import typer
 from millisight.cli.console import answer_json, answer_table, check_outputs, json_only, progress, say
 from millisight.cli.grids import parse_grid
 from millisight.cli.image_steps import one_capture
-from millisight.cli.options import RadarChoice
+from millisight.cli.options import DataFolder, FalseAlarms, RadarChoice, SheetClutter
 from millisight.core import check_known, printable, write_text
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.data import Located, TriangleMesh
@@ -48,19 +48,13 @@ def locate(
             "[default: as for `millisight image`]"
         ),
     ] = None,
-    clutter: Annotated[
-        str, typer.Option(help="lid or auto: take lids and cloths over the object off before; none.")
-    ] = "none",
-    false_alarms: Annotated[
-        float, typer.Option(help="Probability that a voxel of noise alone is taken for a surface.")
-    ] = 1e-6,
+    clutter: SheetClutter = "none",
+    false_alarms: FalseAlarms = 1e-6,
     plot: Annotated[
         Path | None, typer.Option(help="Also plot the points over the mesh where it was found, from three sides.")
     ] = None,
     radar: RadarChoice = None,
-    data: Annotated[
-        Path | None, typer.Option(help="Folder of the files named in a description. [default: its own folder]")
-    ] = None,
+    data: DataFolder = None,
     as_json: Annotated[
         bool,
         typer.Option(

@@ -18,6 +18,11 @@ Images = Annotated[
         "or folders, which are searched for both.",
     ),
 ]
+DataFolder = Annotated[
+    Path | None, typer.Option("--data", help="Folder of the files named in a description. [default: its own folder]")
+]
+SheetClutter = Annotated[str, typer.Option(help="lid or auto: take lids and cloths over the object off before; none.")]
+FalseAlarms = Annotated[float, typer.Option(help="Probability that a voxel of noise alone is taken for a surface.")]
 RadarChoice = Annotated[str | None, typer.Option(help="Use only this radar of each experiment: 77_ghz or 24_ghz.")]
 Multispectral = Annotated[
     bool, typer.Option("--multispectral", help="Pair each 77 GHz image of an experiment with its 24 GHz image.")

@@ -10,7 +10,7 @@ from millisight.cli.console import SMALL, answer_json, check_outputs, json_only,
 from millisight.cli.grids import check_memory, parse_grid
 from millisight.cli.image_sources import read_as
 from millisight.cli.image_steps import one_capture
-from millisight.cli.options import RadarChoice
+from millisight.cli.options import DataFolder, FalseAlarms, RadarChoice, SheetClutter
 from millisight.core import atomic_path, check_known, printable
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.data import Capture, PointCloud, SarImage, Surface
@@ -51,12 +51,8 @@ def surface(
             "for x,y,z. Leave a quarter of each slice free around the object. [default: as for `millisight image`]"
         ),
     ] = None,
-    clutter: Annotated[
-        str, typer.Option(help="lid or auto: take lids and cloths over the object off before; none.")
-    ] = "none",
-    false_alarms: Annotated[
-        float, typer.Option(help="Probability that a voxel of noise alone is taken for a surface.")
-    ] = 1e-6,
+    clutter: SheetClutter = "none",
+    false_alarms: FalseAlarms = 1e-6,
     spacing: Annotated[
         str | None, typer.Option(help="Spacing of the mesh, such as 1mm. [default: that of the points]")
     ] = None,
@@ -75,9 +71,7 @@ def surface(
         float | None, typer.Option(metavar="HZ", help="Centre of an image's band, if its file does not tell.")
     ] = None,
     radar: RadarChoice = None,
-    data: Annotated[
-        Path | None, typer.Option(help="Folder of the files named in a description. [default: its own folder]")
-    ] = None,
+    data: DataFolder = None,
     no_picture: Annotated[
         bool, typer.Option("--no-picture", help="Do not plot the surface (MESH.surface.png).")
     ] = False,
