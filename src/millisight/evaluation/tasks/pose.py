@@ -7,28 +7,29 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from millisight.core import (
-    check_known,
-    checked_integer,
-    checked_number,
     checked_record,
     record,
     rotation_from_euler_deg,
 )
-from millisight.core.errors import InputError
-from millisight.data import Located, PointCloud, Pose, TriangleMesh, VoxelGrid
+from millisight.data import Located, Pose, TriangleMesh, VoxelGrid
 from millisight.evaluation._pose_truth import LEVEL, PoseScores, score_pose
 from millisight.evaluation._scenes import HIGH, SIGHTS
+from millisight.evaluation._shape_scenes import (
+    check_shape_settings,
+    drawn_points,
+    plan_of_shapes,
+    scenes_of_shapes,
+    worst_scene,
+)
 from millisight.evaluation._sources import EvaluationData, SceneSource
 from millisight.evaluation._statistics import bootstrap_interval, wilson_interval
 from millisight.evaluation._tables import Table, table_of
 from millisight.evaluation._task import TASKS, EvaluationItem, EvaluationSet, ReportFigure, Task
 from millisight.geometry import locate, symmetries
-from millisight.imaging import CLUTTER
 
 _FORMAT = 1
 _MARGIN = 0.03  # of the voxels around the object [m]
 _OFF = 0.01  # by which their box is off the object, at most [m]
-_DRAWN = 1500  # points that a result keeps for its picture
 OURS, BLIND = "locate", "upright at the brightest place"
 POSES = (OURS, BLIND)
 """What is compared: `locate`; and a guess without a search: the object as it stands in the catalogue, its middle at the
@@ -98,42 +99,24 @@ class PoseTask(Task):
     failures: int = 4
 
     def __post_init__(self) -> None:
-        check_known("clutter", self.clutter, CLUTTER)
-        for one in self.spacing:
-            checked_number(one, name="spacing", unit="m", above=0)
+        check_shape_settings(self.spacing, self.clutter, self.failures)
         checked_record(self.which, bool, name="which")
-        checked_integer(self.failures, name="failures", minimum=0)
 
     def plan(self, data: EvaluationData) -> EvaluationSet:
         """One item for each scene with a 77 GHz capture and a known shape."""
         across, deep = self.spacing
         clutter = {"los": "none", "nlos": self.clutter}
-        there = [scene for scene in data.scenes if scene.shape_paths(HIGH)]
+        there = scenes_of_shapes(data)
         first = {scene.object: scene for scene in reversed(there)} if self.which else {}
         others = {name: first[name] for name in sorted(first)}
         settings = {
             "format": _FORMAT, "spacing": [across, deep], "clutter": clutter, "others": list(others),
         }  # fmt: skip
-        items = [
-            EvaluationItem(
-                name=scene.name,
-                source=_Source(scene, others, (across, across, deep), clutter),
-                parts={scene.name.replace("/", "."): settings},
-                paths=(*scene.paths, *scene.shape_paths(HIGH)),
-            )
-            for scene in there
-        ]
-        if not items:
-            raise InputError(
-                f"{data.path} holds no 77 GHz capture of an object of known shape; expected scenes of the virtual rig "
-                'made with keep = "captures" or "raw": see `millisight generate`'
-            )
-        left = len(data.scenes) - len(there)
-        return EvaluationSet(
-            items=tuple(items),
-            data=f"{data.path.resolve().name} (virtual rig; simulated, not real data)",
-            notes=(f"{left} scenes have no capture or no known shape",) if left else (),
-        )
+
+        def source_of(scene: SceneSource) -> _Source:
+            return _Source(scene, others, (across, across, deep), clutter)
+
+        return plan_of_shapes(data, there, source_of, settings)
 
     @staticmethod
     def run(item: EvaluationItem) -> Mapping[str, Any]:
@@ -164,7 +147,7 @@ class PoseTask(Task):
                 {
                     "scene": scene.name, "object": scene.object, "sight": scene.sight, "method": method,
                     "scores": list(score_pose(pose, mesh, symmetry, rotation, middle)), "answer": name,
-                    "points": np.round(found.points.points[:: max(1, -(-len(found.points) // _DRAWN))], 5).tolist(),
+                    "points": drawn_points(found.points.points),
                     "transform": (pose.T_world_mesh @ _turned(handed)).tolist(),
                 }
                 for method, (pose, name) in guesses.items()
@@ -219,20 +202,8 @@ class PoseTask(Task):
             told = (
                 f"ADD-S {1e3 * one.scores.add_s:.1f} mm, {one.scores.degrees:.0f}°, {1e3 * one.scores.place:.1f} mm off"
             )
-            what = f"{one.object}, {SIGHTS[one.sight]}"
-            yield ReportFigure(
-                name=f"worst-{number:02d}",
-                heading=what,
-                caption=f"{told}. Grey: the mesh where it was found.",
-                plot="plot_points",
-                arguments={
-                    "cloud": PointCloud(points=one.points),
-                    "truth": [mesh.moved(rotation=one.transform[:3, :3], translation=one.transform[:3, 3])],
-                    "title": f"{what}: {told}",
-                },
-                facts={"scene": one.scene},
-                dpi=90,
-            )
+            placed = mesh.moved(rotation=one.transform[:3, :3], translation=one.transform[:3, 3])
+            yield worst_scene(number, one, told, "the mesh where it was found", [placed], {})
 
 
 def joined(meshes: Sequence[TriangleMesh]) -> TriangleMesh:

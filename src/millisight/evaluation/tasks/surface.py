@@ -6,23 +6,28 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from millisight.core import check_known, checked_integer, checked_number, record
-from millisight.core.errors import InputError
+from millisight.core import record
 from millisight.data import PointCloud, SarImage, VoxelGrid
 from millisight.evaluation._point_cloud import point_cloud
 from millisight.evaluation._scenes import HIGH, SIGHTS
+from millisight.evaluation._shape_scenes import (
+    check_shape_settings,
+    drawn_points,
+    plan_of_shapes,
+    scenes_of_shapes,
+    worst_scene,
+)
 from millisight.evaluation._sources import EvaluationData, SceneSource
 from millisight.evaluation._statistics import bootstrap_interval
 from millisight.evaluation._surface_truth import SurfaceScores, score_surface, true_surface
 from millisight.evaluation._tables import Table, table_of
 from millisight.evaluation._task import TASKS, EvaluationItem, EvaluationSet, ReportFigure, Task
 from millisight.geometry import FALSE_ALARMS, surface_points
-from millisight.imaging import CLUTTER, form_image, remove_sheets
+from millisight.imaging import form_image, remove_sheets
 
 _FORMAT = 1
 _MARGIN = 0.02  # of the voxels around the object [m]
 _THRESHOLD = 0.3  # of the baselines, a share of the image's maximum: as in the evaluation of the simulator
-_DRAWN = 1500  # points that a result keeps for its picture
 OURS, THRESHOLDED, DEEPEST = "surface_points", "thresholded voxels", "maximum along z"
 METHODS = (OURS, THRESHOLDED, DEEPEST)
 """What is compared: `surface_points`; the paper's points, voxels above 0.3 of the maximum; and of each column of voxels
@@ -79,38 +84,18 @@ class SurfaceTask(Task):
     failures: int = 4
 
     def __post_init__(self) -> None:
-        check_known("clutter", self.clutter, CLUTTER)
-        for one in self.spacing:
-            checked_number(one, name="spacing", unit="m", above=0)
-        checked_integer(self.failures, name="failures", minimum=0)
+        check_shape_settings(self.spacing, self.clutter, self.failures)
 
     def plan(self, data: EvaluationData) -> EvaluationSet:
         """One item for each scene with a 77 GHz capture and a known shape."""
         across, deep = self.spacing
         clutter = {"los": "none", "nlos": self.clutter}
         settings = {"format": _FORMAT, "spacing": [across, deep], "clutter": clutter, "false_alarms": self.false_alarms}
-        items, without = [], []
-        for scene in data.scenes:
-            if not scene.shape_paths(HIGH):
-                without.append(scene.name)
-                continue
-            source = _Source(scene, (across, across, deep), clutter, self.false_alarms)
-            items.append(
-                EvaluationItem(
-                    name=scene.name, source=source, parts={scene.name.replace("/", "."): settings},
-                    paths=(*scene.paths, *scene.shape_paths(HIGH)),
-                )
-            )  # fmt: skip
-        if not items:
-            raise InputError(
-                f"{data.path} holds no 77 GHz capture of an object of known shape; expected scenes of the virtual rig "
-                'made with keep = "captures" or "raw": see `millisight generate`'
-            )
-        notes = (
-            (f"{len(without)} scenes have no capture or no known shape; the first is {without[0]}",) if without else ()
-        )
-        return EvaluationSet(items=tuple(items), data=f"{data.path.resolve().name} (virtual rig; simulated, not real "
-                             "data)", notes=notes)  # fmt: skip
+
+        def source_of(scene: SceneSource) -> _Source:
+            return _Source(scene, (across, across, deep), clutter, self.false_alarms)
+
+        return plan_of_shapes(data, scenes_of_shapes(data), source_of, settings)
 
     @staticmethod
     def run(item: EvaluationItem) -> Mapping[str, Any]:
@@ -132,7 +117,7 @@ class SurfaceTask(Task):
                 {
                     "scene": scene.name, "object": scene.object, "sight": scene.sight, "method": method,
                     "scores": [None if math.isnan(one) else one for one in score_surface(cloud, truth)],
-                    "points": np.round(cloud.points[:: max(1, -(-len(cloud) // _DRAWN))], 5).tolist(),
+                    "points": drawn_points(cloud.points),
                 }
                 for method, cloud in found.items()
             ]
@@ -173,24 +158,12 @@ class SurfaceTask(Task):
         sources = {item.source.scene.name: item.source.scene for item in planned.items}
         ours = sorted((one for one in rows if one.method == OURS), key=lambda one: one.scores.f)
         for number, one in enumerate(ours[: self.failures], 1):
-            what = f"{one.object}, {SIGHTS[one.sight]}"
             told = (
                 f"F {100 * one.scores.f:.0f} %, precision {100 * one.scores.precision:.0f} %, recall "
                 f"{100 * one.scores.recall:.0f} % within 10 mm"
             )
-            yield ReportFigure(
-                name=f"worst-{number:02d}",
-                heading=what,
-                caption=f"{told}. Grey: the object.",
-                plot="plot_points",
-                arguments={
-                    "cloud": PointCloud(points=one.points),
-                    "truth": sources[one.scene].read_shape(HIGH),
-                    "title": f"{what}: {told}",
-                },
-                facts={"scene": one.scene, "points": one.scores.points},
-                dpi=90,
-            )
+            truth = sources[one.scene].read_shape(HIGH)
+            yield worst_scene(number, one, told, "the object", truth, {"points": one.scores.points})
 
 
 def _scores(values: Sequence[float | None]) -> SurfaceScores:
