@@ -49,10 +49,12 @@ from ._records import put as put
 from ._records import record as record
 from ._records import with_step as with_step
 from ._registry import Registry as Registry
+from ._rotations import euler_deg_from_rotation as euler_deg_from_rotation
 from ._rotations import interpolate_poses as interpolate_poses
 from ._rotations import rotation_from_euler_deg as rotation_from_euler_deg
 from ._rotations import rotation_from_quaternion as rotation_from_quaternion
 from ._rotations import rotation_vector as rotation_vector
+from ._rotations import turn_between_deg as turn_between_deg
 from ._tables import record_from_file as record_from_file
 from ._tables import record_from_table as record_from_table
 from ._tables import toml_of as toml_of

@@ -17,6 +17,21 @@ def rotation_from_euler_deg(angles_deg: ArrayLike) -> np.ndarray:
     return about_z @ about_y @ about_x
 
 
+def euler_deg_from_rotation(rotation: ArrayLike) -> np.ndarray:
+    """(3,) angles [degrees] about the fixed x, then y, then z axis: the inverse of `rotation_from_euler_deg`.
+
+    The angle about y is within 90 degrees; where it is 90, that about z is 0.
+    """
+    matrix = checked_array(rotation, name="rotation", shape=(3, 3))
+    across = np.hypot(matrix[0, 0], matrix[1, 0])
+    y = np.arctan2(-matrix[2, 0], across)
+    if across > 1e-9:
+        x, z = np.arctan2(matrix[2, 1], matrix[2, 2]), np.arctan2(matrix[1, 0], matrix[0, 0])
+    else:
+        x, z = np.arctan2(-matrix[1, 2], matrix[1, 1]), 0.0
+    return np.degrees([x, y, z])
+
+
 def rotation_from_quaternion(quaternions: np.ndarray) -> np.ndarray:
     """(..., 3, 3) rotations from unit quaternions (..., 4) in the order x, y, z, w."""
     x, y, z, w = np.moveaxis(np.asarray(quaternions, dtype=float), -1, 0)
@@ -26,6 +41,12 @@ def rotation_from_quaternion(quaternions: np.ndarray) -> np.ndarray:
         [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
     ]
     return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
+
+
+def turn_between_deg(a: ArrayLike, b: ArrayLike) -> np.ndarray:
+    """(...,) angle [degrees] of the turn from quaternions `a` (..., 4) to `b` (..., 4); their signs mean nothing."""
+    one, other = (np.asarray(q, dtype=float) / np.linalg.norm(q, axis=-1, keepdims=True) for q in (a, b))
+    return np.degrees(2 * np.arccos(np.minimum(1.0, np.abs((one * other).sum(axis=-1)))))
 
 
 def rotation_vector(rotation: np.ndarray) -> np.ndarray:
