@@ -1,4 +1,4 @@
-"""From raw frames to captures: placing frames along the path, clocks, gains, phases, backgrounds."""
+"""From raw frames to captures: placing frames, clocks, gains, phases, backgrounds; and where a camera is on the arm."""
 
 import lazy_loader
 

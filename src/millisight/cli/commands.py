@@ -11,7 +11,7 @@ _ALONE = (
     "demo", "simulate", "image", "info", "objects", "segment", "classify", "surface", "locate", "view", "annotate",
     "collect", "generate",
 )  # fmt: skip
-_GROUPS = ("dataset", "rig", "evaluate", "train")
+_GROUPS = ("dataset", "rig", "calibrate", "evaluate", "train")
 
 
 def application(*words: str) -> typer.Typer:

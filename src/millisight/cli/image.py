@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -11,10 +11,13 @@ from millisight.cli.grids import outline_mesh, parse_bytes
 from millisight.cli.image_steps import ImageSettings, check_stated, image_of, large_image_of, oddities
 from millisight.cli.options import DataFolder, RadarChoice
 from millisight.cli.sources import Source, sources
-from millisight.core import check_known, checked_colormap, colormap_in_use, make_folder
+from millisight.core import check_known, checked_colormap, colormap_in_use, make_folder, record_from_file
 from millisight.core.errors import InputError, MillisightError
 from millisight.data import SarImage
 from millisight.imaging import CLUTTER, WINDOWS
+
+if TYPE_CHECKING:
+    from millisight.calibration import RadarCalibration
 
 _CLOCKS = ("given", "report", "apply")
 _FOCUSES = ("none", "rows", "path")
@@ -76,6 +79,13 @@ def image(
     background: Annotated[
         Path | None,
         typer.Option(help="Capture of the empty scene; its first frame is subtracted from every frame."),
+    ] = None,
+    calibration: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="Mount, path offset and gains of a radar, as `millisight calibrate radar` wrote them. Repeatable, for "
+            "several radars."
+        ),
     ] = None,
     clock: Annotated[
         str,
@@ -170,6 +180,7 @@ def image(
         clutter=clutter,
         data=data,
         background=[] if background is None else sources([background], radar),
+        calibration=_calibrations(calibration or []),
         as_published=as_published,
         outline=outline,
         db=db,
@@ -189,6 +200,18 @@ def image(
         _image_one(found[0], outputs, settings, label="")
         return
     _image_all(found, output, plot, slices, settings, resume=resume)
+
+
+def _calibrations(paths: list[Path]) -> "list[RadarCalibration]":
+    if not paths:
+        return []
+    from millisight.calibration import RadarCalibration
+
+    found = [record_from_file(RadarCalibration, path, "a calibration") for path in paths]
+    names = [one.radar for one in found]
+    if len(set(names)) < len(names):
+        raise InputError(f"the calibrations are of the radars {', '.join(names)}; expected one for each radar")
+    return found
 
 
 def _image_all(

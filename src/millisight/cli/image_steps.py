@@ -1,15 +1,17 @@
 """What `millisight image` does with one capture: background, clocks, focus, sheets, and the image."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from millisight.cli.console import progress, say, say_sampling
 from millisight.cli.grids import check_memory, parse_grid
 from millisight.cli.sources import Opened, Source, sources
+from millisight.core import toml_of
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.data import Capture, SarImage, VoxelGrid
 from millisight.imaging import (
@@ -25,6 +27,9 @@ from millisight.imaging import (
     sampling,
 )
 
+if TYPE_CHECKING:
+    from millisight.calibration import RadarCalibration
+
 
 @dataclass(frozen=True, slots=True)
 class ImageSettings:
@@ -39,6 +44,7 @@ class ImageSettings:
     clutter: str | None
     data: Path | None
     background: list[Source]
+    calibration: "Sequence[RadarCalibration]"
     as_published: bool
     outline: str | None
     db: bool
@@ -55,6 +61,8 @@ class ImageSettings:
             values["as_published"] = True
         if self.clutter is not None:
             values["clutter"] = self.clutter
+        if self.calibration:
+            values["calibration"] = [toml_of(one) for one in self.calibration]
         return {**values, "background": [source.name for source in self.background]}
 
 
@@ -94,11 +102,14 @@ def large_image_of(
 
 def prepared(opened: Opened, source: Source, settings: ImageSettings, label: str) -> tuple[Capture, VoxelGrid, str]:
     """The capture as it is imaged, the voxels, and what clutter is still to be taken off the image."""
-    capture = _without_background(opened.capture, source, settings)
+    capture = without_background(
+        opened.capture, source, settings.background, settings.data, as_published=settings.as_published
+    )
+    capture = _calibrated(capture, settings.calibration)
     voxels = parse_grid(settings.grid, capture)
     if settings.memory is None:
         check_memory(capture, voxels)
-    capture = _on_time(Opened(capture, opened.log), voxels, settings.clock, label)
+    capture = on_time(Opened(capture, opened.log), voxels, settings.clock, label)
     say(f"grid: {' x '.join(map(str, voxels.shape))} voxels, {capture.channels} channels")
     if len(capture.trajectory) > 1:
         with progress(f"{label}sampling"):
@@ -110,8 +121,9 @@ def prepared(opened: Opened, source: Source, settings: ImageSettings, label: str
     return capture, voxels, "none" if taken else clutter
 
 
-def one_capture(source: Path, radar: str | None, data: Path | None) -> tuple[Capture, str]:
-    """The capture at a path, in memory, and a name for its outputs; what is odd about it is said.
+@contextmanager
+def one_opened(source: Path, radar: str | None, data: Path | None) -> Iterator[tuple[Opened, Source]]:
+    """The one capture at a path, open, and where it was found; what is odd about it is said.
 
     Raises
     ------
@@ -125,10 +137,22 @@ def one_capture(source: Path, radar: str | None, data: Path | None) -> tuple[Cap
     with found[0].opened(data) as opened:
         for note in (*opened.notes, *oddities(opened.capture)):
             say(note)
+        yield opened, found[0]
+
+
+def one_capture(source: Path, radar: str | None, data: Path | None) -> tuple[Capture, str]:
+    """The one capture at a path, in memory, and a name for its outputs.
+
+    Raises
+    ------
+    InputError
+        The path holds several captures.
+    """
+    with one_opened(source, radar, data) as (opened, found):
         capture = opened.capture
         if not capture.in_memory:
             capture = replace(capture, frames=capture.frames_of(slice(0, len(capture.trajectory))))
-        return capture, found[0].name
+        return capture, found.name
 
 
 def oddities(capture: Capture) -> list[str]:
@@ -188,21 +212,36 @@ def _stated_settings(capture: Capture, settings: ImageSettings) -> tuple[str, An
     return settings.method or str(stated.get("method", "fast")), None if window == "none" else window
 
 
-def _without_background(capture: Capture, source: Source, settings: ImageSettings) -> Capture:
+def without_background(
+    capture: Capture, source: Source, empties: Sequence[Source], data: Path | None, *, as_published: bool = False
+) -> Capture:
     """The capture less the first frame of the empty scene's, where one is given for its radar."""
-    if not settings.background:
+    if not empties:
         return capture
     from millisight.calibration import subtract_background
 
-    for empty in settings.background:
+    for empty in empties:
         if empty.radar == source.radar:
-            with empty.opened(settings.data, "read background", as_published=settings.as_published) as opened:
+            with empty.opened(data, "read background", as_published=as_published) as opened:
                 return subtract_background(capture, opened.capture, frame="first")
     say(f"background: no capture of the {source.radar} radar; nothing is subtracted")
     return capture
 
 
-def _on_time(opened: Opened, voxels: VoxelGrid, clock: str, label: str) -> Capture:
+def _calibrated(capture: Capture, calibrations: "Sequence[RadarCalibration]") -> Capture:
+    """The capture with the calibration of its radar, where one is given."""
+    if not calibrations:
+        return capture
+    name = capture.radar.name
+    for one in calibrations:
+        if one.radar == name:
+            say(f"calibration: {name}: mount, path offset and gains of the channels")
+            return one.apply(capture)
+    say(f"warning: no --calibration is of the radar {name}; it is imaged as it is")
+    return capture
+
+
+def on_time(opened: Opened, voxels: VoxelGrid, clock: str, label: str) -> Capture:
     """The capture, its poses put right for the clocks' offset and drift where that was asked for."""
     if clock == "given":
         return opened.capture

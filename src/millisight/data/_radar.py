@@ -123,6 +123,14 @@ class AntennaArray:
         size = f"{len(self.tx_positions)} TX x {len(self.rx_positions)} RX"
         return f"AntennaArray({size}, {box(both.min(axis=0), both.max(axis=0))})"
 
+    def moved(self, *, rotation: np.ndarray | None = None, translation: np.ndarray | None = None) -> "AntennaArray":
+        """The antennas rotated by a (3, 3) matrix about the radar's origin, then shifted by a (3,) vector [m]."""
+        turn = np.eye(3) if rotation is None else checked_array(rotation, name="rotation", shape=(3, 3))
+        shift = 0.0 if translation is None else checked_array(translation, name="translation", shape=(3,), unit="m")
+        return AntennaArray(
+            tx_positions=self.tx_positions @ turn.T + shift, rx_positions=self.rx_positions @ turn.T + shift
+        )
+
     @classmethod
     def monostatic(cls) -> "AntennaArray":
         """One transmitter and one receiver, both at the radar's origin."""
