@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+import millisight as ms
 from helpers import oracles
 from helpers.profiles import PROFILE
 from millisight.cli.app import app
@@ -95,6 +96,62 @@ def test_collect_scans_with_real_devices_and_goes_on(emulated, tmp_path):
     assert isinstance(run("collect", "rig.toml", "-o", "data").exception, FileError)
 
 
+OWN = """
+layout = "captures"
+image = { lower = [-0.02, -0.02, -0.28], upper = [0.02, 0.04, -0.22], spacing = [0.004, 0.004, 0.004] }
+"""
+
+
+def test_a_radar_of_any_name_is_written_as_captures(emulated, tmp_path):
+    """A board that the published layout has not: its name, its antennas, the voxels of its images."""
+    path = tmp_path / "rig.toml"
+    told = path.read_text().replace('name = "77_ghz"', 'name = "60_ghz"')
+    receivers = [[float(x), 0.0, 0.0] for x in RadarSettings().radar.array.rx_positions[:, 0]]
+    told = re.sub(r'rx_axis = "x"', f"receivers = {receivers}\npath_offset = 0.15", told)
+    path.write_text(OWN + told)
+    done = run("rig", "check", "rig.toml")
+    assert "60_ghz (dca1000): ready" in done.output
+    assert "77.50 to 80.50 GHz, 4 receivers, path offset 150 mm" in done.output
+    emulated.card.silent = True
+    assert isinstance(run("collect", "rig.toml", "-o", "data").exception, DeviceError)
+    emulated.card.silent = False
+    done = run("collect", "rig.toml", "-o", "data", "--live", "--no-browser")
+    assert done.exit_code == 0, done.output
+    assert "60_ghz: images" in done.output
+    assert "wrote data/000_scan.exp1" in done.output
+    folder = tmp_path / "data/000_scan.exp1"
+    assert sorted(file.name for file in folder.iterdir()) == ["60_ghz.capture.h5", "60_ghz.log.h5"]
+    assert not list((tmp_path / "data").glob(".*"))
+    capture = ms.load(folder / "60_ghz.capture.h5")
+    assert capture.radar.name == "60_ghz"
+    assert capture.metadata["object"] == "000_scan"
+    done = run("image", "data", "--clock", "report")
+    assert done.exit_code == 0, done.output
+    assert "clock: " in done.output
+    image = ms.load(folder / "000_scan.exp1.60_ghz.image.h5")
+    assert image.grid.shape == (11, 16, 16)
+    assert np.abs(image.peak - (0.0, 0.01, -0.25)).max() < 0.009
+    assert isinstance(run("collect", "rig.toml", "-o", "data").exception, FileError)
+
+    path.write_text(re.sub(r"^image = .*$", "", OWN, flags=re.MULTILINE) + told)
+    error = run("collect", "rig.toml", "-o", "more", "--live", "--no-browser").exception
+    assert isinstance(error, InputError)
+    assert "--live needs the voxels to image; add a table [image]" in str(error)
+    path.write_text(told)
+    assert isinstance(run("rig", "check", "rig.toml").exception, UnknownNameError)
+
+    for wrong in (told.replace('"60_ghz"', '"../60_ghz"'), told.replace('"000_scan"', '"../000_scan"')):
+        path.write_text(OWN + wrong)
+        assert isinstance(run("collect", "rig.toml", "-o", "more").exception, InputError)
+        assert not (tmp_path / "more").exists() or not [*(tmp_path / "more").rglob("*.*")]
+    path.write_text(OWN + told)
+    profile = tmp_path / "rig.cfg"
+    profile.write_text(re.sub(r"profileCfg 0 77\.", "profileCfg 0 60.", profile.read_text()))
+    error = run("collect", "rig.toml", "-o", "more").exception
+    assert isinstance(error, DeviceError)
+    assert "refuses 'profileCfg 0 60." in str(error)
+
+
 def test_options_of_worlds_are_refused(emulated):
     done = run("collect", "rig.toml", "--rig", "virtual")
     assert isinstance(done.exception, InputError)
@@ -112,6 +169,19 @@ def test_emulate_writes_a_rig_file_that_works(tmp_path, monkeypatch):
     assert "wrote rig.toml; the emulators run until 0 s have passed" in done.output
     assert run("collect", "rig.toml", "--dry-run").exit_code == 0
     assert isinstance(run("rig", "emulate", "world.toml", "--loss", "2").exception, InputError)
+    assert isinstance(run("rig", "emulate", "world.toml", "--live").exception, InputError)
+    assert isinstance(run("rig", "emulate", "world.toml", "--collect", "d", "--seconds", "1").exception, InputError)
+
+
+def test_one_command_emulates_and_scans(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    WORLD.to_toml(tmp_path / "world.toml")
+    done = run("rig", "emulate", "world.toml", "--loss", "0.001", "--disorder", "0.01", "--collect", "data")
+    assert done.exit_code == 0, done.output
+    assert "wrote rig.toml; the emulators run until the scan has ended" in done.output
+    folder = tmp_path / "data/000_scan/robot_collected/0_0_0/exp1/los"
+    assert len(read_experiment(folder, "77_ghz").rows) == 2
+    assert run("rig", "emulate", "world.toml", "--collect", "data").exit_code == 1  # it is there already
 
 
 def test_the_script_for_mmwave_studio(tmp_path, monkeypatch):

@@ -28,6 +28,7 @@ LEFT_OUT = {
     r"^millisight dataset (download|push)": "needs the hub: tests/datasets has one of its own",
     r"^millisight train": "takes from minutes to an hour: tests/cli/test_train_*.py train small ones",
     r"^millisight (generate|collect) (?!.*--dry-run)": "takes minutes to hours: tests/cli has small ones",
+    r"^millisight calibrate ": "needs a board or a target: tests/cli/test_calibrate*.py have them",
     r"^millisight rig |rig\.toml": "needs emulators that run beside it: tests/cli/test_rig.py has them",
     r"(?<!--)\b(bench24|unseen|surfaces|tiny|ball-or-box|mine|data|mito|both)\b|_ghz\.image": "made by one left out",
     r"--method sam\b": "needs weights that a page tells how to get",

@@ -153,7 +153,8 @@ def test_what_each_device_says_when_asked(bench):
     lines = one.radar.check()
     assert lines[0] == "FPGA version 2.9"
     assert lines[1] == "Platform : emulator; mmWave SDK Version : 03.06.00.00"
-    assert lines[2] == "2048 bytes a frame, one every 5 ms: 3 Mbit/s"
+    assert lines[2].endswith(" GHz, 4 receivers, path offset 150 mm")
+    assert lines[3] == "2048 bytes a frame, one every 5 ms: 3 Mbit/s"
     one.card.alarm(1 << 9 | 1 << 4)
     time.sleep(0.05)
     assert one.radar.check()[-1].startswith("warning: its LVDS buffer is full")

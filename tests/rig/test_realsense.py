@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
+from helpers import boards
+from millisight.calibration import find_corners
 from millisight.core.errors import DeviceError
+from millisight.data import Intrinsics
 from millisight.rig import Camera, Device
 from millisight.rig.drivers import DRIVERS, RealSenseCamera, RealSenseSettings, picture_of
 
@@ -12,18 +15,22 @@ rs = pytest.importorskip("pyrealsense2", reason="needs pyrealsense2 and libusb-1
 WIDTH, HEIGHT = 64, 48
 
 
-def stream(kind, number, bytes_per_pixel, form):
+OPTICS = Intrinsics(fx=61.8, fy=61.7, cx=32.1, cy=24.1, width=WIDTH, height=HEIGHT)
+
+
+def stream(kind, number, bytes_per_pixel, form, optics):
     intrinsics = rs.intrinsics()
-    intrinsics.width, intrinsics.height = WIDTH, HEIGHT
-    intrinsics.fx, intrinsics.fy, intrinsics.ppx, intrinsics.ppy = 61.8, 61.7, 32.1, 24.1
+    intrinsics.width, intrinsics.height = optics.width, optics.height
+    intrinsics.fx, intrinsics.fy, intrinsics.ppx, intrinsics.ppy = optics.fx, optics.fy, optics.cx, optics.cy
     intrinsics.model = rs.distortion.none
     video = rs.video_stream()
     video.type, video.index, video.uid, video.fmt = kind, 0, number, form
-    video.width, video.height, video.fps, video.bpp, video.intrinsics = WIDTH, HEIGHT, 30, bytes_per_pixel, intrinsics
+    video.width, video.height, video.fps = optics.width, optics.height, 30
+    video.bpp, video.intrinsics = bytes_per_pixel, intrinsics
     return video
 
 
-def frames_of(depth, color):
+def frames_of(depth, color, optics=OPTICS):
     """The two pictures, as a device would give them together."""
     device = rs.software_device()
     made, profiles = [], []
@@ -33,7 +40,7 @@ def frames_of(depth, color):
     ):
         sensor = device.add_sensor(name)
         size = data.itemsize * (data.shape[2] if data.ndim == 3 else 1)
-        profiles.append(sensor.add_video_stream(stream(kind, len(made) + 1, size, form)))
+        profiles.append(sensor.add_video_stream(stream(kind, len(made) + 1, size, form, optics)))
         if name == "Depth":
             sensor.add_read_only_option(rs.option.depth_units, 0.001)
         made.append((sensor, data, size))
@@ -50,7 +57,7 @@ def frames_of(depth, color):
             frame = rs.software_video_frame()
             frame.pixels, frame.stride, frame.bpp = (
                 np.ascontiguousarray(data).reshape(-1).view(np.uint8),
-                WIDTH * size,
+                optics.width * size,
                 size,
             )
             frame.timestamp, frame.domain, frame.frame_number = 33.0 * count, rs.timestamp_domain.hardware_clock, count
@@ -80,6 +87,16 @@ def test_a_picture_has_depth_colour_and_its_camera():
     assert picture.depth_unit == pytest.approx(0.001)
     assert (picture.intrinsics.fx, picture.intrinsics.cy) == pytest.approx((61.8, 24.1))
     assert picture.points[30, 32, 2] == pytest.approx(0.4)
+
+
+def test_a_board_is_found_in_a_picture_of_its():
+    """As `millisight rig photo` saves it, with the intrinsics that the library tells."""
+    told = boards.setup(np.random.default_rng(0), 1)
+    (color,) = boards.pictures_of(told, np.random.default_rng(1))
+    picture = picture_of(frames_of(np.full(color.shape[:2], 400, np.uint16), color, boards.OPTICS), np.eye(4))
+    found = find_corners(picture.rgb, boards.BOARD)
+    assert np.sqrt(((found - boards.corners_of(told)[0]) ** 2).sum(axis=1).mean()) < 0.1
+    assert (picture.intrinsics.fx, picture.intrinsics.cx) == pytest.approx((618.2, 321.3))
 
 
 def test_where_the_picture_is_taken_from():

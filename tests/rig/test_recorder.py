@@ -369,6 +369,21 @@ def test_an_experiment_appears_when_all_of_it_is_there(tmp_path):
     assert sorted(p.name for p in writer.path.parent.iterdir()) == ["experiment_info.json", "los"]
 
 
+def test_what_a_run_leaves_that_is_killed_at_its_very_end_goes(tmp_path):
+    """The experiment is there and is not recorded again: nothing else would ever remove its copies."""
+    writer, scan = small_scan(tmp_path)
+    scan()
+    experiment = writer.path.parent
+    left = [experiment.with_name(".exp1.0123abcd.part"), writer.unfinished]
+    for folder in left:
+        (folder / "rows").mkdir(parents=True)
+    (experiment / ".lock").write_text("1\n")
+    with pytest.raises(InputError, match="already exists; remove it, or record under another number"):
+        small_scan(tmp_path)[1]()
+    assert not any(folder.exists() for folder in left)
+    assert sorted(p.name for p in experiment.iterdir()) == ["experiment_info.json", "los"]
+
+
 def test_two_runs_of_one_experiment_are_refused(tmp_path):
     def again():
         with pytest.raises(FileError, match=r"another run \(process \d+\) is using .*exp1; wait for it, or stop it"):

@@ -1,7 +1,6 @@
 """`millisight collect`: run a scan with a rig, and write it in the published layout."""
 
 import shutil
-from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,8 +9,8 @@ import typer
 
 from millisight.cli.console import check_outputs, duration, progress, say, say_sampling
 from millisight.cli.rig import collect_with_rig, is_rig_file
-from millisight.cli.scanning import scan, scan_live
-from millisight.core import alone, box, make_folder
+from millisight.cli.scanning import published_grids, scan, scan_live
+from millisight.core import box, make_folder
 from millisight.core.errors import FileError, InputError, UnknownNameError
 
 if TYPE_CHECKING:
@@ -112,8 +111,7 @@ def collect(
     virtual = VirtualRig(described, layout=layout)
     folder = experiment_folder_of(described, output, experiment)
     if not dry_run and folder.exists():
-        with suppress(FileError), alone(folder.parent, ""):
-            pass  # the lock of a run that was killed just after it ended is taken over, and goes
+        PublishedWriter(folder, info={}).clear()
         raise FileError(f"{folder} already exists; choose another --experiment, or remove it")
     for line in _summary(virtual):
         say(line)
@@ -141,7 +139,7 @@ def collect(
     if live:
         scan_live(
             virtual, writer, title=", ".join(item.name for item in layout.objects) or "the empty scene",
-            origin=BASE_ORIGIN, background=described.support.kind, browser=not no_browser,
+            grids=published_grids(virtual, described.support.kind), origin=BASE_ORIGIN, browser=not no_browser,
         )  # fmt: skip
     else:
         scan(virtual, writer)

@@ -10,6 +10,7 @@ from millisight.core import check_readable, files_under, printable
 from millisight.core.errors import FileError, FormatError, InputError
 from millisight.data import Capture, RawScan, Trajectory
 
+CAPTURE_SUFFIX = ".capture.h5"
 # Read with a description: the user's own, or a shipped one that fits the arrays.
 _DESCRIBED = (".toml", ".npz", ".npy", ".mat")
 
@@ -121,6 +122,8 @@ def _under(path: Path, radar: str | None) -> list[Source]:
     found += _converted(path, radar)
     found += _simulated(path, radar)
     if not found:
+        found = _captures_in(path, radar)
+    if not found:
         wanted = "" if not experiments else f" of the {radar} radar"
         raise FileError(
             f"{path} holds no capture{wanted}: neither a description (*.toml) nor an experiment of the published "
@@ -139,6 +142,17 @@ def _converted(folder: Path, radar: str | None) -> list[Source]:
         places = [part for part in parts[-9:-1] if part not in ("robot_collected", "unprocessed", "radars")]
         if radar in (None, places[-1]):
             found.append(Source(path, ".".join(places[-5:]), None, Path()))
+    return found
+
+
+def _captures_in(folder: Path, radar: str | None) -> list[Source]:
+    """Captures in a folder or in those below it, as `millisight collect` writes with `layout = "captures"`."""
+    found = []
+    for path in [*sorted(folder.glob(f"*{CAPTURE_SUFFIX}")), *sorted(folder.glob(f"*/*{CAPTURE_SUFFIX}"))]:
+        name = path.name.removesuffix(CAPTURE_SUFFIX)
+        if radar in (None, name):
+            within = "" if path.parent == folder else f"{path.parent.name}."
+            found.append(Source(path, within + name, None, path.parent))
     return found
 
 
@@ -183,9 +197,10 @@ def _notes(record: Capture | RawScan) -> tuple[str, ...]:
 
 
 def _log_beside(path: Path) -> Trajectory | None:
-    """Robot log beside a converted capture."""
+    """Robot log beside a converted or a recorded capture."""
     from millisight.io import load
     from millisight.io.mito import RAW_CAPTURE, RAW_LOG
 
-    log = path.with_name(RAW_LOG)
-    return load(log) if path.name == RAW_CAPTURE and log.is_file() else None
+    name = RAW_LOG if path.name == RAW_CAPTURE else f"{path.name.removesuffix(CAPTURE_SUFFIX)}.log.h5"
+    log = path.with_name(name)
+    return load(log) if path.name.endswith((RAW_CAPTURE, CAPTURE_SUFFIX)) and log.is_file() else None

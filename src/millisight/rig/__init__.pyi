@@ -1,3 +1,5 @@
+from ._camera_mount import CameraMount as CameraMount
+from ._captures import CaptureWriter as CaptureWriter
 from ._limits import Limits as Limits
 from ._live import LiveImaging as LiveImaging
 from ._live import LiveStatus as LiveStatus
@@ -16,7 +18,9 @@ from ._published import scan_info as scan_info
 from ._recorder import ScanPlan as ScanPlan
 from ._recorder import record_scan as record_scan
 from ._recorder import sweep_rows as sweep_rows
+from ._rig_file import ImageBox as ImageBox
 from ._rig_file import Lab as Lab
 from ._rig_file import Report as Report
 from ._rig_file import RigFile as RigFile
+from ._rows import RowWriter as RowWriter
 from ._scan_settings import ScanSettings as ScanSettings

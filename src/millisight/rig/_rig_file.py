@@ -17,15 +17,55 @@ from millisight.core import (
     read_toml,
     record,
     record_from_table,
+    turn_between_deg,
 )
-from millisight.core.errors import FormatError, InputError
-from millisight.io.mito import BASE_ORIGIN, SIGHTS
+from millisight.core.errors import DeviceError, FormatError, InputError
+from millisight.data import CameraFrame, VoxelGrid
+from millisight.io.mito import BASE_ORIGIN, SIGHTS, checked_radar
 from millisight.rig._protocols import ArmPose
 from millisight.rig._recorder import ScanPlan
 from millisight.rig._scan_settings import ScanSettings
 from millisight.rig.drivers import DRIVERS
 
+_STILL, _STILL_DEG = 5e-4, 0.1  # how far an arm that stands may seem to move [m], [degrees]
 _START = 0.5  # how long an arm may take from a request to its first motion [s]
+
+
+LAYOUTS = ("published", "captures")
+"""What a scan is written as: an experiment of the published layout, or captures of our own, which take any radar."""
+
+
+@record
+class ImageBox:
+    """The voxels of the images, in their frame.
+
+    Attributes
+    ----------
+    lower, upper : middles of the first and the last voxel [m]
+    spacing : along x, y and z [m]
+    """
+
+    lower: tuple[float, float, float]
+    upper: tuple[float, float, float]
+    spacing: tuple[float, float, float]
+
+    def __post_init__(self) -> None:
+        put(
+            self,
+            lower=checked_numbers(self.lower, name="lower", count=3, unit="m"),
+            upper=checked_numbers(self.upper, name="upper", count=3, unit="m"),
+            spacing=checked_numbers(self.spacing, name="spacing", count=3, unit="m", above=0),
+        )
+        _ = self.grid
+
+    @property
+    def box(self) -> dict[str, list[float]]:
+        """As `VoxelGrid.regular` takes it."""
+        return {"lower": list(self.lower), "upper": list(self.upper), "spacing": list(self.spacing)}
+
+    @property
+    def grid(self) -> VoxelGrid:
+        return VoxelGrid.regular(**self.box)
 
 
 @record
@@ -42,6 +82,9 @@ class RigFile:
     rotate_deg : how it is turned, for the folder's name [degrees]
     sight : "los", or "nlos" where something hides it
     background : what it stands on: "tripod" or "styrofoam", or what else there is
+    layout : "published": the radars are called "77_ghz" and "24_ghz"; "captures": HDF5 files of our own, any radars
+    image : voxels of the images; None: as the published layout has them, and with "captures" none, so that `image`
+        needs a grid
     photo : where the arm holds the radar frame for the picture, in the frame of the images [m]; None: over the
         aperture's middle
     """
@@ -55,10 +98,13 @@ class RigFile:
     rotate_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
     sight: str = "los"
     background: str = "tripod"
+    layout: str = LAYOUTS[0]
+    image: ImageBox | None = None
     photo: tuple[float, float, float] | None = None
 
     def __post_init__(self) -> None:
         check_known("kind of sight", self.sight, SIGHTS)
+        check_known("layout", self.layout, LAYOUTS)
         if not self.radars:
             raise InputError("radars is empty; expected at least one [[radars]] table")
         put(
@@ -100,7 +146,7 @@ class Lab:
     FormatError
         A key or a value of a device cannot be right; the message names the place.
     InputError
-        The scan leaves the arm's workspace, or two radars have one name.
+        The scan leaves the arm's workspace, two radars have one name, or one that the layout does not know.
     """
 
     def __init__(self, file: RigFile, *, folder: str | os.PathLike[str] = ".", source: str = "rig file"):
@@ -111,6 +157,9 @@ class Lab:
             self._device("radar", table, f"radars[{i}]", folder, source) for i, table in enumerate(file.radars)
         )
         names = [radar.name for radar in self.radars]
+        if file.layout == LAYOUTS[0]:
+            for name in names:
+                checked_radar(name)
         if len(set(names)) < len(names):
             raise InputError(f"the radars are called {names}; expected different names")
         self.camera: Any = None
@@ -147,6 +196,31 @@ class Lab:
         """Close every device, the arm last."""
         for _, device in reversed(self._devices):
             device.close()
+
+    def photo(self) -> tuple[CameraFrame, ArmPose]:
+        """One picture where the arm is now, and the pose of the radar frame there; nothing is moved.
+
+        Arm and camera must be open; the radars need not.
+
+        Raises
+        ------
+        InputError
+            There is no camera.
+        DeviceError
+            The arm moved meanwhile, or a device failed.
+        """
+        if self.camera is None:
+            raise InputError("the rig has no camera; add a [camera] table to the rig file")
+        (position, turned), frame = self._camera_place(), self.camera.shoot()
+        there, then = self._camera_place()
+        moved = float(np.linalg.norm(there - position))
+        angle = float(turn_between_deg(turned, then))
+        if moved > _STILL or angle > _STILL_DEG:
+            raise DeviceError(
+                f"the arm moved by {1000 * moved:.1f} mm and {angle:.1f} degrees while the picture was taken; wait "
+                "until it stands, and take it again"
+            )
+        return frame, ArmPose(position=there, orientation=then)
 
     def check(self) -> list[Report]:
         """Talk to each device, in the order of the file; none keeps the others from being asked."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from millisight.core import checked_integer, checked_number, checked_numbers, put, record
 from millisight.core.errors import DeviceError, InputError
-from millisight.data import Radar
+from millisight.data import AntennaArray, Radar
 from millisight.io.raw import DATA_PORT, TiConfig, check_order, frames_touched, read_ti_config, unpack, values_per_chirp
 from millisight.rig import Recording
 from millisight.rig._dca1000_wire import COMMAND_PORT, Code, fpga_settings, packet_settings, version
@@ -33,9 +33,11 @@ class Dca1000Settings:
 
     Attributes
     ----------
-    name : of the published layout: "77_ghz"
+    name : of the radar; "77_ghz" in the published layout
     preset : the radar whose antennas and path offset it has; its waveform is the profile's, if there is one
     rx_axis : "x" or "y", along which its receivers lie; None: as the preset
+    receivers : in place of the preset's, where each lies from the transmitter [m]
+    path_offset : in place of the preset's [m]
     mount : its transmitter in the radar frame [m]
     profile : the .cfg file that the radar is set up with
     serial, baud : the board's command line, to which the profile is sent
@@ -53,6 +55,8 @@ class Dca1000Settings:
     name: str = "77_ghz"
     preset: str = "iwr1443"
     rx_axis: str | None = None
+    receivers: tuple[tuple[float, float, float], ...] = ()
+    path_offset: float | None = None
     mount: tuple[float, float, float] = (0.0, 0.0, 0.0)
     profile: str | None = None
     serial: str | None = None
@@ -74,7 +78,7 @@ class Dca1000Settings:
     folder: str = field(default=".", metadata={"key": None})
 
     def __post_init__(self) -> None:
-        _ = Radar.preset(self.preset, rx_axis=self.rx_axis)
+        _ = self.antennas
         check_order(self.order)
         if (self.serial is None) == (self.start_file is None):
             raise InputError(
@@ -103,6 +107,17 @@ class Dca1000Settings:
             **{name: checked_integer(getattr(self, name), name=name, minimum=0) for name in ports},
         )
 
+    @property
+    def antennas(self) -> Radar:
+        """The radar, but for the profile's waveform."""
+        radar = Radar.preset(self.preset, rx_axis=self.rx_axis)
+        if self.receivers:
+            if self.rx_axis is not None:
+                raise InputError("receivers and rx_axis both say where the receivers lie; leave one of them out")
+            array = AntennaArray(tx_positions=np.zeros((1, 3)), rx_positions=np.array(self.receivers))
+            radar = replace(radar, array=array)
+        return radar if self.path_offset is None else replace(radar, path_offset=self.path_offset)
+
     def path(self, name: str) -> Path:
         """A file of the rig file, as seen from here."""
         return Path(self.folder, name)
@@ -127,7 +142,7 @@ class Dca1000:
         self.settings: Dca1000Settings = settings
         self.name: str = settings.name
         self.mount: np.ndarray = np.array(settings.mount)
-        preset = Radar.preset(settings.preset, rx_axis=settings.rx_axis)
+        preset = settings.antennas
         config = None if settings.profile is None else read_ti_config(settings.path(settings.profile))
         receivers = len(preset.array.rx_positions)
         if config is not None:
@@ -166,9 +181,12 @@ class Dca1000:
         control, receiver, starter = self._opened()
         status = control.command(Code.READ_FPGA_VERSION)
         megabits = 8e-6 * self._frame_bytes / self.frame_period
+        first, last = self.radar.waveform.frequencies[[0, -1]] / 1e9
         lines = [
             f"FPGA version {version(status)}",
             starter.version(),
+            f"{first:.2f} to {last:.2f} GHz, {len(self.radar.array.rx_positions)} receivers, path offset "
+            f"{1e3 * self.radar.path_offset:g} mm",
             f"{self._frame_bytes} bytes a frame, one every {1000 * self.frame_period:g} ms: {megabits:.0f} Mbit/s",
         ]
         if receiver.buffer < _SMALL_BUFFER:
@@ -311,7 +329,7 @@ def _check_config(config: TiConfig, receivers: int, name: str) -> None:
     if config.receivers != receivers or config.transmitters != 1:
         raise InputError(
             f"{name} switches on {config.transmitters} transmitters and {config.receivers} receivers; expected 1 and "
-            f"{receivers}, as the preset has"
+            f"{receivers}, as preset or receivers have"
         )
     if not config.frame_period > 0:
         raise InputError(f"{name} has the frame period {config.frame_period:g} s; expected more than 0")

@@ -11,14 +11,13 @@ from millisight.core import (
     checked_numbers,
     put,
     record,
-    rotation_from_euler_deg,
     rotation_from_quaternion,
 )
 from millisight.core.errors import DeviceError
 from millisight.data import CameraFrame, Intrinsics
+from millisight.rig import CameraMount
 from millisight.rig.drivers._driver import DRIVERS, Driver
 
-_DOWN = np.diag([1.0, -1.0, -1.0])  # x right, y towards -y, z down
 _PATIENCE = 4.0  # for one picture [s]
 _FIRST = 15  # pictures that the exposure may take to settle
 
@@ -123,10 +122,9 @@ class RealSenseCamera:
             raise DeviceError("the camera does not know where the arm is; set place, as Lab does")
         position, orientation = self.place()
         (turned,) = rotation_from_quaternion(np.asarray(orientation)[None])
-        pose = np.eye(4)
-        pose[:3, :3] = turned @ rotation_from_euler_deg(self.settings.tilt_deg) @ _DOWN
-        pose[:3, 3] = position + turned @ np.array(self.settings.offset)
-        return pose
+        radar = np.eye(4)
+        radar[:3, :3], radar[:3, 3] = turned, position
+        return radar @ CameraMount(np.array(self.settings.offset), np.array(self.settings.tilt_deg)).pose
 
     def close(self) -> None:
         pipeline, self._pipeline = self._pipeline, None

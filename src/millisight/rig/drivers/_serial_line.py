@@ -5,6 +5,8 @@ from typing import Any
 from millisight.core import printable
 from millisight.core.errors import DeviceError
 
+_WRITE = 2.0  # how long a write may take [s]
+
 
 def open_serial(port: str, baud: int, *, timeout: float) -> Any:
     """The serial line `port`, a `serial.Serial` of 8 data bits, no parity, 1 stop bit.
@@ -13,7 +15,7 @@ def open_serial(port: str, baud: int, *, timeout: float) -> Any:
     ----------
     port : its name, such as "/dev/ttyACM0" or "COM5"
     baud : bits a second
-    timeout : of one read, and of one write [s]
+    timeout : of one read [s]; a write may take 2 s, since a line that is full for a moment is not broken
 
     Raises
     ------
@@ -26,7 +28,7 @@ def open_serial(port: str, baud: int, *, timeout: float) -> Any:
     except ImportError as error:
         raise DeviceError("serial lines need pyserial: pip install 'millisight[rig]'") from error
     try:
-        return serial.Serial(port, baud, timeout=timeout, write_timeout=timeout, exclusive=True)
+        return serial.Serial(port, baud, timeout=timeout, write_timeout=_WRITE, exclusive=True)
     except (serial.SerialException, OSError, ValueError) as error:
         there = ", ".join(sorted(found.device for found in list_ports.comports())) or "none"
         raise DeviceError(

@@ -8,7 +8,7 @@ import numpy as np
 
 from millisight.core import check_known, make_folder, write_text
 from millisight.core.errors import InputError
-from millisight.data import Waveform
+from millisight.data import Trajectory, Waveform
 from millisight.io.mito import BASE_ORIGIN
 from millisight.rig.emulators._arm import MovingArm
 from millisight.rig.emulators._board import BoardEmulator
@@ -79,6 +79,8 @@ class EmulatedLab:
             self.robot = UrEmulator(UrController(moved, clock, latency=max(0.0, -ahead)))
         else:
             self.robot = GrblEmulator(moved, clock, origin=first, acceleration=world.arm.acceleration)
+        # Once before it counts: what has to be compiled would keep the board's first answer back for seconds.
+        perfect(self._settings, Trajectory(times=np.zeros(1), positions=(first - BASE_ORIGIN)[None]))
         self._first = first
         self._data_port = _free_port()
         self.card: Dca1000Emulator = Dca1000Emulator(data_port=self._data_port, faults=faults)
@@ -87,7 +89,9 @@ class EmulatedLab:
             self._settings, clock, lambda times: moved.true_positions(times) - BASE_ORIGIN + mount, perfect,
             self.card.samples, world.rng(_RADAR, 77), latency=max(0.0, ahead),
         )  # fmt: skip
-        self.board: TiCliEmulator = TiCliEmulator(self._radar.start, self._radar.stop)
+        self.board: TiCliEmulator = TiCliEmulator(
+            self._radar.start, self._radar.stop, profile=profile_of(self._settings)
+        )
 
     def __enter__(self) -> "EmulatedLab":
         return self

@@ -23,6 +23,7 @@ class TiCliEmulator:
     ----------
     start : called with the number of frames when frames are to be taken
     stop : called when no more are
+    profile : .cfg file with the one waveform that it has, others are refused; None: it takes any, and changes nothing
 
     Attributes
     ----------
@@ -32,8 +33,10 @@ class TiCliEmulator:
     silent : it answers no line any more
     """
 
-    def __init__(self, start: Callable[[int], None], stop: Callable[[], None]):
+    def __init__(self, start: Callable[[int], None], stop: Callable[[], None], *, profile: str | None = None):
         self._start, self._stop = start, stop
+        lines = (profile or "").splitlines()
+        self._waveform = next((_waveform_in(line.split()) for line in lines if line.startswith("profileCfg")), None)
         self.lines: list[str] = []
         self.refused: set[str] = set()
         self.silent: bool = False
@@ -65,6 +68,8 @@ class TiCliEmulator:
             return f"'{words[0]}' is not recognized as a CLI command"
         if words[0] in self.refused:
             return "Error -1"
+        if words[0] == "profileCfg" and self._waveform is not None and _waveform_in(words) != self._waveform:
+            return "Error -1: the emulated radar has another waveform"
         if words[0] == "version":
             return "Platform                : emulator\r\nmmWave SDK Version      : 03.06.00.00\r\nDone"
         if words[0] == "flushCfg":
@@ -82,3 +87,8 @@ class TiCliEmulator:
             self._running = True
             self._start(self._frames)
         return "Done"
+
+
+def _waveform_in(words: list[str]) -> list[str]:
+    """Start frequency, slope, samples and sample rate of a profileCfg."""
+    return [words[i] for i in (2, 8, 10, 11) if i < len(words)]

@@ -14,10 +14,10 @@ from millisight.core import (
     checked_record,
     put,
     record,
-    rotation_from_euler_deg,
 )
 from millisight.core.errors import InputError
 from millisight.data import Radar
+from millisight.rig import CameraMount
 
 
 @record
@@ -120,10 +120,6 @@ class DeviceClock:
     def true_times(self, readings: np.ndarray) -> np.ndarray:
         """The true times [s] at which it shows the readings (n,) [s]."""
         return (np.asarray(readings) - EPOCH - self.offset) / (1 + self.drift)
-
-
-# Camera axes in the radar frame when it looks straight down: x right, y towards -y, z down.
-_DOWN = np.diag([1.0, -1.0, -1.0])
 
 
 @record
@@ -325,7 +321,4 @@ class CameraSettings:
 
     def pose(self, radar_frame: np.ndarray) -> np.ndarray:
         """(4, 4) camera frame to radar frame of the world, with the arm at `radar_frame` (3,) [m]."""
-        pose = np.eye(4)
-        pose[:3, :3] = rotation_from_euler_deg(self.tilt_deg) @ _DOWN
-        pose[:3, 3] = np.add(radar_frame, self.offset)
-        return pose
+        return CameraMount(np.add(radar_frame, self.offset), np.array(self.tilt_deg)).pose
