@@ -242,8 +242,8 @@ def _one(command: Command, folder: Path, expected: dict[str, Any], what: str, **
     if again and "already exists" not in words:
         raise RuntimeError(f"{command.name}, {what} (exit code {code}): then it ends with {again}: {words}")
     found = contents(command, folder)
-    young = [name for name in found if name not in expected and ".part" in name]
-    for name in young:  # a temporary file is swept when it is a minute old
+    young = [name for name in found if name not in expected and ".part" in name.rpartition("/")[2]]
+    for name in young:  # a temporary file is swept when it is a minute old, a folder by the next run
         del found[name]
     if found != expected:
         differ = sorted(name for name in {*found, *expected} if found.get(name, "") != expected.get(name, ""))

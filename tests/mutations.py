@@ -1,10 +1,11 @@
 """Physics broken on purpose, a place at a time: the nearest tests must fail each time, or they prove too little.
 
     python tests/mutations.py            all of them
-    python tests/mutations.py windows    those of files with this in their name
+    python tests/mutations.py windows    those of a kind, or of files, with this in their name
 
 The package is copied, one text in one file of the copy is exchanged, and the tests named beside it are run against the
-copy until one fails. Every text occurs once in its file; where it does not, the list is out of date and says so.
+copy until one fails. Every text occurs once in its file; where it does not, the list is out of date and says so. At the
+end a table says how many of each kind were noticed.
 """
 
 import os
@@ -32,14 +33,16 @@ PHASE = ("imaging/test_exact.py", "imaging/test_backprojection.py")
 SIMULATED = ("simulation/test_simulate.py", "simulation/test_scattering.py")
 WINDOWS = ("imaging/test_windows.py", "imaging/test_laws.py")
 RADAR = ("data/test_radar.py",)
-PATHS = ("test_records.py", "data/test_radar.py", "imaging/test_exact.py")
-MESH = ("simulation/test_simulate.py", "data/test_scene.py", "test_records.py")
+PATHS = ("data/test_radar.py", "imaging/test_exact.py", "test_records.py")
+TURNS = ("core/test_rotations.py",)
+MESH = ("data/test_scene.py", "simulation/test_simulate.py", "test_records.py")
 MATERIAL = ("data/test_material.py",)
 SLABS = ("rig/test_slabs.py",)
+TARGET = ("calibration/test_radar_fit.py",)
+HAND_EYE = ("calibration/test_hand_eye.py",)
 LAYERS = ("imaging/test_refraction.py",)
 
-MUTATIONS = [
-    # Signs
+SIGNS = [
     Mutation("core/phase.py", "return cycles - np.rint(cycles)", "return np.rint(cycles) - cycles", PHASE),
     Mutation("imaging/_kernels.py", "total += frames[p, t, r, j] * complex(math.cos(angle), math.sin(angle))",
              "total += frames[p, t, r, j] * complex(math.cos(angle), -math.sin(angle))", PHASE),
@@ -50,14 +53,27 @@ MUTATIONS = [
              "total_imag += imag[i] * cosine + real[i] * sine", SIMULATED),
     Mutation("simulation/_kernels.py", "total_real += real[i] * cosine + imag[i] * sine",
              "total_real += real[i] * cosine - imag[i] * sine", SIMULATED),
-    Mutation("core/_rotations.py", "[2 * (x * y + z * w), 1", "[2 * (x * y - z * w), 1", PATHS),
+    Mutation("core/_rotations.py", "[2 * (x * y + z * w), 1", "[2 * (x * y - z * w), 1", TURNS),
     Mutation("core/_rotations.py", "[[1, 0, 0], [0, cx, -sx], [0, sx, cx]]", "[[1, 0, 0], [0, cx, sx], [0, -sx, cx]]",
-             ("data/test_scene.py", "test_records.py", "simulation/test_simulate.py")),
+             TURNS),
     Mutation("data/_material.py", "return (index - 1) / (index + 1)", "return (1 - index) / (index + 1)", MATERIAL),
     Mutation("data/_material.py", "eps * (1 - 1j * loss)", "eps * (1 + 1j * loss)", MATERIAL),
     Mutation("data/_material.py", "1 - 1j * self.conductivity", "1 + 1j * self.conductivity", MATERIAL),
     Mutation("rig/virtual/_slabs.py", "through = np.exp(-1j *", "through = np.exp(1j *", SLABS),
-    # Factors of two
+    Mutation("calibration/_targets.py", "along = to + back", "along = to - back", TARGET),
+    Mutation("calibration/_target_fit.py", "place = -(paths.by_tx + paths.by_rx)", "place = paths.by_tx + paths.by_rx",
+             TARGET),
+    Mutation("calibration/_target_fit.py", "_mean(weights, phases) - phases, steep",
+             "phases - _mean(weights, phases), steep", TARGET),
+    Mutation("calibration/_hand_eye.py", "turned @ _cross(in_radar)", "-turned @ _cross(in_radar)", HAND_EYE),
+    Mutation("calibration/_hand_eye.py", "by_board @ _cross(from_arm)", "by_board @ _cross(on_board)", HAND_EYE),
+    Mutation("calibration/_weights.py", "np.log(self.variance(grams)) + spread", "np.log(self.variance(grams))",
+             HAND_EYE),
+    Mutation("rig/_camera_mount.py", "rotation_from_euler_deg(self.tilt_deg) @ _DOWN",
+             "_DOWN @ rotation_from_euler_deg(self.tilt_deg)", ("rig/test_camera_mount.py", "rig/test_realsense.py")),
+]  # fmt: skip
+
+FACTORS = [
     Mutation("data/_radar.py", "return SPEED_OF_LIGHT / (2 * self.bandwidth)", "return SPEED_OF_LIGHT / self.bandwidth",
              RADAR),
     Mutation("data/_trajectory.py", "step = SPEED_OF_LIGHT / (4 *", "step = SPEED_OF_LIGHT / (2 *", PATHS),
@@ -69,8 +85,10 @@ MUTATIONS = [
     Mutation("imaging/_combine.py", "np.float32(a2 / (a1 + a2))", "np.float32(a1 / (a1 + a2))",
              ("imaging/test_image.py",)),
     Mutation("simulation/_coverage.py", "min(wavelength / 2, one)", "min(wavelength, one)",
-             ("simulation/test_simulate.py", "imaging/test_sampling.py")),
-    # Wavelengths and bands
+             ("simulation/test_scattering.py",)),
+]  # fmt: skip
+
+BANDS = [
     Mutation("data/_radar.py", "self.start_frequency + self.frequency_step * (self.samples_per_chirp - 1) / 2",
              "self.start_frequency", RADAR),
     Mutation("data/_radar.py", "self.start_frequency + self.frequency_step * (self.samples_per_chirp - 1) / 2",
@@ -86,7 +104,9 @@ MUTATIONS = [
              "nodes = np.linspace(-1, 1, count)", SIMULATED),
     Mutation("simulation/_simulate.py", "int(np.ceil(phase + 5 * np.cbrt(phase) + 8))", "int(np.ceil(phase / 2)) + 1",
              SIMULATED),
-    # Offsets, paths, antennas
+]  # fmt: skip
+
+ANTENNAS = [
     Mutation("simulation/_kernels.py", "_wrapped(carrier * (d + path_offset))", "_wrapped(carrier * d)", SIMULATED),
     Mutation("simulation/_kernels.py", "- rx[c, 2]) + path_offset", "- rx[c, 2])", SIMULATED),
     Mutation("simulation/_kernels.py", "z - tx2) + _distance(x - rx0, y - rx1, z - rx2)",
@@ -99,7 +119,9 @@ MUTATIONS = [
              PATHS),
     Mutation("simulation/_simulate.py", "tx = np.broadcast_to(tx[:, :, None], shape)",
              "tx = np.broadcast_to(rx[:, None], shape)", SIMULATED),
-    # Angles
+]  # fmt: skip
+
+ANGLES = [
     Mutation("simulation/models/_specular.py", "np.cos(np.radians(self.tau_deg))", "np.cos(self.tau_deg)", SIMULATED),
     Mutation("simulation/models/_specular.py", "np.radians(self.tau_deg)", "np.radians(2 * self.tau_deg)", SIMULATED),
     Mutation("simulation/models/_specular.py", "np.radians(self.tau_deg)", "np.radians(self.tau_deg / 2)", SIMULATED),
@@ -108,18 +130,34 @@ MUTATIONS = [
     Mutation("data/_mesh.py", "(second < 0) | (cosines", "(cosines", MESH),
     Mutation("simulation/models/_rough.py", "exponent = self.exponent / 2", "exponent = self.exponent", SIMULATED),
     Mutation("simulation/models/_rough.py", "2 * along_tx[:, None]", "along_tx[:, None]", SIMULATED),
-    # Windows
+]  # fmt: skip
+
+TAPERS = [
     Mutation("imaging/_windows.py", "return np.cos(np.pi / 2 * u) ** 2", "return 0.54 + 0.46 * np.cos(np.pi * u)",
              WINDOWS),
-    Mutation("imaging/_windows.py", "(samples - 1) / samples))", "))", WINDOWS),
+    Mutation("imaging/_windows.py", "* (samples - 1) / samples))", "))", WINDOWS),
     Mutation("imaging/_windows.py", "10 ** (30 / 20)", "10 ** (30 / 10)", WINDOWS),
     Mutation("imaging/_windows.py", "return weights / weights.mean()", "return weights / weights.max()", WINDOWS),
     Mutation("imaging/_windows.py", "/ (extents[axis] / 2)", "/ extents[axis]", WINDOWS),
     Mutation("imaging/_windows.py", "np.argsort(extents)[1:]", "np.argsort(extents)[:2]", WINDOWS),
-    # Refraction
+]  # fmt: skip
+
+REFRACTION = [
     Mutation("core/phase.py", "path += t * n * n *", "path += t * n *", LAYERS),
     Mutation("core/phase.py", "reach += t * least * q / root", "reach += t * q / root", LAYERS),
 ]  # fmt: skip
+
+KINDS = {
+    "signs": SIGNS,
+    "factors of two": FACTORS,
+    "wavelengths and bands": BANDS,
+    "offsets, paths, antennas": ANTENNAS,
+    "angles": ANGLES,
+    "windows": TAPERS,
+    "refraction": REFRACTION,
+}
+
+MUTATIONS = [one for ones in KINDS.values() for one in ones]
 
 
 def killed(mutation: Mutation, folder: Path) -> str:
@@ -135,15 +173,18 @@ def killed(mutation: Mutation, folder: Path) -> str:
     if whole.count(mutation.old) != 1:
         raise LookupError(f"{mutation.file} has {mutation.old!r} {whole.count(mutation.old)} times; expected once")
     path.write_text(whole.replace(mutation.old, mutation.new), encoding="utf-8")
+    # Numba compiles a kernel anew when its own file changes, not when one does whose functions are a part of it.
+    compiled = path.name == "phase.py" or path.stem.endswith("_kernels")
     try:
-        return failing(mutation.tests, folder)
+        return failing(mutation.tests, folder, "broken" if compiled else "cache")
     finally:
         path.write_text(whole, encoding="utf-8")
+        shutil.rmtree(folder / "broken", ignore_errors=True)
 
 
-def failing(tests: tuple[str, ...], folder: Path) -> str:
+def failing(tests: tuple[str, ...], folder: Path, cache: str = "cache") -> str:
     """The first of the tests that fails with the package of `folder`; empty if none does."""
-    environment = {**os.environ, "PYTHONPATH": str(folder / "src"), "NUMBA_CACHE_DIR": str(folder / "cache")}
+    environment = {**os.environ, "PYTHONPATH": str(folder / "src"), "NUMBA_CACHE_DIR": str(folder / cache)}
     command = [sys.executable, "-m", "pytest", "-x", "-q", "-n", "0", "--no-header", "--tb=no"]
     command += [str(ROOT / "tests" / test) for test in tests]
     done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
@@ -153,25 +194,37 @@ def failing(tests: tuple[str, ...], folder: Path) -> str:
     return found[0] if found else f"pytest, which ended with {done.returncode}"
 
 
+def table(noticed: dict[Mutation, str]) -> str:
+    """How many bugs of each kind were planted and noticed, in Markdown; `noticed`: by what, empty if by nothing."""
+    rows = [(kind, [bool(noticed[one]) for one in ones if one in noticed]) for kind, ones in KINDS.items()]
+    rows.append(("all", [bool(by) for by in noticed.values()]))
+    lines = [f"| {kind} | {len(found)} | {sum(found)} |" for kind, found in rows if found]
+    return "\n".join(["| bugs | planted | noticed |", "|---|---|---|", *lines]) + "\n"
+
+
 def main() -> None:
-    wanted = [one for one in MUTATIONS if not sys.argv[1:] or any(word in one.file for word in sys.argv[1:])]
-    survived = 0
+    words = sys.argv[1:]
+    wanted = [
+        one
+        for kind, ones in KINDS.items()
+        for one in ones
+        if not words or any(word in one.file or word in kind for word in words)
+    ]
+    noticed: dict[Mutation, str] = {}
     with tempfile.TemporaryDirectory() as text:
         folder = Path(text)
         shutil.copytree(ROOT / "src", folder / "src", ignore=shutil.ignore_patterns("__pycache__"))
-        for tests in {one.tests: None for one in wanted}:
-            if by := failing(tests, folder):
-                sys.exit(f"{by} fails without any bug")
+        if by := failing(tuple(dict.fromkeys(test for one in wanted for test in one.tests)), folder):
+            sys.exit(f"{by} fails without any bug")
         for number, one in enumerate(wanted, 1):
             began = time.monotonic()
-            by = killed(one, folder)
-            survived += not by
+            noticed[one] = by = killed(one, folder)
             told = f"noticed by {by}" if by else "NOT NOTICED"
             sys.stdout.write(f"[{number}/{len(wanted)}] {one.file}: {one.old.strip()!r} -> {one.new.strip()!r}: ")
             sys.stdout.write(f"{told}, {time.monotonic() - began:.0f} s\n")
             sys.stdout.flush()
-    sys.stdout.write(f"{len(wanted)} bugs, {survived} not noticed\n")
-    sys.exit(bool(survived))
+    sys.stdout.write(f"\n{table(noticed)}")
+    sys.exit(not all(noticed.values()))
 
 
 if __name__ == "__main__":

@@ -34,6 +34,21 @@ def test_a_scene_is_made_of_objects(scene):
             make()
 
 
+def test_edges_are_sharp_that_turn_by_more_than_the_angle():
+    """A tube of twelve sides, whose faces turn by 30 degrees, of three rings: the outer two are rims, sharp always."""
+    around = np.arange(12) * np.pi / 6
+    ring = np.stack([np.cos(around), np.sin(around), 0 * around], axis=1)
+    here, beside = np.arange(12), np.roll(np.arange(12), -1)
+    band = np.concatenate([np.stack([here, beside, here + 12], 1), np.stack([beside, beside + 12, here + 12], 1)])
+    tube = ms.TriangleMesh(
+        vertices=np.concatenate([ring + np.array([0, 0, z]) for z in (0, 1, 2)]),
+        faces=np.concatenate([band, band + 12]),
+    )
+    rims = np.repeat([True, False, True], 12)
+    for edge_deg, middle in ((1.0, True), (29.0, True), (31.0, False), (59.0, False), (180.0, False)):
+        assert np.array_equal(tube.sharp_vertices(edge_deg), rims | middle)
+
+
 @pytest.mark.parametrize("rotate_deg", [90, (0, 90), "0 0 90", None, (0, 0, np.nan)])
 def test_impossible_rotations_are_refused(rotate_deg):
     with pytest.raises(InputError, match="rotate_deg"):

@@ -113,7 +113,7 @@ def _raw(make: "_Maker", folder: Path) -> list[Format]:
 def _texts(make: "_Maker", folder: Path) -> list[Format]:
     """Descriptions, recipes, worlds, lists and what a page sends."""
     from helpers import annotating, small_recipe
-    from millisight.calibration import read_capture
+    from millisight.calibration import RadarCalibration, read_capture, read_poses
     from millisight.cli.segment import _read_prompts
     from millisight.core import record_from_file
     from millisight.core.errors import InputError
@@ -128,6 +128,7 @@ def _texts(make: "_Maker", folder: Path) -> list[Format]:
     from millisight.io.mito._setup import read_info
     from millisight.perception import read_description
     from millisight.perception.training import SegmenterRecipe
+    from millisight.rig import Lab
     from millisight.rig.virtual import World
     from millisight.viz.annotator import Annotation, open_picture
 
@@ -171,6 +172,11 @@ def _texts(make: "_Maker", folder: Path) -> list[Format]:
         Format("training recipe", recipe, lambda p: record_from_file(SegmenterRecipe, p), 0, ".toml", text=True,
                found=TOML_BOMBS),
         Format("world", WORLD.encode(), World.from_toml, 0, ".toml", text=True, found=TOML_BOMBS),
+        Format("rig", RIG.encode(), Lab.from_toml, 0, ".toml", text=True, found=TOML_BOMBS),
+        Format("calibration", CALIBRATION.encode(), lambda p: record_from_file(RadarCalibration, p, "a calibration"), 0,
+               ".toml", text=True, found=TOML_BOMBS),
+        Format("poses", POSES.encode(), beside("poses.toml", read_poses), 0, ".toml", text=True,
+               found=TOML_BOMBS),
         Format("radar", preset, lambda p: record_from_file(_Preset, p, "a radar"), 0, ".toml", text=True,
                found=TOML_BOMBS),
         Format("journal", json.dumps([entry]).encode() + b"\n", beside(".journal.jsonl", lambda p: Ledger(p, {})), 1,
@@ -246,6 +252,20 @@ def _networks(make: "_Maker", folder: Path) -> list[Format]:
     return found
 
 
+POSES = """\
+distortion = [0.1, -0.2]
+[intrinsics]
+fx = 618.2
+fy = 617.8
+cx = 321.3
+cy = 241.1
+width = 640
+height = 480
+[[pictures]]
+file = "001.png"
+position = [0.4, 0.0, 0.3]
+orientation = [0.0, 0.0, 0.0, 1.0]
+"""
 LONG = "1" * 4301
 TOML_BOMBS = (
     b"a." * 40_000 + b"a = 1",
@@ -265,6 +285,36 @@ JSON_BOMBS = (
     b"NaN",
     b"\xff\xfe",
 )
+RIG = """\
+layout = "captures"
+[image]
+lower = [-0.1, -0.1, -0.4]
+upper = [0.1, 0.1, -0.2]
+spacing = [0.01, 0.01, 0.01]
+[scan]
+size = [0.1, 0.1]
+row_spacing = 0.02
+[arm]
+driver = "grbl"
+serial = "/dev/null"
+limits = { lower = [0.0, -1.0, 0.0], upper = [1.0, 1.0, 1.0] }
+[[radars]]
+driver = "dca1000"
+name = "60_ghz"
+start_file = "go.txt"
+frame_period = 0.02
+receivers = [[0.005, 0.0, 0.0]]
+"""
+CALIBRATION = """\
+radar = "iwr1443"
+path_offset = 0.15
+path_offset_uncertainty = 0.0005
+amplitudes = [[1.1, 0.9]]
+phases = [[0.0, -2.5]]
+offset = [0.005, -0.004, 0.003]
+turn_deg = [0.0, 0.1, 0.2]
+undetermined = ["turn about x"]
+"""
 WORLD = """\
 objects = [{ object = "mug", at = [0.06, 0.07] }]
 [scan]

@@ -33,6 +33,7 @@ def test_points_run_along_z_first():
         ((0, 0, 0), (1, 1, 1), "fine", "spacing is 'fine'; expected 3 numbers, or one"),
         ((0, 0, 0), (1, 1, 1), 1e-5, r"1e\+05 x 1e\+05 x 1e\+05 = 1e\+15 voxels; .* coarser"),
         ((0, 0, 0), (1, 0, 0), 1e-300, "voxels; expected 1e"),
+        ((0, 0, 0), (1, 1, 1), 1e-309, "inf voxels; expected 1e"),
         ((0, 0, np.nan), (1, 1, 1), 0.1, "lower is nan; expected a finite number in m"),
     ],
 )

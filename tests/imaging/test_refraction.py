@@ -8,6 +8,7 @@ import pytest
 import millisight as ms
 from helpers.oracles import C, relative, snell
 from millisight.calibration import see_through, set_medium, set_one_way
+from millisight.core import phase
 
 POINT = np.array([[0.02, -0.03, -0.05]])
 LAYERS = [(0.15, 2.6), (0.1, 1.0), (0.05, 6.0)]
@@ -38,6 +39,18 @@ def seen(count, step, height=0.4, towards=(0, 0, -1)):
 def around(turn, spacing):
     low, high = (turn @ (POINT[0] + reach) for reach in (-np.array([0.03, 0.03, 0.02]), np.array([0.03, 0.03, 0.02])))
     return ms.VoxelGrid.regular(low, high, spacing)
+
+
+@pytest.mark.parametrize("behind", [0.0, 0.2])
+def test_paths_are_snells_also_where_no_air_lies_behind(behind):
+    """From the angle to where the ray comes out: n sin is the same in every layer, and n t / cos adds up."""
+    rng = np.random.default_rng(0)
+    for sine in np.linspace(0, 0.75, 7):  # times the index
+        thicknesses, indices = rng.uniform(0.01, 0.1, 3), rng.uniform(1.2, 2.5, 3)
+        t, n = np.append(thicknesses, behind), np.append(indices, 1.0)
+        cosines = np.sqrt(1 - (sine / n) ** 2)
+        across, path = (t * sine / n / cosines).sum(), (n * t / cosines).sum()
+        assert phase.refracted(across, t.sum(), thicknesses, indices) == pytest.approx(path, rel=1e-12)
 
 
 @pytest.mark.parametrize("towards", [(0, 0, -1), (-1, 0, 0)])

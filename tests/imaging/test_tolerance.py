@@ -6,6 +6,7 @@ tests/imaging/test_tolerance.py -k drawn -s
 
 import itertools
 import os
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -215,6 +216,48 @@ def test_a_stray_pose_is_refused_before_it_takes_memory(far):
     assert range_steering(capture, *path_bounds(capture.tx_positions, capture.rx_positions, box), 8, None)[0].any()
     with pytest.raises(InputError, match=r"paths from antenna to grid and back .* remove positions that are far"):
         range_steering(capture, *path_bounds(stray, stray, box), 8, None)
+
+
+def many_receivers():
+    """16 poses of 1 024 receivers and 4 samples, half a megabyte, of a carrier so low that 150 m are one box."""
+    rx = np.zeros((1024, 3))
+    rx[:, 0] = np.linspace(-0.15, 0.15, 1024)
+    waveform = ms.Waveform.stepped(1e9, 0.25e9, 4)
+    radar = ms.Radar(name="wide", waveform=waveform, array=ms.AntennaArray(tx_positions=[[0, 0, 0]], rx_positions=rx))
+    positions = np.zeros((16, 3))
+    positions[:, 1] = np.linspace(-0.15, 0.15, 16)
+    rng = np.random.default_rng(0)
+    frames = rng.normal(size=(16, 1, 1024, 4)) + 1j * rng.normal(size=(16, 1, 1024, 4))
+    return ms.Capture(
+        radar=radar,
+        trajectory=ms.Trajectory(times=np.arange(16.0), positions=positions),
+        frames=frames.astype(np.complex64),
+    )
+
+
+@pytest.mark.parametrize("method", ["fast", "backprojection"])
+def test_a_thousand_receivers_take_no_more_memory_than_a_few(method):
+    """The range profiles of all poses that measure their error were made at once: 1.4 GB for half a megabyte."""
+    capture = many_receivers()
+    grid = ms.VoxelGrid(x=[-0.05, 0.05], y=[-0.05, 0.05], z=[0.3, 150.0])
+    tracemalloc.start()
+    try:
+        image = ms.form_image(capture, grid, method=method)
+        most = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert 2e8 < most < 8e8
+    assert relative(image.values, ms.form_image(capture, grid, method="exact").values) < 0.005
+
+
+def test_profiles_of_a_pose_that_take_more_than_a_gigabyte_are_refused():
+    from millisight.imaging import path_bounds, range_steering
+
+    capture = many_receivers()
+    box = np.array([[-0.05, -0.05, 0.3], [0.05, 0.05, 4000.0]])
+    bounds = path_bounds(capture.tx_positions, capture.rx_positions, box)
+    with pytest.raises(InputError, match=r"are 0\.6 to 8000 m long; expected a span of 4\.\d+e\+03 m at most"):
+        range_steering(capture, *bounds, 8, None)
 
 
 def test_nothing_beyond_a_profile_is_read():

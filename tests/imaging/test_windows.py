@@ -45,6 +45,14 @@ def test_published_sidelobes():
     assert sidelobe_db(WINDOWS["taylor"](PLACES)) == pytest.approx(-30, abs=1.0)
 
 
+def test_a_chirp_is_tapered_over_its_whole_band():
+    """Each sample stands for the N-th part of the band around it: the ends of the window lie half a sample beyond."""
+    places = (np.arange(8) + 0.5) / 8 - 0.5
+    expected = np.cos(np.pi * places) ** 2
+    assert range_weights("hann", 8) == pytest.approx(expected / expected.mean(), abs=1e-12)
+    assert range_weights(None, 8) == pytest.approx(np.ones(8))
+
+
 def test_an_unknown_window_is_refused_before_any_work():
     with pytest.raises(UnknownNameError, match="unknown window 'han'. Did you mean 'hann'"):
         window_pair("han")

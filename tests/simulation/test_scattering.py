@@ -223,6 +223,15 @@ def test_settings_of_the_paper_s_models_go_with_every_name():
         assert capture.metadata["history"][-1]["model"] == model
 
 
+def test_an_aperture_has_half_a_wavelength_between_its_positions_or_less():
+    """A small object from afar: no ghosts ask for less."""
+    radar = ms.Radar.preset("mito-sim-24ghz")
+    places = ms.aperture_over(ms.Scene.from_mesh("golf_ball", vertices=200), radar, height=0.15).positions
+    half = 299_792_458 / radar.waveform.center_frequency / 2
+    for axis in (0, 1):
+        assert np.diff(np.unique(places[:, axis].round(9))) == pytest.approx(half, abs=1e-6)
+
+
 def test_apertures_over_a_scene():
     scene = BOX.moved((0.1, 0.0, -0.3))
     raster = ms.aperture_over(scene, RADAR, height=0.25)

@@ -97,6 +97,20 @@ def test_with_transmitter_and_receiver_apart_the_bisector_decides():
     assert not narrow.weights(tx, tx).any()
 
 
+def test_antennas_anywhere_light_what_their_bisector_meets():
+    """At unequal distances, too: the bisector is of directions, and not of the ways to the antennas."""
+    rng = np.random.default_rng(7)
+    tx, rx = rng.uniform([-0.3, -0.3, 0.08], [0.3, 0.3, 0.6], (2, 10, 1, 3))
+    lit = Scatterers(SPHERE.mesh, scattering_model(tau_deg=6.0)).weights(tx, rx)[:, 0, 0]
+    ways = [antennas - SPHERE.mesh.vertices for antennas in (tx, rx)]  # (10, V, 3)
+    bisector = sum(way / np.linalg.norm(way, axis=-1, keepdims=True) for way in ways)
+    cosines = np.einsum("pvi,vi->pv", bisector, SPHERE.mesh.vertex_normals) / np.linalg.norm(bisector, axis=-1)
+    # Both antennas see the cap: it faces the bisector, and they are less than 80 degrees off it.
+    expected = cosines > np.cos(np.radians(6.0))
+    assert expected.sum() > 50
+    assert np.array_equal(lit, expected)
+
+
 def test_swapping_transmitter_and_receiver_changes_nothing():
     rng = np.random.default_rng(3)
     tx, rx = rng.uniform([-0.2, -0.2, 0.1], [0.2, 0.2, 0.3], (2, 20, 1, 3))

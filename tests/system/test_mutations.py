@@ -15,4 +15,5 @@ def test_every_planted_bug_has_its_place_and_its_tests():
         content = (ROOT / "src" / "millisight" / one.file).read_text(encoding="utf-8")
         assert content.count(one.old) == 1, one
         assert one.new != one.old
+        compile(content.replace(one.old, one.new), one.file, "exec")  # noticed by a test, not by the compiler
         assert all((ROOT / "tests" / test).is_file() for test in one.tests), one

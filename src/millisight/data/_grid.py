@@ -120,10 +120,12 @@ class VoxelGrid:
         for name, start, stop in zip("xyz", starts, stops, strict=True):
             if stop < start:
                 raise InputError(f"grid along {name} runs from {start:g} to {stop:g} m; expected upper >= lower")
-        counts = np.floor((np.array(stops) - starts) / steps * (1 + 1e-9)) + 1
-        if not counts.prod() <= _MOST_VOXELS:
+        with np.errstate(over="ignore"):  # infinitely many are refused like too many
+            counts = np.floor((np.array(stops) - starts) / steps * (1 + 1e-9)) + 1
+            number = counts.prod()
+        if not number <= _MOST_VOXELS:
             raise InputError(
-                f"the grid would have {' x '.join(f'{n:.3g}' for n in counts)} = {counts.prod():.3g} voxels; expected "
+                f"the grid would have {' x '.join(f'{n:.3g}' for n in counts)} = {number:.3g} voxels; expected "
                 f"{_MOST_VOXELS:.0e} at most: choose a coarser spacing or a smaller box"
             )
         axes = [start + step * np.arange(int(n)) for start, step, n in zip(starts, steps, counts, strict=True)]

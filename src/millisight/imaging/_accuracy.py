@@ -24,8 +24,8 @@ def profile_error(capture: Capture, grid: VoxelGrid, picks: np.ndarray, window: 
     """Relative L2 error against `image_at` of direct backprojection of some poses, at the voxels `picks` (n,)."""
     poses = len(capture.trajectory)
     some = np.sort(np.random.default_rng(0).choice(poses, min(_POSES, poses), replace=False))
-    frames = np.concatenate([capture.frames_of(slice(p, p + 1)) for p in some])
     waveform = capture.radar.waveform
+    taper = range_weights(window_pair(window)[0], waveform.samples_per_chirp)
     carrier = waveform.center_frequency / SPEED_OF_LIGHT
     kernels = kernels_on("cpu")
     squares = np.zeros(2)
@@ -39,16 +39,19 @@ def profile_error(capture: Capture, grid: VoxelGrid, picks: np.ndarray, window: 
         points = np.stack([axis[n[here]] for axis, n in places], axis=1) - origin
         tx, rx = capture.tx_positions[some] - origin, capture.rx_positions[some] - origin
         compression = range_compression(capture, tx, rx, inside.bounds - origin, oversampling, window, kernels)
-        sums = np.zeros((2, len(points)), dtype=np.float32)
-        kernels.backproject(
-            compression.profiles(frames, slice(None)), compression.starts, compression.per_metre, carrier, tx, rx,
-            *np.ascontiguousarray(points.T, dtype=np.float32), sums[0], sums[1], compression.excess,
-        )  # fmt: skip
-        taper = range_weights(window_pair(window)[0], waveform.samples_per_chirp)
-        truth = image_at(
-            frames * taper, tx, rx, waveform.frequencies, points, capture.radar.path_offset, layers=capture.layers
-        )
-        truth *= np.prod(frames.shape[:3])
+        sums, truth = np.zeros((2, len(points)), dtype=np.float32), np.zeros(len(points), dtype=np.complex128)
+        for first in range(0, len(some), compression.poses_at_once):
+            block = slice(first, first + compression.poses_at_once)
+            frames = np.concatenate([capture.frames_of(slice(p, p + 1)) for p in some[block]])
+            kernels.backproject(
+                compression.profiles(frames, block), compression.nearest(block), compression.per_metre, carrier,
+                tx[block], rx[block], *np.ascontiguousarray(points.T, dtype=np.float32), sums[0], sums[1],
+                compression.excess,
+            )  # fmt: skip
+            truth += np.prod(frames.shape[:3]) * image_at(
+                frames * taper, tx[block], rx[block], waveform.frequencies, points, capture.radar.path_offset,
+                layers=capture.layers,
+            )  # fmt: skip
         squares += [np.sum(np.abs(sums[0] + 1j * sums[1] - truth) ** 2), np.sum(np.abs(truth) ** 2)]
     return float(np.sqrt(squares[0] / squares[1]) if squares[1] > 0 else squares[0] > 0)
 

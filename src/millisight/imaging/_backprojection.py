@@ -22,7 +22,8 @@ OVERSAMPLING = 8
 _BLOCK_BYTES = 256_000_000
 _BLOCK_PAIRS = 1_000_000_000
 
-# Values of the matrix that makes range profiles of frames: 1 GB, and some gigabytes while it is made.
+# Values of the matrix that makes range profiles of frames: 1 GB, and some gigabytes while it is made; and values of one
+# pose's range profiles.
 _MOST_STEERING = 1 << 27
 
 # Profiles of all poses start at one path length unless they are so many times longer by it.
@@ -70,9 +71,8 @@ def _backproject_box(
     compression = range_compression(capture, tx, rx, grid.bounds - origin, oversampling, window, kernels)
 
     sums = kernels.zeros((2, grid.size))
-    channels = int(np.prod(capture.frames.shape[1:3]))
-    per_pose = 8 * channels * sum(compression.steering.shape)
-    step = int(max(1, min(_BLOCK_BYTES // per_pose, _BLOCK_PAIRS // (channels * grid.size))))
+    pairs = int(np.prod(capture.frames.shape[1:3])) * grid.size
+    step = max(1, min(compression.poses_at_once, _BLOCK_PAIRS // pairs))
     carrier = capture.radar.waveform.center_frequency / SPEED_OF_LIGHT
     axes = tuple(axis - o for axis, o in zip((grid.x, grid.y, grid.z), origin, strict=True))
     check = Check(axes, tx, rx, oversampling)
@@ -94,6 +94,7 @@ class Compression(NamedTuple):
     Attributes
     ----------
     kernels : of the device
+    channels : of a pose
     steering : (N, M) complex64, on the device
     starts : (P, T) and (P, R), the transmitters' and the receivers' parts of the path length of entry 0 [m]
     baseband : (N,) (f - f_c) / c of the samples [1/m]; None where all profiles start at one path length
@@ -102,6 +103,7 @@ class Compression(NamedTuple):
     """
 
     kernels: Any
+    channels: int
     steering: Any
     starts: tuple[np.ndarray, np.ndarray]
     baseband: np.ndarray | None
@@ -115,6 +117,11 @@ class Compression(NamedTuple):
             to, back = (np.exp(2j * np.pi * np.multiply.outer(s, self.baseband)) for s in self.nearest(block))
             frames = frames * (to[:, :, None] * back[:, None]).astype(np.complex64)
         return self.kernels.product(frames, self.steering)
+
+    @property
+    def poses_at_once(self) -> int:
+        """How many poses' frames and range profiles are held at a time."""
+        return max(1, _BLOCK_BYTES // (8 * self.channels * sum(self.steering.shape)))
 
     def nearest(self, block: slice) -> tuple[np.ndarray, np.ndarray]:
         """`starts` of the poses `block`."""
@@ -137,6 +144,7 @@ def range_compression(
     every channel's profile has a start of its own, and the antennas' distances cost no memory. `order`: of the world's
     axes in tx, rx and box.
     """
+    channels = int(np.prod(capture.frames.shape[1:3]))
     excess = excess_over(capture, tx, rx, box, order)
     more = 0.0 if excess is None else excess.most
     (near_tx, far_tx), (near_rx, far_rx) = (
@@ -147,11 +155,12 @@ def range_compression(
     if furthest - nearest <= _LONGER * span:
         steering, per_metre = range_steering(capture, nearest, furthest, oversampling, window)
         starts = np.full(tx.shape[:2], nearest / 2), np.full(rx.shape[:2], nearest / 2)
-        return Compression(kernels, kernels.to_device(steering), starts, None, per_metre, excess)
+        return Compression(kernels, channels, kernels.to_device(steering), starts, None, per_metre, excess)
     waveform = capture.radar.waveform
     steering, per_metre = range_steering(capture, 0.0, span, oversampling, window)
     baseband = (waveform.frequencies - waveform.center_frequency) / SPEED_OF_LIGHT
-    return Compression(kernels, kernels.to_device(steering), (near_tx, near_rx), baseband, per_metre, excess)
+    starts = near_tx, near_rx
+    return Compression(kernels, channels, kernels.to_device(steering), starts, baseband, per_metre, excess)
 
 
 def kernels_on(device: str) -> Any:
@@ -209,17 +218,19 @@ def range_steering(
     Raises
     ------
     InputError
-        The matrix would be too large, as a single stray pose makes it.
+        The matrix would be too large, as a single stray pose makes it, or the range profiles of a pose, with very many
+        receivers.
     """
     waveform = capture.radar.waveform
     bandwidth = waveform.bandwidth or SPEED_OF_LIGHT / max(furthest - nearest, 1.0)
     per_metre = oversampling * bandwidth / SPEED_OF_LIGHT
     # Two more entries than the span: one for the interpolation's far side, one for the rounding of float32.
     entries = int(np.ceil((furthest - nearest) * per_metre)) + 3
-    if entries * waveform.samples_per_chirp > _MOST_STEERING:
+    rows = max(waveform.samples_per_chirp, int(np.prod(capture.frames.shape[1:3])))
+    if entries * rows > _MOST_STEERING:
         raise InputError(
             f"the paths from antenna to grid and back are {nearest:.4g} to {furthest:.4g} m long; expected a span of "
-            f"{_MOST_STEERING / waveform.samples_per_chirp / per_metre:.3g} m at most for this radar: remove positions "
+            f"{_MOST_STEERING / rows / per_metre:.3g} m at most for this radar: remove positions "
             "that are far from the others, or choose a smaller grid"
         )
     paths = nearest + np.arange(entries) / per_metre

@@ -192,7 +192,7 @@ def _range_profiles(
     """(P, T, R, M) complex64 range profiles of the poses `some`; their frames are read in blocks."""
     shape = (some.stop - some.start, *capture.frames.shape[1:3], compression.steering.shape[1])
     profiles = np.empty(shape, dtype=np.complex64)
-    for block, frames in weighted_blocks(capture, 1000, window, some):
+    for block, frames in weighted_blocks(capture, min(1000, compression.poses_at_once), window, some):
         made = compression.profiles(frames, block)
         profiles[block.start - some.start : block.stop - some.start] = kernels.to_host(made)
     return profiles
