@@ -3,13 +3,14 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check
-EXTRAS := xarray,hub,cluster,perception,viewer,rig,realsense
+EXTRAS := xarray,hub,cluster,perception,viewer,rig,realsense,calibrate
+comma := ,
 TESTS ?=
 COUNT ?= 100000
 SEED ?= 0
 WORKERS ?= 2
 
-.PHONY: help setup setup-train hooks demo test coverage fuzz faults mutants sbom lint format-check style types layers docs bench clean
+.PHONY: help setup setup-train hooks demo test coverage fuzz faults mutants sbom lock lint format-check style types layers docs bench clean
 
 help:
 	@echo "make setup        everything but torch, into $(VENV)"
@@ -22,6 +23,7 @@ help:
 	@echo "make faults       every command that writes, broken off at every step: killed, disk full, no rights, two at once"
 	@echo "make mutants      physics broken on purpose: every time a test must fail"
 	@echo "make sbom         all components and their licences, in CycloneDX: build/sbom.json"
+	@echo "make lock         every version that a release may be installed with, and its hashes: build/requirements.lock"
 	@echo "make lint         formatting, style, types, layers"
 	@echo "make docs         the documentation, into build/docs/html; runs the tutorials' notebooks and checks every link"
 	@echo "make bench        the benchmarks and their tables"
@@ -48,12 +50,15 @@ hooks: setup
 demo: setup
 	$(BIN)/millisight demo --output demo
 
+# Threads that wait give way: several processes share the cores, and waiting busily would cost them more than half.
+TEST := OMP_WAIT_POLICY=passive $(BIN)/python -m pytest
+
 test: setup
-	$(BIN)/python -m pytest -n $(WORKERS) $(TESTS)
+	$(TEST) -n $(WORKERS) --dist worksteal $(TESTS)
 
 # Reported, and no bar: kernels that Numba compiles are not seen to run.
 coverage: setup
-	$(BIN)/python -m pytest -n $(WORKERS) --cov --cov-report=term:skip-covered --cov-report=html $(TESTS)
+	$(TEST) -n $(WORKERS) --dist worksteal --cov --cov-report=term:skip-covered --cov-report=html $(TESTS)
 
 fuzz: setup
 	$(BIN)/python tests/fuzz/parsers.py --count $(COUNT) --seed $(SEED)
@@ -70,6 +75,15 @@ sbom: setup
 	$(PYTHON) -m venv build/sbom
 	build/sbom/bin/python -m pip install --quiet --disable-pip-version-check cyclonedx-bom
 	build/sbom/bin/cyclonedx-py environment $(BIN)/python --pyproject pyproject.toml --output-reproducible -o build/sbom.json
+
+# For every system and every Python that is promised; where the packages came from is not told. Without the extra `cuda`,
+# which asks for another CUDA than torch does.
+lock:
+	$(PYTHON) -m venv build/lock
+	build/lock/bin/python -m pip install --quiet --disable-pip-version-check uv
+	build/lock/bin/uv pip compile --quiet --universal --generate-hashes --constraint constraints.txt --no-header \
+		--no-annotate --no-emit-index-url $(patsubst %,--extra %,$(subst $(comma), ,$(EXTRAS)) train tensorboard) \
+		-o build/requirements.lock pyproject.toml
 
 lint: format-check style types layers
 

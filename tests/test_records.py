@@ -105,6 +105,11 @@ def public_records():
             thicknesses=np.full(30, 0.01), indices=np.full(30, 1.5), normal=[0, 0, -1], moved=0, offset=0, error=0
         ),
         ms.Alignment(rotation=np.eye(3), translation=np.array([0.001, 0, 0]), rms=0.002, iterations=3, converged=True),
+        ms.calibration.ReferenceTarget(position=[0.05, 0.04, -0.36], kind="sphere", radius=0.021335),
+        ms.calibration.RadarCalibration(
+            radar="iwr1443", path_offset=0.15012345, path_offset_uncertainty=0.0004, offset=(0.00512345, -0.004, 0.003),
+            amplitudes=((1.0123456, 0.9876543, 1.1, 0.9),), phases=((0.0, 0.1234567, -2.0, 3.0),),
+        ),
     ]  # fmt: skip
 
 

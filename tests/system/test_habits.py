@@ -63,8 +63,21 @@ def test_ci_begins_with_the_readmes_commands():
     script = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
     run = [command.strip() for command in re.findall(r"^\s*(?:[A-Z_]+=\S+ )*(make .*)$", script, re.MULTILINE)]
     assert run[:2] == readme_commands() == ["make demo", "make test"]
-    assert {command.split()[1] for command in run} == {"demo", "test", "setup-train", "lint", "docs"}
-    assert {command.split()[1] for command in run} <= set(targets())
+    made = {word for command in run for word in command.split()[1:] if not re.search(r"^-|=", word)}
+    assert made == {"demo", "test", "setup-train", "lint", "docs"}
+    assert made <= set(targets())
+
+
+def test_what_a_release_is_given_is_made_by_a_command_and_not_kept():
+    steps = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").partition("## Release")[2].partition("## ")[0]
+    assert {"lock", "sbom"} <= set(targets())
+    for target, output in (("lock", "build/requirements.lock"), ("sbom", "build/sbom.json")):
+        recipe = re.search(rf"^{target}:.*\n((?:\t.*\n)+)", MAKEFILE, re.MULTILINE)[1]
+        assert f"-o {output}" in recipe
+        assert f"`make {target}` writes `{output}`" in steps
+        # What another index serves as the same version has other bytes; where this one is, is nobody's business.
+        assert target != "lock" or {"--generate-hashes", "--no-emit-index-url"} <= set(recipe.split())
+    assert "build/" in (ROOT / ".gitignore").read_text(encoding="utf-8").splitlines()
 
 
 @pytest.fixture
