@@ -71,7 +71,7 @@ def _arrays(make: "_Maker") -> list[Format]:
         Format("text table", TABLE.encode(), read_table, 0, ".csv", text=True),
         Format("touchstone", TOUCHSTONE.encode(), read_touchstone, 0, ".s2p", text=True),
         Format("hdf5", make.hdf5(), record, 8, ".h5"),
-        Format("hdf5 unsealed", make.unsealed(), record, 8, ".h5", rarely=40),
+        Format("hdf5 unsealed", make.unsealed(), record, 8, ".h5", rarely=40, found=(make.unsealed(hangs=True),)),
         Format("scene to train on", make.parts(), lambda p: read_parts(p, "weights"), 30, ".npz"),
         Format("photo", make.photo(), read_photo, 8, ".png"),
     ]
@@ -455,14 +455,18 @@ class _Maker:
         image = ms.SarImage(grid=ms.VoxelGrid.regular((0, 0, 0), (0.03, 0.02, 0), 0.01), values=self.complex(4, 3, 1))
         return self.written(lambda p: ms.save(p, image), ".h5")
 
-    def unsealed(self) -> bytes:
-        """As versions before the seal wrote it."""
+    def unsealed(self, *, hangs: bool = False) -> bytes:
+        """As versions before the seal wrote it; with free space of no bytes in its heap, which the library walks for ever."""
         import h5py
 
         (self.folder / "old.h5").write_bytes(self.hdf5())
         with h5py.File(self.folder / "old.h5", "r+") as file:
             file.attrs["schema_version"] = 1
-        return (self.folder / "old.h5").read_bytes()
+        data = (self.folder / "old.h5").read_bytes()
+        place = data.index(b"GCOL") + 16
+        while data[place]:  # up to what is free
+            place += 16 + -(-int.from_bytes(data[place + 8 : place + 16], "little") // 8) * 8
+        return data[: place + 8] + bytes(8) + data[place + 16 :] if hangs else data
 
     def parts(self) -> bytes:
         from millisight.perception.training._bands import BANDS, write_parts

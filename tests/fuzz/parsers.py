@@ -1,16 +1,21 @@
 """Damaged files against every reader: 100 000 of them with `make fuzz`, 2 000 in the test suite.
 
     python tests/fuzz/parsers.py --count 100000
+    python tests/fuzz/parsers.py --count 1000000 --plain      other damage, faster
 
 A small valid file of each format is damaged by Hypothesis: bytes changed, cut out, doubled, moved, the end cut off,
 numbers in text replaced by extreme ones, brackets opened without end. Whatever comes, a reader returns or raises one of
 millisight's own errors, in bounded time and memory. Most damage falls behind the header, so that it is not refused at
-the door. Files that did harm once are read first.
+the door. Files that did harm once are read first. With `--plain` a plain generator of random numbers damages them in
+other ways, several times as many a second: numbers in binary become a little larger or smaller, parts of a file are
+exchanged, overwritten by others, or joined anew, lines and words change places. What fails is kept in build/fuzz.
 """
 
 import argparse
+import hashlib
 import json
 import os
+import random
 import re
 import resource
 import signal
@@ -29,7 +34,7 @@ from millisight.core.errors import MillisightError
 
 SECONDS, WAIT = 10, 90  # of processor time for one file; and until whatever it waits for is a hang
 MEMORY = 256 << 20  # that the process may grow by in all
-
+KEPT = Path(__file__).parents[2] / "build" / "fuzz"
 
 EXTREME = (
     "0",
@@ -94,6 +99,67 @@ def apply(data: bytes, edits: list[tuple]) -> bytes:
     return data
 
 
+def mutated(form: Format, rng: random.Random) -> bytes:
+    """The valid file after one to five other pieces of damage, three in four of them behind the header."""
+    data = bytearray(form.valid)
+    kinds = [_counted, _exchanged, _overwritten, _filled, _joined] + ([_words, _lines] * 2 if form.text else [])
+    for _ in range(rng.choice((1, 1, 2, 5))):
+        first = min(form.header, len(data) - 1) if rng.random() < 0.75 else 0
+        if len(data) - first > 1:
+            rng.choice(kinds)(data, first, rng)
+    return bytes(data)
+
+
+def _counted(data: bytearray, first: int, rng: random.Random) -> None:
+    """A number in binary, a little larger or smaller, or at the edge of what it holds."""
+    size = min(rng.choice((1, 2, 4, 8)), len(data) - first)
+    at, order, most = rng.randint(first, len(data) - size), rng.choice(("little", "big")), 1 << 8 * size
+    held = int.from_bytes(data[at : at + size], order) + rng.randint(-35, 35)
+    held = rng.choice((held, held, held, most // 2, most // 2 - 1, most - 1))
+    data[at : at + size] = (held % most).to_bytes(size, order)
+
+
+def _exchanged(data: bytearray, first: int, rng: random.Random) -> None:
+    size = rng.randint(1, min(64, (len(data) - first) // 2))
+    one, other = (rng.randint(first, len(data) - size) for _ in range(2))
+    data[one : one + size], data[other : other + size] = data[other : other + size], data[one : one + size]
+
+
+def _overwritten(data: bytearray, first: int, rng: random.Random) -> None:
+    """A part by another part of the file, which stays where it is as well."""
+    size = rng.randint(1, min(256, len(data) - first))
+    to, taken = rng.randint(first, len(data) - size), rng.randint(0, len(data) - size)
+    data[to : to + size] = data[taken : taken + size]
+
+
+def _filled(data: bytearray, first: int, rng: random.Random) -> None:
+    size = rng.randint(1, min(rng.choice((8, 512)), len(data) - first))
+    at = rng.randint(first, len(data) - size)
+    data[at : at + size] = bytes([rng.choice((0, 1, 0x20, 0x7F, 0x80, 0xFF))]) * size
+
+
+def _joined(data: bytearray, first: int, rng: random.Random) -> None:
+    """The file up to a place, and from another place on."""
+    end, start = rng.randint(first, len(data)), rng.randint(0, len(data))
+    data[end:] = data[start:] or b"\0"
+
+
+def _lines(data: bytearray, first: int, rng: random.Random) -> None:
+    """A line gone, doubled, or in another's place."""
+    lines = bytes(data).split(b"\n")
+    at, other = rng.randrange(len(lines)), rng.randrange(len(lines))
+    lines[at : at + 1] = rng.choice(([], [lines[at]] * 2, [lines[other]], [lines[at] + lines[other]]))
+    data[:] = b"\n".join(lines) or b"\n"
+
+
+def _words(data: bytearray, first: int, rng: random.Random) -> None:
+    """A word or a number in another's place."""
+    words = list(re.finditer(rb"[\w.+-]+", data))
+    if words:
+        one, other = rng.choice(words), rng.choice(words).group()
+        data[one.start() : one.end()] = rng.choice((other, other, other, other * 40, rng.choice(EXTREME).encode()))
+
+
 class Result(NamedTuple):
     """What came of the files of one format."""
 
@@ -137,27 +203,32 @@ class Tried:
         finally:
             signal.setitimer(signal.ITIMER_PROF, 0)
             signal.setitimer(signal.ITIMER_REAL, 0)
-        self.slowest = max(self.slowest, _processor_seconds() - began)
+        self.slowest = max(self.slowest, took := _processor_seconds() - began)
+        if took > SECONDS:
+            raise TimeoutError(f"a process that a reader started took {took:.0f} s")
 
 
-def run(count: int, number: int, only: str | None = None) -> Iterator[Result]:
-    """Read `count` damaged files in all, and those that did harm before; each format in a process of its own."""
+def run(count: int, number: int, only: str | None = None, *, plain: bool = False) -> Iterator[Result]:
+    """Read `count` damaged files in all, and those that did harm before; each format in a process of its own.
+
+    They are damaged by Hypothesis, or by `mutated` where `plain`.
+    """
     with tempfile.TemporaryDirectory() as text:
         every = formats(Path(text))
         share = count / sum(1 / form.rarely for form in every)
         for form in every:
             if only in (None, form.name):
                 wanted = count if only else int(share / form.rarely) + 1
-                yield _in_child(form, wanted, number, Path(text))
+                yield _in_child(form, wanted, number, Path(text), plain)
 
 
-def _in_child(form: Format, count: int, number: int, folder: Path) -> Result:
+def _in_child(form: Format, count: int, number: int, folder: Path, plain: bool) -> Result:
     """What a process finds that may crash."""
     ours, its = os.pipe()
     process = os.fork()
     if not process:
         try:
-            told = _tried(form, count, number, folder)
+            told = _tried(form, count, number, folder, plain)
             os.write(its, json.dumps(told).encode())
         finally:
             os._exit(0)
@@ -170,7 +241,7 @@ def _in_child(form: Format, count: int, number: int, folder: Path) -> Result:
     return Result(form.name, failure=f"its process ended with {os.waitstatus_to_exitcode(status)}: a crash")
 
 
-def _tried(form: Format, count: int, number: int, folder: Path) -> Result:
+def _tried(form: Format, count: int, number: int, folder: Path, plain: bool) -> Result:
     def too_long(*_: object) -> None:
         raise TimeoutError(f"a reader took more than {SECONDS} s, or waited for {WAIT} s")
 
@@ -185,7 +256,7 @@ def _tried(form: Format, count: int, number: int, folder: Path) -> Result:
         resource.setrlimit(resource.RLIMIT_AS, (_address_space() + MEMORY, resource.getrlimit(resource.RLIMIT_AS)[1]))
         for data in form.found:
             tried(data)
-        _check(form, count, number, tried)
+        (_check_plain if plain else _check)(form, count, number, tried)
     except BaseException:
         failure = traceback.format_exc()[-4000:]
         before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
@@ -209,6 +280,19 @@ def _check(form: Format, count: int, number: int, tried: Tried) -> None:
     read()
 
 
+def _check_plain(form: Format, count: int, number: int, tried: Tried) -> None:
+    rng = random.Random(f"{number} {form.name}")
+    for _ in range(count):
+        data = mutated(form, rng)
+        try:
+            tried(data)
+        except BaseException as error:
+            kept = KEPT / f"{hashlib.sha256(data).hexdigest()[:12]}{form.suffix}"
+            KEPT.mkdir(parents=True, exist_ok=True)
+            kept.write_bytes(data)
+            raise RuntimeError(f"it failed on {kept}") from error
+
+
 def _processor_seconds() -> float:
     """That this process and those that it started took so far."""
     return sum(os.times()[:4])
@@ -225,9 +309,10 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=2000)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", help="the name of one format, which gets all files")
+    parser.add_argument("--plain", action="store_true", help="other damage, without Hypothesis: faster")
     arguments = parser.parse_args()
     results = []
-    for result in run(arguments.count, arguments.seed, arguments.only):
+    for result in run(arguments.count, arguments.seed, arguments.only, plain=arguments.plain):
         results.append(result)
         sys.stdout.write(f"{result}\n{result.failure}")
         sys.stdout.flush()

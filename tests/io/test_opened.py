@@ -187,6 +187,21 @@ def test_a_crash_or_a_hang_of_the_library_is_an_error(saved, script, message, mo
     assert time.monotonic() - began < 10
 
 
+def test_a_file_that_the_library_walks_for_ever_ends_within_seconds_of_processor_time(saved):
+    """The heap that holds its texts ends with free space of no bytes: found by `tests/fuzz/parsers.py --plain`."""
+    as_schema_1(saved)
+    data = bytearray(saved.read_bytes())
+    place = data.index(b"GCOL") + 16
+    while data[place]:
+        place += 16 + -(-int.from_bytes(data[place + 8 : place + 16], "little") // 8) * 8
+    data[place + 8 : place + 16] = bytes(8)
+    saved.write_bytes(data)
+    began = sum(os.times()[:4])
+    with pytest.raises(DamagedFileError, match=r"t\.h5 cannot be opened as HDF5: the library that reads it fails"):
+        ms.load(saved)
+    assert 4 < sum(os.times()[:4]) - began < 10
+
+
 def test_hdf5_never_opens_a_file_without_a_seal_here(saved, tmp_path, monkeypatch):
     """A damaged file of schema 1 is an error, or the record; this process opens sealed copies alone."""
     as_schema_1(saved)

@@ -1,5 +1,6 @@
 """Processes of ours that read for us what a library may crash, hang, or exhaust the memory on."""
 
+import math
 import os
 import subprocess
 import sys
@@ -11,6 +12,7 @@ from typing import Any
 from millisight.core import limits_of
 
 _OVERHEAD = 2 << 30  # of the libraries' own address space [bytes]
+_PROCESSOR = 5.0, 5e7  # time of a small file [s], and bytes a second beyond: a library that hangs computes in vain
 
 
 @contextmanager
@@ -37,12 +39,16 @@ def failure(process: Any) -> str:
     return said if process.wait() == 1 and said else "the library that reads it fails"
 
 
-def limit_memory(limit: int) -> None:
-    """Let this process, a child, take `limit` bytes three times over, and no more; it leaves no core behind."""
+def limit_process(most: int) -> None:
+    """Let this process, a child that makes `most` bytes, take three times as many, and some seconds of processor time.
+
+    It leaves no core behind.
+    """
     try:
         import resource
     except ImportError:  # not on Windows
         return
-    most = _OVERHEAD + 3 * limit
-    resource.setrlimit(resource.RLIMIT_AS, (most, most))
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    memory = _OVERHEAD + 3 * most
+    processor = math.ceil(_PROCESSOR[0] + most / _PROCESSOR[1])
+    for kind, limit in ((resource.RLIMIT_AS, memory), (resource.RLIMIT_CPU, processor), (resource.RLIMIT_CORE, 0)):
+        resource.setrlimit(kind, (limit, limit))

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from millisight.core.errors import FileError
-from millisight.io._children import limit_memory
+from millisight.io._children import limit_process
 from millisight.io._opened import judge, reason
 from millisight.io._seal import chunk_extents, write_seal
 
@@ -21,7 +21,7 @@ def main(path: str, copy: str) -> dict[str, str]:
     """Copy `path` to `copy`, sealed; what is returned says why not, or is empty."""
     import h5py
 
-    limit_memory(os.path.getsize(path))
+    limit_process(os.path.getsize(path))
     try:
         try:
             with h5py.File(path, "r") as file, h5py.File(copy, "w") as target:

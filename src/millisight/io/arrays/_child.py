@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from millisight.io._children import limit_memory
+from millisight.io._children import limit_process
 
 _MOST = 10_000  # groups and data sets
 _DEEPEST = 16  # structures inside structures
@@ -29,7 +29,7 @@ def _nothing() -> np.ndarray:
 
 def main(path: str, limit: int, names: list[str] | None) -> None:
     """Write to the standard output what `_from_child` reads there; `names` are sent, None: all."""
-    limit_memory(limit)
+    limit_process(limit)
     with open(path, "rb") as raw:
         start = raw.read(10)
     matlab = start.startswith(b"MATLAB")
