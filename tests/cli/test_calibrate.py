@@ -128,6 +128,11 @@ def test_what_cannot_be_right_is_refused(board, options, words):
     assert words in error
 
 
+def test_a_folder_that_is_not_there_is_named(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert "bord: no such folder" in run_here("calibrate", "camera", "bord", *SQUARE)[3]
+
+
 @record
 class DrawnSettings:
     """Keys of a camera that shows what it is given."""

@@ -28,7 +28,7 @@ from millisight.core import (
     toml_of,
     write_text,
 )
-from millisight.core.errors import FormatError, InputError
+from millisight.core.errors import FileError, FormatError, InputError
 from millisight.data import Intrinsics
 from millisight.io import read_photo
 
@@ -149,7 +149,9 @@ def read_poses(folder: str | os.PathLike[str]) -> PosedPictures:
     FileError, FormatError
         It is missing, or a key or a value cannot be right; the message names the place.
     """
-    path = checked_path(folder) / POSES_NAME
+    if not (folder := Path(checked_path(folder))).is_dir():
+        raise FileError(f"{printable(folder)}: no such folder; expected one with pictures and a {POSES_NAME}")
+    path = folder / POSES_NAME
     found = record_from_table(PosedPictures, read_toml(path, "poses of pictures"), printable(path))
     names = [picture.file for picture in found.pictures]
     if twice := sorted({name for name in names if names.count(name) > 1}):
