@@ -1,6 +1,9 @@
 """What scripts rely on: one JSON document, silence, names that are not shared, formats that are refused early."""
 
 import json
+import shlex
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -114,6 +117,8 @@ def test_two_inputs_share_no_result(folder):
 
 
 def test_completion_is_offered(tmp_path):
-    code, out, err = run("--show-completion", "bash", cwd=tmp_path)
-    assert code == 0, err
-    assert "complete -o default" in out
+    """For the shell that the command is typed into, which is the process above."""
+    typed = f"{shlex.quote(sys.executable)} -m millisight.cli.main --show-completion; exit $?"
+    done = subprocess.run(["bash", "-c", typed], cwd=tmp_path, capture_output=True, text=True, timeout=240, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "complete -o default" in done.stdout

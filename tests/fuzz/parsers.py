@@ -14,6 +14,7 @@ exchanged, overwritten by others, or joined anew, lines and words change places.
 import argparse
 import hashlib
 import json
+import logging
 import os
 import random
 import re
@@ -311,6 +312,7 @@ def main() -> None:
     parser.add_argument("--only", help="the name of one format, which gets all files")
     parser.add_argument("--plain", action="store_true", help="other damage, without Hypothesis: faster")
     arguments = parser.parse_args()
+    logging.disable()  # what was repaired
     results = []
     for result in run(arguments.count, arguments.seed, arguments.only, plain=arguments.plain):
         results.append(result)
