@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import millisight as ms
-from helpers.commands import run, run_here
+from helpers.commands import run_here
 from millisight.cli import console
 from millisight.core.errors import UnknownNameError
 from millisight.meshes import CATALOGUE

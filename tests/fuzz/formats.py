@@ -456,7 +456,7 @@ class _Maker:
         return self.written(lambda p: ms.save(p, image), ".h5")
 
     def unsealed(self, *, hangs: bool = False) -> bytes:
-        """As versions before the seal wrote it; with free space of no bytes in its heap, which the library walks for ever."""
+        """As versions before the seal wrote it; free space of no bytes in its heap hangs the library."""
         import h5py
 
         (self.folder / "old.h5").write_bytes(self.hdf5())

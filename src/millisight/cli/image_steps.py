@@ -256,8 +256,9 @@ def on_time(opened: Opened, voxels: VoxelGrid, clock: str, label: str) -> Captur
         say(f"clock: not observable: {found.reason}")
         return opened.capture
     offset, drift = found.clock.offset * 1e3, found.clock.drift * 1e6
+    side = "behind" if offset < 0 else "ahead"
     say(
-        f"clock: the robot's clock is {'behind' if offset < 0 else 'ahead'} by {abs(offset):.2f} +- {found.offset_uncertainty * 1e3:.2f} ms at "
+        f"clock: the robot's clock is {side} by {abs(offset):.2f} +- {found.offset_uncertainty * 1e3:.2f} ms at "
         f"{found.clock.reference_time:.3f} s, and drifts by {drift:.1f} +- {found.drift_uncertainty * 1e6:.1f} ppm"
         f"{'' if clock == 'apply' else '; not corrected (use --clock apply)'}"
     )
