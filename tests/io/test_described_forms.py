@@ -443,6 +443,7 @@ def test_touchstone_files_one_a_pose(tmp_path):
         (first[:-40], "p0.s2p holds .*expected 9"),
         (first.replace("0.1 0", "0.1 x", 1), "p0.s2p, line 3 has 'x'"),
         (first.replace("# Hz", "# kHz"), "same frequencies"),
+        (f"# GHz S RI R 50\n1e306{' 0' * 8}\n", "a frequency is beyond all numbers"),
     ):  # fmt: skip
         (tmp_path / "p0.s2p").write_text(content)
         with pytest.raises(ms.errors.FileError, match=message):

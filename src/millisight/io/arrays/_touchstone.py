@@ -73,7 +73,10 @@ def read_touchstone(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
             "off, or its suffix is wrong"
         )
     table = values.reshape(-1, width)
-    frequencies = unit * table[:, 0]
+    with np.errstate(over="ignore"):
+        frequencies = unit * table[:, 0]
+    if not np.isfinite(frequencies).all():
+        raise DamagedFileError(f"{source}: a frequency is beyond all numbers, in the unit that the file states")
     if (np.diff(frequencies) <= 0).any():
         place = int(np.argmax(np.diff(frequencies) <= 0)) + 1
         raise DamagedFileError(
