@@ -116,7 +116,7 @@ def test_killed_and_resumed_it_ends_with_the_same_bytes(converted, miniature, tm
         run.stderr.close()
         wait_for(lambda: not alive(run.pid))  # noqa: B023, its workers end with it
         assert wanted <= finished(again) < 60
-        for temporary in again.glob(".*.part.*"):  # of a file that was just being written: swept when it is a minute old
+        for temporary in again.glob(".*.part.*"):  # just being written; swept when a minute old
             temporary.unlink()
     done = convert(miniature.healthy, again, workers=1)
     assert done.failures == ()
