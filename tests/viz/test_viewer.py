@@ -20,6 +20,7 @@ import millisight as ms
 from helpers.miniature import MUG
 from millisight.cli.app import app
 from millisight.core.errors import DamagedFileError, DeviceError, FileError, FormatError, InputError, UnknownNameError
+from millisight.meshes import write_mesh
 from millisight.viz import grid_box
 from millisight.viz._panels import mask_borders
 from millisight.viz.viewer import PaneGrid, Viewer, ViewSettings, first_settings, gather, start
@@ -275,6 +276,22 @@ def test_a_mesh_file_stands_where_it_was_simulated(tmp_path):
     turned = image(placed={"unit": "mm", "rotate_deg": [0, 0, 90]})
     (exhibit,) = gather([saved(tmp_path, "a.h5", turned), tmp_path / "box.stl"]).exhibits
     assert exhibit.meshes[0].bounds == pytest.approx(np.array([[-0.01, -0.02, -0.005], [0.01, 0.02, 0.005]]))
+
+
+def test_a_surface_and_a_mesh_that_were_placed_stay_there(tmp_path):
+    """What was seen of an object is not its whole, so its middle is another; a pose is not applied twice."""
+    import trimesh
+
+    trimesh.creation.box((40, 20, 10)).export(tmp_path / "box.stl")
+    scene = ms.Scene.from_mesh(tmp_path / "box.stl", unit="mm", vertices=None, rotate_deg=(0, 0, 30)).mesh
+    seen = ms.TriangleMesh(vertices=scene.vertices + np.array([0, 0, 0.02]), faces=scene.faces[:4])
+    write_mesh(tmp_path / "seen.ply", seen, sigma=np.zeros(len(seen.vertices)))
+    write_mesh(tmp_path / "placed.ply", scene)
+    turned = image(placed={"unit": "mm", "rotate_deg": [0, 0, 30]}, scene_bounds=scene.bounds.tolist())
+    files = [tmp_path / name for name in ("seen.ply", "placed.ply", "box.stl")]
+    (exhibit,) = gather([saved(tmp_path, "a.h5", turned), *files]).exhibits
+    for mesh, expected in zip(exhibit.meshes, (seen, scene, scene), strict=True):
+        assert mesh.bounds == pytest.approx(expected.bounds, abs=1e-6)
 
 
 def test_a_large_image_is_read_in_slabs_and_said_to_be(tmp_path, monkeypatch):

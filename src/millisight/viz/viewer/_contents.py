@@ -30,6 +30,7 @@ from millisight.viz.viewer._levels import MOST_VOXELS, Levels, levels_of, mixed_
 from millisight.viz.viewer._titles import titles_of
 
 _LARGEST_PICKLE = 1 << 30  # [bytes]: a pickle can only be read whole
+_SAME = 1e-3  # between the boxes of a mesh and of the scene that was simulated of it [m]
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _SHOWN = "SarImage, Mask, VolumeMask, Capture, Trajectory, TriangleMesh, Surface, SceneObject, Scene and PointCloud"
 _MODELS = {"_specular": "specular", "_edges": "edge"}
@@ -104,7 +105,8 @@ def gather(
 
     Images in HDF5 that have more than 32 million voxels are read in slabs and looked at in blocks. A mask goes over
     the image in its folder, or else over every image with its pixels. A capture goes around the images made of it, or
-    else around all. A mesh of a file stands where the image's metadata say that it was simulated.
+    else around all. A mesh of a file stands where the image's metadata say that it was simulated, unless it is
+    there already.
 
     Parameters
     ----------
@@ -368,9 +370,24 @@ def _made_of(image: Mapping[str, Any], capture: Mapping[str, Any]) -> bool:
 
 
 def _placed(path: Path, metadata: Mapping[str, Any], unit: str | None) -> TriangleMesh:
-    """The mesh of a file, where `millisight simulate` put it if the image says so, or else as the file has it."""
-    placed = metadata.get("placed")
+    """The mesh of a file, where `millisight simulate` put it if the image says so, or else as the file has it.
+
+    A mesh that millisight wrote, such as a surface that was seen, is there already unless it is the simulated one.
+    """
+    placed, ours = metadata.get("placed"), _is_ours(path)
     if not isinstance(placed, Mapping):
         return load_mesh(path, unit=unit)
+    unit = unit or ("m" if ours else placed.get("unit"))
     turned = placed.get("rotate_deg", (0.0, 0.0, 0.0))
-    return Scene.from_mesh(path, vertices=None, unit=unit or placed.get("unit"), rotate_deg=turned).mesh
+    own, moved = load_mesh(path, unit=unit), Scene.from_mesh(path, vertices=None, unit=unit, rotate_deg=turned).mesh
+    scene: Any = metadata.get("scene_bounds", ())
+    if np.shape(scene) != (2, 3):
+        return own if ours else moved
+    far, near = (np.abs(mesh.bounds - np.asarray(scene, dtype=float)).max() for mesh in (own, moved))
+    return own if far <= near or (ours and near > _SAME) else moved
+
+
+def _is_ours(path: Path) -> bool:
+    """Whether a PLY file says that millisight wrote it, in metres."""
+    with open(path, "rb") as file:
+        return b"comment in metres, made by millisight\n" in file.read(200)

@@ -20,8 +20,11 @@ _MOST_NORMALS = 4_000  # drawn of a mesh
 _QUARTER = 0.5**0.5
 # Turns of a picture, whose columns run along its x and whose rows along its y, into the plane across each axis.
 _ACROSS = ((0.5, 0.5, 0.5, 0.5), (_QUARTER, _QUARTER, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
-_BOX, _PATH, _MASK, _MESH, _PLANE = (140, 148, 158), (74, 163, 223), (0, 229, 160), (196, 202, 210), (110, 118, 128)
-_CUT, _NORMAL, _POSITION = (57, 255, 20), (255, 183, 77), (150, 205, 255)
+_BOX, _PATH, _MASK, _PLANE = (140, 148, 158), (74, 163, 223), (0, 229, 160), (110, 118, 128)
+_NORMAL, _POSITION = (255, 183, 77), (150, 205, 255)
+# In the order of the meshes, and of their outlines in slices, which lie on bright voxels: a surface beside its truth.
+_MESHES = (196, 202, 210), (77, 208, 225), (174, 126, 255), (129, 230, 132)
+_CUTS = (57, 255, 20), (0, 229, 255), (224, 64, 251), (240, 240, 240)
 
 
 class Placement(NamedTuple):
@@ -200,7 +203,8 @@ class Pane:
             vertices, faces = cut_mesh(mesh, settings.limits)
             if len(faces):
                 nodes.append(self._scene.add_mesh_simple(
-                    f"{self.name}/mesh_{i}", vertices - self.middle, faces, color=_MESH, side="double",
+                    f"{self.name}/mesh_{i}", vertices - self.middle, faces, color=_MESHES[i % len(_MESHES)],
+                    side="double",
                     opacity=opacity if opacity < 1 else None, cast_shadow=False, receive_shadow=False,
                 ))  # fmt: skip
         return nodes
@@ -210,15 +214,13 @@ class Pane:
         nodes = []
         for axis, at in enumerate(settings.at):
             _, place = _shown(self.levels).slice(axis, at)
-            lines = [np.empty((0, 2, 3))]
-            for mesh in self.exhibit.meshes:
-                lines.append(clipped_segments(cut_outline(mesh, axis, place), settings.limits))
-            outline = np.concatenate(lines)
-            if len(outline):
-                before = np.zeros(3)
-                before[axis] = 2e-3 * self.radius
-                both = np.concatenate([outline - before, outline + before])
-                nodes.append(self._lines(f"outline_{'xyz'[axis]}", both, _CUT, 2.5))
+            before = np.zeros(3)
+            before[axis] = 2e-3 * self.radius
+            for i, mesh in enumerate(self.exhibit.meshes):
+                outline = clipped_segments(cut_outline(mesh, axis, place), settings.limits)
+                if len(outline):
+                    both = np.concatenate([outline - before, outline + before])
+                    nodes.append(self._lines(f"outline_{'xyz'[axis]}_{i}", both, _CUTS[i % len(_CUTS)], 2.5))
         return nodes
 
     def _draw_clouds(self, settings: ViewSettings) -> list[Any]:
