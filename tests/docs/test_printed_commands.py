@@ -5,6 +5,7 @@ README are run in tests/system/test_first_hour.py.
 """
 
 import glob
+import os
 import re
 import shutil
 
@@ -103,6 +104,7 @@ def test_what_is_printed_runs_in_its_order(page, stage, miniature, tmp_path, mon
         shutil.copytree(miniature.healthy, tmp_path / "MITO_Dataset")
     (tmp_path / "examples").symlink_to(ROOT / "examples", target_is_directory=True)
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0}, raising=False)  # one process: no others to be started
     for line in PRINTS[page]:
         if why_not(line) is None:
             words = [one for word in words_of(line) for one in (sorted(glob.glob(word)) if "*" in word else [word])]
