@@ -20,7 +20,7 @@ def stage(tmp_path_factory):
     folder = tmp_path_factory.mktemp("bracket")
     bracket = posed.bracket()
     lying = bracket.moved(translation=-bracket.bounds.mean(axis=0)).moved(rotation=posed.turn(11))
-    trajectory = ms.Trajectory.raster(size=(0.14, 0.14), step=0.002)
+    trajectory = ms.Trajectory.raster(size=(0.14, 0.14), step=0.003)
     capture = ms.simulate(
         ms.Scene.from_mesh(lying, vertices=4000, center=False), ms.Radar.preset("mito-sim-77ghz"), trajectory
     )

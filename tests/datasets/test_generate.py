@@ -214,6 +214,13 @@ def test_killed_with_no_chance_to_clean_up_it_goes_on_and_ends_with_the_same_byt
     assert contents(again) == contents(out)
 
 
+def test_on_a_cluster_an_error_is_the_jobs_own(cluster):
+    # First: of the tests of a cluster it is the one that loses no worker.
+    outcomes = sorted(engine_of(cluster.of(2)).run(failing, range(4)))
+    assert [outcome.result for outcome in outcomes] == [0, 1, None, 3]
+    assert outcomes[2].failure == "no such thing"
+
+
 def test_a_cluster_makes_the_same_bytes_though_a_worker_is_killed(made, tmp_path, cluster):
     out, _, _ = made
     again, engine = tmp_path / "again", engine_of(cluster.of(2))
@@ -241,12 +248,6 @@ def test_a_lost_worker_costs_only_what_it_was_at(tmp_path, cluster):
     begun = [int(path.name.split(".")[0]) for path in tmp_path.iterdir()]
     assert set(begun) == set(range(12))
     assert len(begun) <= 13
-
-
-def test_on_a_cluster_an_error_is_the_jobs_own(cluster):
-    outcomes = sorted(engine_of(cluster.of(2)).run(failing, range(4)))
-    assert [outcome.result for outcome in outcomes] == [0, 1, None, 3]
-    assert outcomes[2].failure == "no such thing"
 
 
 def test_engines_are_checked():

@@ -28,8 +28,12 @@ def pose(rotation, translation, sigma=0.01, free=()):
     )  # fmt: skip
 
 
-def test_a_shift_and_a_turn_are_scored_as_they_are():
-    cube = symmetries(CUBE)
+@pytest.fixture(scope="module")
+def cube():
+    return symmetries(CUBE)
+
+
+def test_a_shift_and_a_turn_are_scored_as_they_are(cube):
     exact = score_pose(pose(posed.turn(1), AT), CUBE, cube, posed.turn(1), AT)
     assert exact.add < 1e-9
     assert exact.covered
@@ -43,9 +47,8 @@ def test_a_shift_and_a_turn_are_scored_as_they_are():
     assert score_pose(pose(turned, AT), CUBE, cube, posed.turn(1), AT).degrees == pytest.approx(20)
 
 
-def test_turns_that_look_alike_are_no_error():
+def test_turns_that_look_alike_are_no_error(cube):
     """A quarter turn of a cube, of which only the corners' names tell."""
-    cube = symmetries(CUBE)
     quarter = posed.turn(1) @ rotation_from_euler_deg((0, 0, 90))
     found = score_pose(pose(quarter, AT), CUBE, cube, posed.turn(1), AT)
     assert found.degrees < 3
@@ -77,7 +80,7 @@ class _Scene(SceneSource):
     def read_capture(self, band):
         scene = ms.Scene.from_mesh(self.read_shape(band)[0], vertices=4000, center=False)
         return ms.simulate(
-            scene, ms.Radar.preset("mito-sim-77ghz"), ms.Trajectory.raster(size=(0.14, 0.14), step=0.002)
+            scene, ms.Radar.preset("mito-sim-77ghz"), ms.Trajectory.raster(size=(0.14, 0.14), step=0.003)
         )
 
     def read_shape(self, band):

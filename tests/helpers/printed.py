@@ -69,7 +69,7 @@ def write_mesh(path, vertices=None):
 def write_scan(data, description):
     """A scan of a point, 30 cm under the middle, into the folder `data`, and the description that a page has of it."""
     told = (ROOT / "docs/how-to/your-own-scanner.md").read_text(encoding="utf-8")
-    axes = [0.004 * (np.arange(count) - (count - 1) / 2) for count in (60, 40)]
+    axes = [0.004 * (np.arange(count) - (count - 1) / 2) for count in (30, 20)]
     away = np.sqrt(axes[0][:, None] ** 2 + axes[1] ** 2 + 0.3**2)
     f = np.linspace(22, 26, 8)
     data.mkdir(exist_ok=True)

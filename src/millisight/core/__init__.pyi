@@ -10,6 +10,7 @@ from ._colormaps import set_colormap as set_colormap
 from ._compiled import inline as inline
 from ._compiled import is_kept as is_kept
 from ._compiled import kernel as kernel
+from ._compiled import part as part
 from ._compiled import serial as serial
 from ._compiled import subroutine as subroutine
 from ._constants import SPEED_OF_LIGHT as SPEED_OF_LIGHT
@@ -45,6 +46,7 @@ from ._records import checked_metadata as checked_metadata
 from ._records import checked_number as checked_number
 from ._records import checked_numbers as checked_numbers
 from ._records import checked_record as checked_record
+from ._records import for_kernel as for_kernel
 from ._records import put as put
 from ._records import record as record
 from ._records import with_step as with_step

@@ -158,3 +158,7 @@ def inline(function: Callable, **options: Any) -> Any:
 
 subroutine: Any = njit(fastmath=True, error_model="numpy")
 """Compile a serial function that kernels call on arrays."""
+
+part: Any = njit
+"""Compile the body of a kernel's loop by itself, to the same arithmetic: within a loop that runs in parallel, Numba
+takes several times as long over it."""

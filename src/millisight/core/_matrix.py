@@ -8,6 +8,7 @@ import numpy as np
 from numba import prange
 
 from millisight.core._compiled import kernel
+from millisight.core._records import for_kernel
 
 # Rows of the left matrix that share one pass over the right one.
 _ROWS = 4
@@ -15,7 +16,7 @@ _ROWS = 4
 
 def product(left: np.ndarray, right: np.ndarray) -> np.ndarray:
     """(..., N) times (N, M), both complex64, as a (..., M) complex64 array; summed in float32, first to last."""
-    rows = np.ascontiguousarray(left.reshape(-1, left.shape[-1]))
+    rows = for_kernel(left.reshape(-1, left.shape[-1]))
     out = np.empty((len(rows), right.shape[1]), dtype=np.complex64)
     _product(rows, np.ascontiguousarray(np.real(right)), np.ascontiguousarray(np.imag(right)), out)
     return out.reshape(*left.shape[:-1], right.shape[1])

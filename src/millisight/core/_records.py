@@ -69,6 +69,13 @@ def _writeable(array: Any) -> bool:
     return False
 
 
+def for_kernel(array: np.ndarray) -> np.ndarray:
+    """The array in C's order, not to be written to: a kernel is compiled anew for each order, and for what may be."""
+    same = np.ascontiguousarray(array).view()
+    same.flags.writeable = False
+    return same
+
+
 def as_array(
     value: ArrayLike, *, name: str, shape: tuple[int | str, ...], dtype: DTypeLike = np.float64, unit: str = ""
 ) -> np.ndarray:

@@ -3,7 +3,7 @@
 import numpy as np
 from numba import prange
 
-from millisight.core import kernel, subroutine
+from millisight.core import kernel, part, subroutine
 
 _MOST = 30.0  # squared distance beyond which nothing is a pair
 _ASKEW = 4.0  # most that normals which differ add to it
@@ -120,37 +120,46 @@ def vote(points, normals, clear, rotations, middle, antennas, cosine, found, fac
     """
     made = np.zeros((len(rotations), 3))
     for n in prange(len(rotations)):
-        at, out, lit = np.empty(points.shape), np.empty(points.shape), np.empty(len(points), np.bool_)
-        count = _place(points, normals, clear, rotations[n], middle, antennas, cosine, at, out, lit)
-        votes = np.zeros((cells, cells, cells))
-        alike = np.cos(turn)
-        half = 0.5 * cells
-        for k in range(count):
-            if not lit[k]:
-                continue
-            for i in range(found.shape[0]):
-                if facing[i, 0] * out[k, 0] + facing[i, 1] * out[k, 1] + facing[i, 2] * out[k, 2] > alike:
-                    a = int(np.floor((found[i, 0] - at[k, 0]) / cell + half))
-                    b = int(np.floor((found[i, 1] - at[k, 1]) / cell + half))
-                    c = int(np.floor((found[i, 2] - at[k, 2]) / cell + half))
-                    if 0 <= a < cells and 0 <= b < cells and 0 <= c < cells:
-                        votes[a, b, c] += weights[i]
-        # Of pairs of neighbouring cubes along each axis, so that no peak is cut in two.
-        best, top = 0.0, (cells // 2, cells // 2, cells // 2)
-        for a in range(cells - 1):
-            for b in range(cells - 1):
-                for c in range(cells - 1):
-                    sum_ = 0.0
-                    for i in range(2):
-                        for j in range(2):
-                            for m in range(2):
-                                sum_ += votes[a + i, b + j, c + m]
-                    if sum_ > best:
-                        best, top = sum_, (a, b, c)
-        made[n, 0] = middle[0] + (top[0] + 1 - half) * cell
-        made[n, 1] = middle[1] + (top[1] + 1 - half) * cell
-        made[n, 2] = middle[2] + (top[2] + 1 - half) * cell
+        _vote(
+            points, normals, clear, rotations[n], middle, antennas, cosine, found, facing, weights, turn, cell, cells,
+            made[n],
+        )  # fmt: skip
     return made
+
+
+@part
+def _vote(points, normals, clear, rotation, middle, antennas, cosine, found, facing, weights, turn, cell, cells, made):
+    """One rotation of `vote`, into `made` (3,)."""
+    at, out, lit = np.empty(points.shape), np.empty(points.shape), np.empty(len(points), np.bool_)
+    count = _place(points, normals, clear, rotation, middle, antennas, cosine, at, out, lit)
+    votes = np.zeros((cells, cells, cells))
+    alike = np.cos(turn)
+    half = 0.5 * cells
+    for k in range(count):
+        if not lit[k]:
+            continue
+        for i in range(found.shape[0]):
+            if facing[i, 0] * out[k, 0] + facing[i, 1] * out[k, 1] + facing[i, 2] * out[k, 2] > alike:
+                a = int(np.floor((found[i, 0] - at[k, 0]) / cell + half))
+                b = int(np.floor((found[i, 1] - at[k, 1]) / cell + half))
+                c = int(np.floor((found[i, 2] - at[k, 2]) / cell + half))
+                if 0 <= a < cells and 0 <= b < cells and 0 <= c < cells:
+                    votes[a, b, c] += weights[i]
+    # Of pairs of neighbouring cubes along each axis, so that no peak is cut in two.
+    best, top = 0.0, (cells // 2, cells // 2, cells // 2)
+    for a in range(cells - 1):
+        for b in range(cells - 1):
+            for c in range(cells - 1):
+                sum_ = 0.0
+                for i in range(2):
+                    for j in range(2):
+                        for m in range(2):
+                            sum_ += votes[a + i, b + j, c + m]
+                if sum_ > best:
+                    best, top = sum_, (a, b, c)
+    made[0] = middle[0] + (top[0] + 1 - half) * cell
+    made[1] = middle[1] + (top[1] + 1 - half) * cell
+    made[2] = middle[2] + (top[2] + 1 - half) * cell
 
 
 @kernel()
@@ -176,59 +185,87 @@ def climb(
     deviations: see `_apart`.
     """
     for n in prange(len(rotations)):
-        at, out, lit = np.empty(points.shape), np.empty(points.shape), np.empty(len(points), np.bool_)
-        for _ in range(steps):
-            count = _place(points, normals, clear, rotations[n], translations[n], antennas, cosine, at, out, lit)
-            if count == 0:
-                break
-            matrix, missed = np.zeros((6, 6)), np.zeros(6)
-            for i in range(6):
-                matrix[i, i] = 1e-9
-            back, least = np.full(count, -1), np.full(count, _MOST)
-            for i in range(len(found)):
-                nearest, lowest = -1, _MOST
-                for k in range(count):
-                    apart = _apart(found[i], facing[i], at[k], out[k], lit[k], place, turn, spacing)
-                    if apart < lowest:
-                        nearest, lowest = k, apart
-                    if apart < least[k]:
-                        back[k], least[k] = i, apart
-                if nearest >= 0:
-                    weight = weights[i] * np.exp(-0.5 * lowest)
-                    _pull(
-                        found[i], facing[i], at[nearest], out[nearest], translations[n], weight, place, turn, spacing,
-                        matrix, missed,
-                    )  # fmt: skip
-            share = weights.sum() / max(lit[:count].sum(), 1)
+        _climb(
+            points, normals, clear, rotations[n], translations[n], antennas, cosine, found, facing, weights, place,
+            turn, spacing, steps,
+        )  # fmt: skip
+
+
+@part
+def _climb(
+    points, normals, clear, rotation, translation, antennas, cosine, found, facing, weights, place, turn, spacing, steps
+):
+    """One pose of `climb`."""
+    at, out, lit = np.empty(points.shape), np.empty(points.shape), np.empty(len(points), np.bool_)
+    for _ in range(steps):
+        count = _place(points, normals, clear, rotation, translation, antennas, cosine, at, out, lit)
+        if count == 0:
+            break
+        matrix, missed = np.zeros((6, 6)), np.zeros(6)
+        for i in range(6):
+            matrix[i, i] = 1e-9
+        back, least = np.full(count, -1), np.full(count, _MOST)
+        for i in range(len(found)):
+            nearest, lowest = -1, _MOST
             for k in range(count):
-                if lit[k] and back[k] >= 0:
-                    i = back[k]
-                    weight = share * np.exp(-0.5 * least[k])
-                    _pull(
-                        found[i],
-                        facing[i],
-                        at[k],
-                        out[k],
-                        translations[n],
-                        weight,
-                        place,
-                        turn,
-                        spacing,
-                        matrix,
-                        missed,
-                    )
-            for i in range(6):
-                matrix[i, i] *= 1 + 1e-3
-            step = np.linalg.solve(matrix, missed)
-            size = np.sqrt(step[3] ** 2 + step[4] ** 2 + step[5] ** 2)
-            if size > 0.2:
-                step *= 0.2 / size
-                size = 0.2
-            _turn(rotations[n], step[3:], size)
-            for i in range(3):
-                translations[n, i] += step[i]
-            if size < 1e-4 and step[0] ** 2 + step[1] ** 2 + step[2] ** 2 < 1e-9:
-                break
+                apart = _apart(found[i], facing[i], at[k], out[k], lit[k], place, turn, spacing)
+                if apart < lowest:
+                    nearest, lowest = k, apart
+                if apart < least[k]:
+                    back[k], least[k] = i, apart
+            if nearest >= 0:
+                weight = weights[i] * np.exp(-0.5 * lowest)
+                _pull(
+                    found[i], facing[i], at[nearest], out[nearest], translation, weight, place, turn, spacing, matrix,
+                    missed,
+                )  # fmt: skip
+        share = weights.sum() / max(lit[:count].sum(), 1)
+        for k in range(count):
+            if lit[k] and back[k] >= 0:
+                i = back[k]
+                weight = share * np.exp(-0.5 * least[k])
+                _pull(
+                    found[i], facing[i], at[k], out[k], translation, weight, place, turn, spacing, matrix, missed
+                )  # fmt: skip
+        for i in range(6):
+            matrix[i, i] *= 1 + 1e-3
+        step = _solved(matrix, missed)
+        size = np.sqrt(step[3] ** 2 + step[4] ** 2 + step[5] ** 2)
+        if size > 0.2:
+            step *= 0.2 / size
+            size = 0.2
+        _turn(rotation, step[3:], size)
+        for i in range(3):
+            translation[i] += step[i]
+        if size < 1e-4 and step[0] ** 2 + step[1] ** 2 + step[2] ** 2 < 1e-9:
+            break
+
+
+@part
+def _solved(matrix, missed):
+    """x of matrix x = missed, by Gauss's elimination; both are overwritten.
+
+    In place of `np.linalg.solve`, over which Numba takes as long as over all the rest of `climb`.
+    """
+    size = len(missed)
+    for i in range(size):
+        pivot = i
+        for j in range(i + 1, size):
+            if abs(matrix[j, i]) > abs(matrix[pivot, i]):
+                pivot = j
+        for k in range(i, size):
+            matrix[i, k], matrix[pivot, k] = matrix[pivot, k], matrix[i, k]
+        missed[i], missed[pivot] = missed[pivot], missed[i]
+        for j in range(i + 1, size):
+            share = matrix[j, i] / matrix[i, i]
+            for k in range(i + 1, size):
+                matrix[j, k] -= share * matrix[i, k]
+            missed[j] -= share * missed[i]
+    for i in range(size - 1, -1, -1):
+        for k in range(i + 1, size):
+            missed[i] -= matrix[i, k] * missed[k]
+        missed[i] /= matrix[i, i]
+    return missed
 
 
 @subroutine

@@ -1,5 +1,7 @@
 """Rotations spread evenly over all of them, less those that a mesh's symmetries make alike."""
 
+import math
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -27,7 +29,16 @@ def even_directions(count: int) -> np.ndarray:
 
 def turns_about(axis: np.ndarray, angle_deg: float) -> np.ndarray:
     """(3, 3) rotation about a unit axis."""
-    return Rotation.from_rotvec(np.radians(angle_deg) * np.asarray(axis)).as_matrix()
+    (x, y, z), angle = axis, math.radians(angle_deg)
+    c, s = math.cos(angle), math.sin(angle)
+    d = 1 - c
+    return np.array(
+        [
+            [c + d * x * x, d * x * y - s * z, d * x * z + s * y],
+            [d * x * y + s * z, c + d * y * y, d * y * z - s * x],
+            [d * x * z - s * y, d * y * z + s * x, c + d * z * z],
+        ]
+    )
 
 
 def angle_deg(one: np.ndarray, other: np.ndarray) -> np.ndarray:

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from millisight.core import for_kernel
 from millisight.imaging._near import distances, near_first, some_ends
 from millisight.imaging._refraction import Excess
 
@@ -112,7 +113,7 @@ class Check:
             profiles = np.pad(profiles, [(0, 0)] * 3 + [(0, TAPS - entries)])
         table, frame = (None, None) if excess is None else excess[:2]
         sums_at(
-            profiles, *nearest, float(per_metre), float(carrier), tx, rx, table, frame,
+            profiles, *nearest, float(per_metre), float(carrier), for_kernel(tx), for_kernel(rx), table, frame,
             _weights(self.oversampling, min(entries, TAPS)), self.points, *self.sums,
         )  # fmt: skip
 
