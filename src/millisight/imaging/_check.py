@@ -112,7 +112,9 @@ class Check:
             profiles = np.pad(profiles, [(0, 0)] * 3 + [(0, TAPS - entries)])
         table, frame = (None, None) if excess is None else excess[:2]
         sums_at(
-            profiles, *nearest, float(per_metre), float(carrier), tx, rx, table, frame,
+            profiles, *nearest, float(per_metre), float(carrier),
+            # One layout of memory: for each other the kernel would be compiled anew.
+            np.ascontiguousarray(tx), np.ascontiguousarray(rx), table, frame,
             _weights(self.oversampling, min(entries, TAPS)), self.points, *self.sums,
         )  # fmt: skip
 
