@@ -3,6 +3,7 @@
 import dataclasses
 import os
 import re
+import runpy
 import shlex
 import signal
 import subprocess
@@ -16,20 +17,23 @@ import pytest
 import trimesh
 
 import millisight as ms
-from helpers.commands import COMMANDS, refused, run
+from helpers.commands import COMMANDS, refused, run, run_here, run_inside
 from millisight.cli.main import GO_ON
 
 COARSE = ["--vertices", "800", "--radar", "mito-sim-24ghz"]
 
 
-@pytest.fixture
-def capture(tmp_path):
-    """A small capture file."""
+@pytest.fixture(scope="module")
+def cube():
     scene = ms.Scene.from_mesh("rubiks_cube", vertices=500)
     trajectory = ms.Trajectory.raster(size=(0.1, 0.1), step=0.01)
-    ms.save(
-        tmp_path / "cube.capture.h5", ms.simulate(scene, ms.Radar.preset("mito-sim-24ghz"), trajectory, model="edge")
-    )
+    return ms.simulate(scene, ms.Radar.preset("mito-sim-24ghz"), trajectory, model="edge")
+
+
+@pytest.fixture
+def capture(cube, tmp_path):
+    """A small capture file."""
+    ms.save(tmp_path / "cube.capture.h5", cube)
     return tmp_path / "cube.capture.h5"
 
 
@@ -56,6 +60,15 @@ def test_from_a_mesh_file_to_an_image_and_pictures(tmp_path):
     assert "12 faces" in out
 
 
+def mug_frames(folder, *options):
+    """The frames of a coarse capture of the mug; the one without options is simulated once."""
+    file = folder / "c.h5" if options else folder.parent / "plain_mug.h5"
+    if options or not file.exists():
+        code, _, err, error = run_here("simulate", "mug", *COARSE, "--step", "2cm", *options, "-o", file)
+        assert code == 0, err + error
+    return ms.load(file).frames
+
+
 @pytest.mark.parametrize(
     ("option", "value"),
     [("--radar", "position2go"), ("--model", "specular"), ("--rotate", "0 0 45"), ("--aperture", "20x20cm"),
@@ -63,18 +76,7 @@ def test_from_a_mesh_file_to_an_image_and_pictures(tmp_path):
      ("--spreading", "1/d"), ("--snr-db", "3"), ("--material", "wood"), ("--vertices", "600")],
 )  # fmt: skip
 def test_every_accepted_option_changes_the_capture(option, value, tmp_path):
-    from typer.testing import CliRunner
-
-    from millisight.cli.app import app
-
-    def frames(*extra):
-        result = CliRunner().invoke(
-            app, ["simulate", "mug", *COARSE, "--step", "2cm", *extra, "-o", str(tmp_path / "c.h5")]
-        )
-        assert result.exit_code == 0, result.output
-        return ms.load(tmp_path / "c.h5").frames
-
-    plain, changed = frames(), frames(option, *value.split())
+    plain, changed = mug_frames(tmp_path), mug_frames(tmp_path, option, *value.split())
     assert plain.any()
     assert plain.shape != changed.shape or not np.array_equal(plain, changed)
 
@@ -82,7 +84,7 @@ def test_every_accepted_option_changes_the_capture(option, value, tmp_path):
 def test_the_seed_makes_the_noise(tmp_path):
     files = []
     for name, seed in (("a", 1), ("b", 1), ("c", 2)):
-        code, _, err = run("simulate", "mug", *COARSE, "--step", "2cm", "--snr-db", "10", "--seed", seed,
+        code, _, err = run_inside("simulate", "mug", *COARSE, "--step", "2cm", "--snr-db", "10", "--seed", seed,
                            "-o", f"{name}.h5", cwd=tmp_path)  # fmt: skip
         assert code == 0, err
         files.append(ms.load(tmp_path / f"{name}.h5").frames)
@@ -94,25 +96,25 @@ def test_grids_windows_and_methods(capture):
     extent = np.diff(ms.load(capture).metadata["scene_bounds"], axis=0)[0]
     around = tuple(int((e + 0.04) / 0.005) + 1 for e in extent)
     for grid, shape in (("5mm", around), ("-2cm:2cm:1cm,-3cm:3cm:1cm,0:2cm:1cm", (5, 7, 3))):
-        code, out, err = run(
+        code, out, err = run_inside(
             "image", capture.name, f"--grid={grid}", "-o", "i.h5", "--window", "hann", cwd=capture.parent
         )
         assert code == 0, err
         assert ms.load(capture.parent / "i.h5").grid.shape == shape
-    code, out, err = run("image", capture.name, "--grid", "2cm", "--method", "exact", cwd=capture.parent)
+    code, out, err = run_inside("image", capture.name, "--grid", "2cm", "--method", "exact", cwd=capture.parent)
     assert code == 0, err
     assert "wrote cube.image.h5" in out
 
 
 def test_help_teaches_with_an_example(tmp_path):
-    code, out, _ = run("--help", cwd=tmp_path)
+    code, out, _ = run_inside("--help", cwd=tmp_path)
     assert code == 0
     for command in ("demo", "simulate", "image", "info", "collect", "generate"):
         assert command in out
-        code, text, _ = run(command, "--help", cwd=tmp_path)
+        code, text, _ = run_inside(command, "--help", cwd=tmp_path)
         assert code == 0
         assert re.search(f"Examples?: millisight {command}", " ".join(text.split()))
-    code, out, _ = run("--version", cwd=tmp_path)
+    code, out, _ = run_inside("--version", cwd=tmp_path)
     assert (code, out.strip()) == (0, ms.__version__)
 
 
@@ -314,7 +316,7 @@ def test_wrong_usage_is_explained(tmp_path):
         (("simulate", "mug", "--rotate", "90"), "--rotate"),
         (("focus",), "No such command 'focus'"),
     ):
-        code, _, err = run(*arguments, cwd=tmp_path)
+        code, _, err = run_inside(*arguments, cwd=tmp_path)
         assert code == 2
         assert expected in err
         assert "millisight: " not in err
@@ -323,7 +325,7 @@ def test_wrong_usage_is_explained(tmp_path):
 
 
 def test_help_shows_what_stands_in_brackets(tmp_path):
-    text = " ".join(run("simulate", "--help", cwd=tmp_path)[1].split())
+    text = " ".join(run_inside("simulate", "--help", cwd=tmp_path)[1].split())
     for expected in ("[degrees]", "[dB]", "X Y Z", "--rotate 0 0 45", "A1 A2", "--alpha 0.7 0.3", "[default: half"):
         assert expected in text
 
@@ -365,8 +367,8 @@ def test_the_unit_is_asked_for_in_the_command_lines_words(tmp_path):
 
 def test_noise_has_the_stated_ratio_when_models_are_combined(tmp_path):
     options = ["simulate", "mug", *COARSE, "--step", "1cm"]
-    assert run(*options, "-o", "clean.h5", cwd=tmp_path)[0] == 0
-    code, _, err = run(*options, "--snr-db", "7", "--seed", "3", "-o", "noisy.h5", cwd=tmp_path)
+    assert run_inside(*options, "-o", "clean.h5", cwd=tmp_path)[0] == 0
+    code, _, err = run_inside(*options, "--snr-db", "7", "--seed", "3", "-o", "noisy.h5", cwd=tmp_path)
     assert code == 0, err
     clean, noisy = ms.load(tmp_path / "clean.h5"), ms.load(tmp_path / "noisy.h5")
     assert clean.frames.size > 100_000
@@ -438,12 +440,12 @@ def test_absurd_coordinates_get_one_short_line(tmp_path):
 def test_the_outline_of_the_mesh_is_drawn(tmp_path):
     trimesh.creation.box((6, 5, 4)).export(tmp_path / "part.stl")
     turned = ["--unit", "cm", "--rotate", "0", "90", "0"]
-    code, _, err = run("simulate", "part.stl", *COARSE, *turned, "-o", "p.h5", cwd=tmp_path)
+    code, _, err = run_inside("simulate", "part.stl", *COARSE, *turned, "-o", "p.h5", cwd=tmp_path)
     assert code == 0, err
     options = ["image", "p.h5", "--grid", "1cm", "-o", "i.h5"]
     pictures = []
     for extra in ([], ["--outline", "part.stl"]):
-        code, _, err = run(*options, "--plot", "i.png", "--slices", "s.png", *extra, cwd=tmp_path)
+        code, _, err = run_inside(*options, "--plot", "i.png", "--slices", "s.png", *extra, cwd=tmp_path)
         assert code == 0, err
         pictures.append((tmp_path / "i.png").read_bytes())
     assert pictures[0] != pictures[1]
@@ -454,11 +456,15 @@ def test_the_outline_of_the_mesh_is_drawn(tmp_path):
     assert "the capture's scene was 4.0 x 5.0 x 6.0 cm" in line
 
 
-def test_examples_say_how_they_are_used(tmp_path):
+def test_examples_say_how_they_are_used(tmp_path, monkeypatch, capsys):
     examples = Path(__file__).resolve().parents[2] / "examples"
     scripts = sorted(examples.glob("*.py"))
     assert len(scripts) >= 2
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(examples)  # as Python does for a script: some use each other
     for script in scripts:
-        done = subprocess.run([sys.executable, script], cwd=tmp_path, capture_output=True, text=True, timeout=60)
-        assert done.returncode == 2
-        assert done.stderr.startswith(f"usage: python examples/{script.name} ")
+        monkeypatch.setattr(sys, "argv", [str(script)])
+        with pytest.raises(SystemExit) as ended:
+            runpy.run_path(str(script), run_name="__main__")
+        assert ended.value.code == 2
+        assert capsys.readouterr().err.startswith(f"usage: python examples/{script.name} ")

@@ -1,5 +1,7 @@
 """Rotations that leave meshes as they are: of blocks, a cylinder, a ball, and of none."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -8,6 +10,11 @@ from helpers import posed
 from millisight.core.errors import InputError
 from millisight.geometry import symmetries
 from millisight.meshes import build_object
+
+
+@cache
+def of_object(name):
+    return symmetries(build_object(name))
 
 
 def angle_deg(one, other):
@@ -34,11 +41,11 @@ def test_blocks_have_the_turns_of_their_group(size, count):
 
 def test_a_cylinder_turns_about_its_axis_and_a_ball_about_any():
     found = symmetries(build_object("tomato_soup_can").moved(rotation=posed.turn(5)))
-    can = symmetries(build_object("tomato_soup_can"))
+    can = of_object("tomato_soup_can")
     assert len(found.axes) == len(can.axes) == 1
     assert abs(found.axes[0] @ posed.turn(5) @ can.axes[0]) > np.cos(np.radians(2))
     assert "any turn about" in found.about
-    ball = symmetries(build_object("baseball"))
+    ball = of_object("baseball")
     assert len(ball.axes) == 3
     assert ball.about == "the same after any turn"
 
@@ -58,7 +65,7 @@ def test_the_nearest_of_the_turns_that_look_alike():
     for number in (5, 11, 17):
         found = true @ cube.rotations[number] @ Rotation.from_rotvec([0.02, 0.01, 0]).as_matrix()
         assert angle_deg(cube.nearest(true, found), found) < 3
-    can = symmetries(build_object("tomato_soup_can"))
+    can = of_object("tomato_soup_can")
     spun = true @ Rotation.from_rotvec(1.234 * can.axes[0]).as_matrix()
     assert angle_deg(can.nearest(true, spun), spun) < 0.1
-    assert angle_deg(symmetries(build_object("baseball")).nearest(true, posed.turn(2)), posed.turn(2)) == 0
+    assert angle_deg(of_object("baseball").nearest(true, posed.turn(2)), posed.turn(2)) == 0

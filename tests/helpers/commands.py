@@ -1,12 +1,17 @@
 """The command line as a user meets it: in a process of its own, or quicker within this one."""
 
+import signal
 import subprocess
 import sys
+from contextlib import chdir, redirect_stderr, redirect_stdout
+from io import StringIO
 from typing import Any
+from unittest.mock import patch
 
 import typer
 from typer.testing import CliRunner
 
+from millisight.cli import main
 from millisight.cli.app import app
 from millisight.core.errors import MillisightError
 
@@ -34,6 +39,29 @@ def run(*arguments, cwd, timeout=240, **settings):
     return done.returncode, done.stdout, done.stderr
 
 
+def run_inside(*arguments, cwd):
+    """As `run`, but within this process, a second quicker: all that the command does, from its first line to its last.
+
+    What only a process has is not tried: its imports, signals from outside, its standard streams.
+    """
+    out, err, code = StringIO(), StringIO(), 0
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    handlers, hook = [signal.getsignal(number) for number in numbers], sys.unraisablehook
+    try:
+        with (
+            chdir(cwd), redirect_stdout(out), redirect_stderr(err),
+            patch.object(sys, "argv", ["millisight", *map(str, arguments)]),
+        ):  # fmt: skip
+            main.run()
+    except SystemExit as end:
+        code = end.code or 0
+    finally:
+        sys.unraisablehook = hook
+        for number, handler in zip(numbers, handlers, strict=True):
+            signal.signal(number, handler)
+    return code, out.getvalue(), err.getvalue()
+
+
 def run_here(*arguments):
     """Run it within this process: as `run`, and the error that `millisight` would print."""
     done = CliRunner().invoke(app, list(map(str, arguments)))
@@ -44,9 +72,12 @@ def run_here(*arguments):
 
 
 def refused(*arguments, cwd, **settings):
-    """The one line on standard error of a command that must fail and write nothing new."""
+    """The one line on standard error of a command that must fail and write nothing new.
+
+    With settings, such as an environment, it runs in its own process; else within this one.
+    """
     before = sorted(p.name for p in cwd.iterdir())
-    code, _, err = run(*arguments, cwd=cwd, **settings)
+    code, _, err = run(*arguments, cwd=cwd, **settings) if settings else run_inside(*arguments, cwd=cwd)
     lines = [line for line in err.splitlines() if line.startswith("millisight: ")]
     assert code == 1, err
     assert len(lines) == 1, err

@@ -23,7 +23,7 @@ _RADAR = ms.Radar(
     ),
     path_offset=0.15,
 )
-_GRID = ms.VoxelGrid.regular((-0.03, -0.03, -0.02), (0.03, 0.03, 0.02), (0.0015, 0.0015, 0.005))
+_GRID = ms.VoxelGrid.regular((-0.03, -0.03, -0.02), (0.03, 0.03, 0.02), (0.003, 0.003, 0.005))
 
 
 def _trajectory(poses=20, seed=0):

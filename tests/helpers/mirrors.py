@@ -4,7 +4,7 @@ import numpy as np
 from scipy.special import fresnel
 
 import millisight as ms
-from helpers.oracles import C
+from helpers.oracles import C, point_frames
 from helpers.scatter import radar
 
 DEVICES = {
@@ -51,12 +51,7 @@ def mirror(device, path, height, *, tilt_deg=(0.0, 0.0), bow=0.0, strength=0.1, 
 def points(device, path, places=SPOTS, strength=0.03):
     """(P, T, R, N) of point reflectors."""
     tx, rx = path.placed(device.array.tx_positions), path.placed(device.array.rx_positions)
-    frames = 0
-    for place in places:
-        away = np.linalg.norm(tx - place, axis=-1)[:, :, None] + np.linalg.norm(rx - place, axis=-1)[:, None]
-        wave = -2j * np.pi * device.waveform.frequencies / C * (away + device.path_offset)[..., None]
-        frames = frames + strength * np.exp(wave)
-    return frames
+    return point_frames(places, strength, tx, rx, device.waveform.frequencies, device.path_offset)
 
 
 def disc(radius, height, spacing=0.002):

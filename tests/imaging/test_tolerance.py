@@ -1,12 +1,13 @@
 """Every image keeps its tolerance: geometries drawn at random, measured captures, far radars, and what is asked for.
 
-500 geometries by default. All of 10 000, with the worst of them: MILLISIGHT_GEOMETRIES=10000 python -m pytest
+150 geometries by default. All of 10 000, with the worst of them: MILLISIGHT_GEOMETRIES=10000 python -m pytest
 tests/imaging/test_tolerance.py -k drawn -s
 """
 
 import itertools
 import os
 import tracemalloc
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -24,24 +25,28 @@ from millisight.imaging._near import near_first
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples" / "captures"
 TOLERANCE = 0.005  # the default
-COUNT = int(os.environ.get("MILLISIGHT_GEOMETRIES", "500"))
+COUNT = int(os.environ.get("MILLISIGHT_GEOMETRIES", "150"))
 PART = 25  # geometries of one test
+METHODS = ("fast", "backprojection")
 
 
 def step_of(image):
     return image.metadata["history"][-1]
 
 
-def errors(capture, grid, image, seed=0, count=300):
-    """Relative L2 error of an image against `image_at`, at random voxels and at the brightest."""
-    values = image.values.ravel()
-    picks = np.random.default_rng(seed).integers(0, grid.size, count), np.argsort(np.abs(values))[-count // 3 :]
+def errors(capture, grid, *images, seed=0, count=300):
+    """Relative L2 errors of every image against `image_at`, at random voxels and at its brightest."""
+    values = [image.values.ravel() for image in images]
+    random = np.random.default_rng(seed).integers(0, grid.size, count)
+    picks = [(random, np.argsort(np.abs(v))[-count // 3 :]) for v in values]
+    # Once for all images: their brightest voxels are mostly the same.
+    wanted = np.unique(np.concatenate([p for both in picks for p in both]))
     truth = ms.image_at(
         capture.frames_of(slice(None)), capture.tx_positions, capture.rx_positions,
-        capture.radar.waveform.frequencies, grid.points[np.concatenate(picks)], capture.radar.path_offset,
+        capture.radar.waveform.frequencies, grid.points[wanted], capture.radar.path_offset,
     )  # fmt: skip
-    parts = np.split(truth, [len(picks[0])])
-    return [relative(values[p], part) for p, part in zip(picks, parts, strict=True) if np.any(part)]
+    parts = [[(v[p], truth[np.searchsorted(wanted, p)]) for p in both] for v, both in zip(values, picks, strict=True)]
+    return [[relative(made, part) for made, part in pairs if np.any(part)] for pairs in parts]
 
 
 def plan_of(problem):
@@ -64,12 +69,12 @@ def test_geometries_drawn_at_random(first, eager):
     found, factorised = [], 0
     for seed in range(first, min(first + PART, COUNT)):
         problem = draw(seed)
-        for method in ("fast", "backprojection"):
-            image = ms.form_image(problem.capture, problem.grid, method=method)
+        images = [ms.form_image(problem.capture, problem.grid, method=method) for method in METHODS]
+        made = errors(problem.capture, problem.grid, *images, seed=seed)
+        for method, image, its in zip(METHODS, images, made, strict=True):
             told = step_of(image)
             factorised += told.get("done_by") == "factorised backprojection"
-            worst = max(errors(problem.capture, problem.grid, image, seed), default=0.0)
-            found.append((worst, told["error"], f"{method}, {problem.words}"))
+            found.append((max(its, default=0.0), told["error"], f"{method}, {problem.words}"))
     found.sort(reverse=True)
     print("\n" + "\n".join(f"{worst:.3%}, stated {stated:.3%}: {words}" for worst, stated, words in found[:2]))  # noqa: T201
     assert max(stated for _, stated, _ in found) <= TOLERANCE
@@ -83,9 +88,9 @@ def test_images_that_erred_by_more_than_they_stated(seed, eager):
     it, and in 5150 it takes a second plan. 1009 passes through its grid, and errs next to its antennas. In 1031, the
     axes of smaller sub-apertures ended where those of larger ones went on."""
     problem = draw(seed)
-    for method in ("fast", "backprojection"):
-        image = ms.form_image(problem.capture, problem.grid, method=method)
-        stated, made = step_of(image)["error"], errors(problem.capture, problem.grid, image, seed)
+    images = [ms.form_image(problem.capture, problem.grid, method=method) for method in METHODS]
+    for image, made in zip(images, errors(problem.capture, problem.grid, *images, seed=seed), strict=True):
+        stated = step_of(image)["error"]
         assert stated <= TOLERANCE
         assert len(made) == 2
         assert max(made) <= TOLERANCE
@@ -124,7 +129,7 @@ def test_every_kind_of_scan_is_factorised_somewhere(eager):
     kinds = set()
     for seed in range(120):
         problem = draw(seed)
-        if plan_of(problem) is not None:
+        if problem.capture.radar.name not in kinds and plan_of(problem) is not None:
             kinds.add(problem.capture.radar.name)
     assert kinds == set(SCANS)
 
@@ -140,10 +145,10 @@ def test_measured_captures_keep_the_tolerance(name, file, box):
     data = shared("captures", file).parent
     capture = read_capture(EXAMPLES / f"{name}.toml", data=data)
     grid = ms.VoxelGrid.regular(*box) if box else ms.VoxelGrid.regular(**capture.metadata["image_grid"])
-    for method in ("fast", "backprojection"):
-        image = ms.form_image(capture, grid, method=method)
+    images = [ms.form_image(capture, grid, method=method) for method in METHODS]
+    for image, made in zip(images, errors(capture, grid, *images), strict=True):
         assert step_of(image)["error"] <= TOLERANCE
-        assert max(errors(capture, grid, image)) < TOLERANCE
+        assert max(made) < TOLERANCE
 
 
 def far_capture(distance, frequency=77e9):
@@ -165,11 +170,11 @@ def far_capture(distance, frequency=77e9):
 def test_distance_costs_no_phase(distance, eager):
     capture = far_capture(distance)
     grid = ms.VoxelGrid.regular((-0.5, -0.05, -0.3), (0.5, 0.05, 0.3), (0.01, 0.05, 0.02))
-    for method in ("fast", "backprojection"):
-        image = ms.form_image(capture, grid, method=method)
-        assert max(errors(capture, grid, image)) < TOLERANCE
+    images = [ms.form_image(capture, grid, method=method) for method in METHODS]
+    for made in errors(capture, grid, *images):
+        assert max(made) < TOLERANCE
     if distance > 1:
-        assert step_of(ms.form_image(capture, grid))["done_by"] == "factorised backprojection"
+        assert step_of(images[0])["done_by"] == "factorised backprojection"
 
 
 def test_a_grid_of_many_waves_is_done_in_boxes(eager):
@@ -183,13 +188,16 @@ def test_a_grid_of_many_waves_is_done_in_boxes(eager):
         counted[part] += 1
         assert np.linalg.norm(np.ptp(grid_in(grid, part).bounds, axis=0)) / 2 * 77e9 / C <= 2000
     assert (counted == 1).all()
-    calls = []
-    for method in ("fast", "backprojection"):
-        image = ms.form_image(capture, grid, method=method, progress=lambda done, total: calls.append(done / total))
-        assert max(errors(capture, grid, image)) < TOLERANCE
+    calls, images = [], []
+    for method in METHODS:
+        images.append(
+            ms.form_image(capture, grid, method=method, progress=lambda done, total: calls.append(done / total))
+        )
         assert calls[-1] == 1
         assert calls == sorted(calls)
         calls.clear()
+    for made in errors(capture, grid, *images):
+        assert max(made) < TOLERANCE
 
 
 def test_antennas_kilometres_apart_take_no_more_memory_than_the_grid():
@@ -273,19 +281,26 @@ def test_nothing_beyond_a_profile_is_read():
     assert np.abs(sums).max() <= 2 * 3 * 1.001
 
 
+@cache
+def usual_oversampling(seed, method):
+    """At the default tolerance."""
+    problem = draw(seed)
+    return step_of(ms.form_image(problem.capture, problem.grid, method=method))["oversampling"]
+
+
 @pytest.mark.parametrize("tolerance", [0.001, 0.02])
 def test_the_tolerance_is_kept_and_pays(tolerance, eager):
     seeds = (8, 51, 69)
     for seed in seeds:
         problem = draw(seed)
-        for method in ("fast", "backprojection"):
-            image = ms.form_image(problem.capture, problem.grid, method=method, tolerance=tolerance)
+        images = [ms.form_image(problem.capture, problem.grid, method=m, tolerance=tolerance) for m in METHODS]
+        made = errors(problem.capture, problem.grid, *images, seed=seed)
+        for method, image, its in zip(METHODS, images, made, strict=True):
             told = step_of(image)
             assert told["tolerance"] == tolerance
             assert told["error"] <= tolerance
-            assert max(errors(problem.capture, problem.grid, image, seed)) < tolerance
-            usual = step_of(ms.form_image(problem.capture, problem.grid, method=method))
-            assert (told["oversampling"] > usual["oversampling"]) == (tolerance < TOLERANCE)
+            assert max(its) < tolerance
+            assert (told["oversampling"] > usual_oversampling(seed, method)) == (tolerance < TOLERANCE)
 
 
 def test_the_error_that_is_stated_is_the_one_that_is_made():
@@ -293,7 +308,7 @@ def test_the_error_that_is_stated_is_the_one_that_is_made():
     for oversampling in (3, 8):
         image = ms.form_image(problem.capture, problem.grid, method="backprojection", oversampling=oversampling)
         assert step_of(image)["oversampling"] == oversampling
-        made = max(errors(problem.capture, problem.grid, image, count=1000))
+        made = max(errors(problem.capture, problem.grid, image, count=1000)[0])
         assert 0.5 < step_of(image)["error"] / made < 2
 
 

@@ -22,7 +22,7 @@ BOX = ms.Scene.from_mesh(
 )
 BALL = trimesh.creation.icosphere(4, radius=0.05)
 BALL = ms.Scene.from_mesh(ms.TriangleMesh(vertices=BALL.vertices, faces=BALL.faces), vertices=None)
-RADAR, RASTER = ms.Radar.preset("iwr1443"), ms.Trajectory.raster(size=(0.12, 0.1), step=0.02)
+RADAR, RASTER = ms.Radar.preset("iwr1443"), ms.Trajectory.raster(size=(0.12, 0.1), step=0.04)
 
 
 def test_the_paper_s_models_and_a_rough_one_are_there():

@@ -82,5 +82,10 @@ def image_at(
 def _ready(
     value: ArrayLike, name: str, shape: tuple[int | str, ...], *, dtype: DTypeLike = np.float64, unit: str = ""
 ) -> np.ndarray:
-    """`value` as the kernels need it, checked; not copied where it already is so."""
-    return np.ascontiguousarray(as_array(value, name=name, shape=shape, dtype=dtype, unit=unit))
+    """`value` as the kernels need it, checked; not copied where it already is so.
+
+    Never to be written to, as some of a capture's arrays are: for both kinds, kernels would be compiled twice.
+    """
+    ready = np.ascontiguousarray(as_array(value, name=name, shape=shape, dtype=dtype, unit=unit)).view()
+    ready.flags.writeable = False
+    return ready

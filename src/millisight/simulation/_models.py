@@ -110,6 +110,16 @@ def scattering_model(model: str | ScatteringModel = "specular", **parameters: An
     return cls(**{name: value for name, value in parameters.items() if name in known})
 
 
+def of_channels(tx_positions: np.ndarray, rx_positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(C, 3) transmitters and (C, 3) receivers of all channels, pose by pose, from (P, T, 3) and (P, R, 3).
+
+    Always arrays of their own: for views that cannot be written to, kernels would be compiled once more.
+    """
+    tx = np.repeat(tx_positions, rx_positions.shape[1], axis=1)
+    rx = np.tile(rx_positions, (1, tx_positions.shape[1], 1))
+    return tx.reshape(-1, 3), rx.reshape(-1, 3)
+
+
 def check_angle(value: float, name: str) -> float:
     """`value` as an angle above 0 and up to 180 degrees; `InputError` otherwise."""
     angle = checked_number(value, name=name, unit="degrees", above=0)

@@ -5,10 +5,10 @@ from typing import Any, Literal
 
 import numpy as np
 
-from millisight.core import SPEED_OF_LIGHT, check_device, check_known, checked_record, for_kernel, with_step
+from millisight.core import SPEED_OF_LIGHT, check_device, check_known, checked_record, with_step
 from millisight.core.errors import CoverageError
 from millisight.data import PHASE_SIGN, Capture, Radar, Scene, Trajectory
-from millisight.simulation._models import ScatteringModel, parameters_of, scattering_model
+from millisight.simulation._models import ScatteringModel, of_channels, parameters_of, scattering_model
 from millisight.simulation._noise import add_noise, check_noise
 from millisight.simulation._scatterers import Scatterers
 
@@ -141,9 +141,7 @@ def _add_signals(kernels, weights, tx, rx, points, reflections, radar, spreading
     # A path differs from the centre's by at most 2 radii, and a frequency by half the band.
     nodes, interpolation = _band_nodes(frequencies, 2 * np.pi * abs(half_band) * float(np.linalg.norm(upper - lower)))
 
-    shape = (*weights.shape[:3], 3)
-    tx = for_kernel(np.broadcast_to(tx[:, :, None], shape).reshape(-1, 3))
-    rx = for_kernel(np.broadcast_to(rx[:, None], shape).reshape(-1, 3))
+    tx, rx = of_channels(tx, rx)
     signals = np.empty((len(tx), len(nodes)), dtype=np.complex64)
     kernels.node_signals(
         weights.reshape(len(tx), -1), tx, rx, points, reflections, spreading == "1/d", center, radar.path_offset,

@@ -4,9 +4,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from millisight.core import for_kernel, record
+from millisight.core import record
 from millisight.data import TriangleMesh
-from millisight.simulation._models import SCATTERING_MODELS, check_angle, parameter
+from millisight.simulation._models import SCATTERING_MODELS, check_angle, of_channels, parameter
 
 
 @SCATTERING_MODELS.add("specular")
@@ -36,8 +36,7 @@ class SpecularModel:
         shape = (*tx_positions.shape[:2], rx_positions.shape[1])
         lit = np.empty((*shape, len(points)), dtype=bool)
         _kernels.specular(
-            for_kernel(np.broadcast_to(tx_positions[:, :, None], (*shape, 3)).reshape(-1, 3)),
-            for_kernel(np.broadcast_to(rx_positions[:, None], (*shape, 3)).reshape(-1, 3)),
+            *of_channels(tx_positions, rx_positions),
             np.ascontiguousarray(points.T),
             np.ascontiguousarray(normals.T),
             np.cos(np.radians(self.tau_deg)),
