@@ -15,7 +15,8 @@ _ROWS = 4
 
 def product(left: np.ndarray, right: np.ndarray) -> np.ndarray:
     """(..., N) times (N, M), both complex64, as a (..., M) complex64 array; summed in float32, first to last."""
-    rows = np.ascontiguousarray(left.reshape(-1, left.shape[-1]))
+    rows = np.ascontiguousarray(left.reshape(-1, left.shape[-1])).view()
+    rows.flags.writeable = False  # as those of captures are: one kernel is compiled, not two
     out = np.empty((len(rows), right.shape[1]), dtype=np.complex64)
     _product(rows, np.ascontiguousarray(np.real(right)), np.ascontiguousarray(np.imag(right)), out)
     return out.reshape(*left.shape[:-1], right.shape[1])

@@ -111,6 +111,7 @@ class Check:
         if entries < TAPS:
             profiles = np.pad(profiles, [(0, 0)] * 3 + [(0, TAPS - entries)])
         table, frame = (None, None) if excess is None else excess[:2]
+        tx, rx = np.ascontiguousarray(tx), np.ascontiguousarray(rx)  # in any order, for which one kernel is compiled
         sums_at(
             profiles, *nearest, float(per_metre), float(carrier), tx, rx, table, frame,
             _weights(self.oversampling, min(entries, TAPS)), self.points, *self.sums,
