@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from pathlib import Path
 from typing import Any
 
 import typer
@@ -53,3 +54,14 @@ def refused(*arguments, cwd, **settings):
     assert "Traceback" not in err
     assert sorted(p.name for p in cwd.iterdir()) == before
     return lines[0]
+
+
+def refused_here(*arguments):
+    """As `refused`, within this process and the folder that it is in."""
+    before = sorted(p.name for p in Path.cwd().iterdir())
+    code, out, err, error = run_here(*arguments)
+    assert code == 1, out + err
+    assert error
+    assert "\n" not in error
+    assert sorted(p.name for p in Path.cwd().iterdir()) == before
+    return error
