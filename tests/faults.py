@@ -12,6 +12,7 @@ of a run without a fault, and nothing else is left.
 import argparse
 import contextlib
 import errno
+import importlib
 import os
 import resource
 import shutil
@@ -86,12 +87,15 @@ def commands() -> list[Command]:
     ]  # fmt: skip
 
 
-def started(command: Command, folder: Path, *, fault: str = "", step: int = -1, most: int = 0) -> Callable[[], tuple]:
+def started(
+    command: Command, folder: Path, *, fault: str = "", step: int = -1, most: int = 0, imported: Path | None = None
+) -> Callable[[], tuple]:
     """Run it in a process of its own, with a fault at a step.
 
     Parameters
     ----------
     most : bytes that a file may take; 0: any
+    imported : file into which the names of the modules go that it has imported
 
     Returns
     -------
@@ -112,6 +116,8 @@ def started(command: Command, folder: Path, *, fault: str = "", step: int = -1, 
                 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
                 resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
             code = _call(command.words)
+            if imported is not None:
+                imported.write_text("\n".join(sys.modules))
         finally:
             os._exit(code)
     os.close(its)
@@ -214,9 +220,14 @@ def check(command: Command, every: int, say: Callable[[str], object]) -> int:
     """How many runs were broken off; AssertionError's own kind is not used: RuntimeError says what is wrong."""
     with tempfile.TemporaryDirectory() as text, prepared(command, Path(text)) as fresh:
         whole = fresh()
-        code, steps, said = run(command, whole)
+        imported = Path(text) / "imported"
+        code, steps, said = run(command, whole, imported=imported)
         if code or not steps:
             raise RuntimeError(f"{command.name} ends with {code} after {steps} steps without a fault: {said}")
+        if command.name in ("simulate", "image", "segment"):  # the others start threads or processes
+            for name in imported.read_text().splitlines():  # here once, and not in each process that is forked
+                with contextlib.suppress(ImportError):
+                    importlib.import_module(name)
         expected, tried = contents(command, whole), 1
         for fault in FAULTS:
             for step in range(0, steps, every):

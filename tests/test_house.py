@@ -1,6 +1,7 @@
 """The structure: fronts, circles, the size of modules, and what saving a file loads."""
 
 import ast
+import functools
 import importlib
 import json
 import re
@@ -27,6 +28,9 @@ def name_of(path):
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
+NAMED = {name_of(path) for path in MODULES}
+
+
 def room_of(module):
     """The package whose front a module lies behind: all before the first part with an underscore."""
     parts = module.split(".")
@@ -34,15 +38,28 @@ def room_of(module):
     return ".".join(parts[: private[0]]) if private else module
 
 
+@functools.cache
+def imports_of(path):
+    """The import statements of a file, those inside functions too; read once for all tests."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    return [node for node in statements(tree) if isinstance(node, ast.Import | ast.ImportFrom)]
+
+
+def statements(node):
+    """All within a node: expressions, of which there are ten times as many, are passed over."""
+    for part in ("body", "orelse", "finalbody", "handlers", "cases"):
+        for inner in getattr(node, part, ()):
+            yield inner
+            yield from statements(inner)
+
+
 def imported(path):
-    """(line, module) of every import of millisight in a file, those inside functions too."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    """(line, module) of every import of millisight in a file."""
+    for node in imports_of(path):
         if isinstance(node, ast.ImportFrom) and node.level == 0 and (node.module or "").startswith("millisight"):
             for alias in node.names:
                 whole = f"{node.module}.{alias.name}"
-                file = SOURCE / Path(*whole.split("."))
-                is_module = file.with_suffix(".py").exists() or (file / "__init__.py").exists()
-                yield node.lineno, whole if is_module else node.module
+                yield node.lineno, whole if whole in NAMED else node.module
         elif isinstance(node, ast.Import):
             yield from ((node.lineno, alias.name) for alias in node.names if alias.name.startswith("millisight"))
 
@@ -63,7 +80,7 @@ def test_no_module_imports_itself_by_way_of_others():
     graph = {name_of(path): {module for _, module in imported(path)} for path in MODULES}
     # A front is lazy: it loads what is asked of it, so an edge to it is an edge to that module.
     for path in MODULES:
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in imports_of(path):
             if isinstance(node, ast.ImportFrom) and node.module in FRONTS:
                 graph[name_of(path)] |= {FRONTS[node.module].get(alias.name, node.module) for alias in node.names}
     graph = {name: {to for to in targets if to not in FRONTS and to != name} for name, targets in graph.items()}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import millisight as ms
-from helpers.commands import refused, run
+from helpers.commands import refused, run, run_here
 from helpers.miniature import MUG, fault_folder
 from helpers.mirrors import DEVICES, capture_of, mirror, points, raster
 from helpers.oracles import shared
@@ -17,6 +17,12 @@ from millisight.io.mito import read_experiment
 def mug(miniature):
     """The folder of an object with two experiments, in and out of sight."""
     return miniature.healthy / MUG
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    """Commands run within this process, but for the first."""
+    monkeypatch.chdir(tmp_path)
 
 
 def test_an_experiment_of_the_published_layout(mug, tmp_path):
@@ -32,7 +38,7 @@ def test_an_experiment_of_the_published_layout(mug, tmp_path):
 
 def test_a_whole_object_at_once(mug, tmp_path):
     """Both radars of four scans; what is imaged is passed over when resumed."""
-    code, out, err = run("image", mug, "--grid", "2cm", "-o", "images", "--plot", "pictures", cwd=tmp_path)
+    code, out, err, _ = run_here("image", mug, "--grid", "2cm", "-o", "images", "--plot", "pictures")
     assert code == 0, err
     assert "imaged 8 of 8 captures" in out
     images = sorted(path.name for path in (tmp_path / "images").iterdir())
@@ -41,16 +47,16 @@ def test_a_whole_object_at_once(mug, tmp_path):
     assert images[0] == f"{MUG}.0_0_90.exp1.los.24_ghz.image.h5"
     (tmp_path / "images" / images[3]).unlink()
     kept = {path.name: path.stat().st_mtime_ns for path in (tmp_path / "images").iterdir()}
-    code, out, err = run("image", mug, "--grid", "2cm", "-o", "images", "--resume", cwd=tmp_path)
+    code, out, err, _ = run_here("image", mug, "--grid", "2cm", "-o", "images", "--resume")
     assert code == 0, err
     assert "imaged 1 of 8 captures, 7 already done" in out
     (tmp_path / "pictures" / f"{MUG}.0_0_90.exp1.los.24_ghz.png").unlink()
     arguments = ["image", mug / "robot_collected" / "0_0_90" / "exp1", "--radar", "24_ghz", "-o", "images", "--resume"]
-    code, out, err = run(*arguments, "--grid", "2cm", "--plot", "pictures", cwd=tmp_path)
+    code, out, err, _ = run_here(*arguments, "--grid", "2cm", "--plot", "pictures")
     assert code == 0, err
     assert "imaged 0 of 2 captures, 2 already done" in out
     assert (tmp_path / "pictures" / f"{MUG}.0_0_90.exp1.los.24_ghz.png").exists()
-    code, out, err = run(*arguments, "--grid", "3cm", cwd=tmp_path)  # other options, another image
+    code, out, err, _ = run_here(*arguments, "--grid", "3cm")  # other options, another image
     assert code == 0, err
     assert "imaged 2 of 2 captures" in out
     kept = {name: time for name, time in kept.items() if ".exp1." not in name or ".24_ghz." not in name}
@@ -62,7 +68,7 @@ def test_a_whole_object_at_once(mug, tmp_path):
 def test_a_bad_experiment_does_not_stop_the_rest(mug, miniature, tmp_path):
     bad = fault_folder(miniature.faults, "log_backwards")
     los = next(mug.glob("robot_collected/*/exp1/los"))
-    code, out, err = run("image", bad, los, "--radar", "77_ghz", "--grid", "2cm", "-o", "images", cwd=tmp_path)
+    code, out, err, _ = run_here("image", bad, los, "--radar", "77_ghz", "--grid", "2cm", "-o", "images")
     assert code == 1
     assert "imaged 1 of 2 captures" in out
     assert "failed: 1" in err
@@ -72,20 +78,22 @@ def test_a_bad_experiment_does_not_stop_the_rest(mug, miniature, tmp_path):
 
 def test_what_is_odd_about_an_experiment_is_said(miniature, tmp_path):
     gap = fault_folder(miniature.faults, "zero_gap")
-    code, out, err = run("image", gap, "--grid", "2cm", "-o", "i.h5", cwd=tmp_path)
+    code, out, err, _ = run_here("image", gap, "--grid", "2cm", "-o", "i.h5")
     assert code == 0, err
     assert "1 lost" in out
     assert "warning: adc_data1700000001.bin: 1 of 14 frames lost, wholly or in part" in out
 
 
 def test_a_converted_dataset_is_imaged_too(mug, miniature, tmp_path):
-    code, _, err = run("dataset", "convert", miniature.healthy, "--object", MUG, "-o", "converted", cwd=tmp_path)
+    code, _, err, _ = run_here(
+        "dataset", "convert", miniature.healthy, "--object", MUG, "--workers", "1", "-o", "converted"
+    )
     assert code == 0, err
     arguments = ["--radar", "77_ghz", "--grid", "2cm", "-o"]
-    code, out, err = run("image", tmp_path / "converted" / MUG, *arguments, "a", cwd=tmp_path)
+    code, out, err, _ = run_here("image", tmp_path / "converted" / MUG, *arguments, "a")
     assert code == 0, err
     assert "imaged 4 of 4 captures" in out
-    code, _, err = run("image", mug, *arguments, "b", cwd=tmp_path)
+    code, _, err, _ = run_here("image", mug, *arguments, "b")
     assert code == 0, err
     names = sorted(path.name for path in (tmp_path / "b").iterdir())
     assert sorted(path.name for path in (tmp_path / "a").iterdir()) == names
@@ -96,16 +104,16 @@ def test_a_converted_dataset_is_imaged_too(mug, miniature, tmp_path):
 def test_a_background_is_subtracted_from_every_frame(mug, miniature, tmp_path):
     los = next(mug.glob("robot_collected/*/exp1/los"))
     arguments = ["image", los, "--radar", "24_ghz", "--grid", "2cm"]
-    code, _, err = run(*arguments, "-o", "with.h5", cwd=tmp_path)
+    code, _, err, _ = run_here(*arguments, "-o", "with.h5")
     assert code == 0, err
     empty = miniature.healthy / "000_background"
     raw = mug / "robot_collected" / "0_0_90" / "exp1" / "nlos" / "unprocessed" / "radars" / "24_ghz"
-    code, _, err = run(*arguments, "--background", empty, "-o", "without.h5", cwd=tmp_path)
+    code, _, err, _ = run_here(*arguments, "--background", empty, "-o", "without.h5")
     assert code == 0, err
     before, after = ms.load(tmp_path / "with.h5"), ms.load(tmp_path / "without.h5")
     assert "subtract_background" in [step["step"] for step in after.metadata["history"]]
     assert np.abs(before.values - after.values).max() > 0.01 * before.magnitude.max()
-    line = refused("image", los, "--radar", "77_ghz", "--background", raw, "-o", "x.h5", cwd=tmp_path)
+    line = refused("image", los, "--radar", "77_ghz", "--background", raw, "-o", "x.h5")
     assert "holds no capture of the 77_ghz radar" in line
 
 
@@ -145,7 +153,7 @@ def described(tmp_path):
 
 def test_a_plain_folder_with_a_description(described, tmp_path):
     folder, capture = described
-    code, out, err = run("image", "scan", "--plot", "i.png", cwd=tmp_path)
+    code, out, err, _ = run_here("image", "scan", "--plot", "i.png")
     assert code == 0, err
     assert "wrote scan/scan.image.h5" in out
     image = ms.load(folder / "scan.image.h5")
@@ -153,14 +161,14 @@ def test_a_plain_folder_with_a_description(described, tmp_path):
     assert image.grid.shape == (21, 21, 5)
     assert np.abs(image.values - direct.values).max() < 1e-6 * direct.magnitude.max()
 
-    code, out, err = run("image", folder / "scan.toml", "--window", "none", "-o", "plain.h5", cwd=tmp_path)
+    code, out, err, _ = run_here("image", folder / "scan.toml", "--window", "none", "-o", "plain.h5")
     assert code == 0, err
     assert np.abs(ms.load(tmp_path / "plain.h5").values - direct.values).max() > 0.01 * direct.magnitude.max()
 
     (tmp_path / "elsewhere").mkdir()
     shutil.move(folder / "cube.npz", tmp_path / "elsewhere" / "cube.npz")
-    assert "cube.npz" in refused("image", "scan", "-o", "i.h5", cwd=tmp_path)
-    code, _, err = run("image", "scan", "--data", "elsewhere", "-o", "i.h5", cwd=tmp_path)
+    assert "cube.npz" in refused("image", "scan", "-o", "i.h5")
+    code, _, err, _ = run_here("image", "scan", "--data", "elsewhere", "-o", "i.h5")
     assert code == 0, err
 
 
@@ -172,9 +180,7 @@ def test_a_lid_is_taken_off_where_it_is_asked_for(tmp_path):
     grid = ("--grid=-8cm:8cm:4mm,-8cm:8cm:4mm,-26cm:-18cm:2cm",)
     powers = {}
     for name, clutter in (("covered", "lid"), ("covered", "none"), ("covered", "auto"), ("open", "auto")):
-        code, out, err = run(
-            "image", f"{name}.h5", *grid, "--clutter", clutter, "-o", f"{name}-{clutter}.h5", cwd=tmp_path
-        )
+        code, out, err, _ = run_here("image", f"{name}.h5", *grid, "--clutter", clutter, "-o", f"{name}-{clutter}.h5")
         assert code == 0, err
         told = {"lid": "taken off the frames: z = ", "none": "grid:", "auto": "clutter: "}[clutter]
         assert told in out
@@ -184,19 +190,19 @@ def test_a_lid_is_taken_off_where_it_is_asked_for(tmp_path):
         assert ("remove_sheets" in steps) == (name == "covered" and clutter != "none")
     assert powers["covered", "lid"] < 0.5 * powers["covered", "none"]
     assert abs(powers["covered", "lid"] / powers["open", "auto"] - 1) < 0.2
-    assert "clutter" in refused("image", "open.h5", *grid, "--clutter", "box", "-o", "i.h5", cwd=tmp_path)
+    assert "clutter" in refused("image", "open.h5", *grid, "--clutter", "box", "-o", "i.h5")
 
 
 def test_a_forgotten_unit_and_a_wrong_order_are_warned_of(described, mug, tmp_path):
     folder, _ = described
     text = DESCRIPTION.replace("step = [0.01, 0.01]", "step = [10, 10]")
     (folder / "scan.toml").write_text(text)
-    code, out, err = run("image", "scan", "-o", "i.h5", cwd=tmp_path)
+    code, out, err, _ = run_here("image", "scan", "-o", "i.h5")
     assert code == 0, err
     assert "warning: the aperture is 100 m large; is the unit of the positions right?" in out
     raw = next(mug.glob("robot_collected/*/exp1/los/unprocessed/radars/77_ghz/radar_data/*.bin"))
     (folder / "scan.toml").write_text(WRONG_ORDER.format(path=raw))
-    code, out, err = run("image", "scan", "-o", "i.h5", cwd=tmp_path)
+    code, out, err, _ = run_here("image", "scan", "-o", "i.h5")
     assert code == 0, err
     assert f"warning: {raw.name}: order two-lane interleaved (declared) does not fit" in out
 
@@ -223,29 +229,29 @@ spacing = 0.01
 
 def test_what_holds_no_capture_is_refused(tmp_path, described):
     (tmp_path / "empty").mkdir()
-    assert "empty holds no capture" in refused("image", "empty", cwd=tmp_path)
-    assert "needs a robot log" in refused("image", "scan", "--clock", "apply", "-o", "i.h5", cwd=tmp_path)
-    assert "unknown --clock" in refused("image", "scan", "--clock", "yes", cwd=tmp_path)
+    assert "empty holds no capture" in refused("image", "empty")
+    assert "needs a robot log" in refused("image", "scan", "--clock", "apply", "-o", "i.h5")
+    assert "unknown --clock" in refused("image", "scan", "--clock", "yes")
     (tmp_path / "notes.md").write_text("nothing")
-    line = refused("image", "notes.md", cwd=tmp_path)
+    line = refused("image", "notes.md")
     assert "notes.md" in line
 
 
 def test_info_on_raw_files(described, tmp_path, miniature, mug):
     raw = next(mug.glob("robot_collected/*/exp1/los/unprocessed/radars/77_ghz/radar_data/*.bin"))
-    code, out, err = run("info", raw, "scan", "scan/cube.npz", "--samples", "512", cwd=tmp_path)
+    code, out, err, _ = run_here("info", raw, "scan", "scan/cube.npz", "--samples", "512")
     assert code == 0, err
     assert "order: four-lane" in out
     assert "array data: 11 x 11 x 256" in out
     assert "121 poses x 1 TX x 1 RX, 256 samples" in out
-    code, out, err = run("info", raw, "--samples", "512", "--order", "two-lane interleaved", cwd=tmp_path)
+    code, out, err, _ = run_here("info", raw, "--samples", "512", "--order", "two-lane interleaved")
     assert code == 0, err
     assert "warning: order two-lane interleaved (declared) does not fit" in out
 
 
 def test_info_finds_the_order_of_a_real_capture(tmp_path):
     path = shared("captures", "iwr1443_adc_data20251124114141.bin")
-    code, out, err = run("info", path, cwd=tmp_path)
+    code, out, err, _ = run_here("info", path)
     assert code == 0, err
     assert "order: two-lane interleaved, " in out
     assert "frames: 50 x 8 chirps x 4 RX x 256 samples" in out
@@ -255,6 +261,6 @@ def test_info_finds_the_order_of_a_real_capture(tmp_path):
 def test_a_grid_beyond_this_machine_is_refused_before_any_work(mug, tmp_path):
     los = next(mug.glob("robot_collected/*/exp1/los"))
     grid = "-10m:10m:4mm,-10m:10m:4mm,-1m:1m:1mm"
-    line = refused("image", los, "--radar", "77_ghz", f"--grid={grid}", "-o", "i.h5", cwd=tmp_path)
+    line = refused("image", los, "--radar", "77_ghz", f"--grid={grid}", "-o", "i.h5")
     assert "the image of 5e+10 voxels takes about" in line
     assert "use a coarser --grid, or pass --memory" in line

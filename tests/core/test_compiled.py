@@ -5,8 +5,6 @@ import shutil
 import subprocess
 import sys
 
-import pytest
-
 KERNEL = """
 from millisight.core import kernel, serial
 from numba import prange
@@ -25,43 +23,28 @@ def total(x):
     return held
 """
 COMMAND = """
+import sys
 import numpy as np
-import small_kernels
-print(small_kernels.total(np.arange(4.0)), sum(small_kernels.total.stats.cache_hits.values()))
+for folder in sys.argv[1:]:
+    sys.path.insert(0, folder)
+    import small_kernels
+    print(small_kernels.total(np.arange(4.0)), sum(small_kernels.total.stats.cache_hits.values()))
+    sys.path.remove(folder)
+    del sys.modules["small_kernels"]
 """
 SHUT = os.path.join(os.devnull, "home")  # where nobody, not even root, can make a folder
 
 
-def runner(folder):
-    """The kernels' answer in a process of its own, and whether it was kept by an earlier one."""
-    (folder / "small_kernels.py").write_text(KERNEL)
+def run(*folders, **variables):
+    """The answers of the kernels in these folders in a process of its own, and which were kept by an earlier one."""
     environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
-    paths = [str(folder), *sys.path]
-
-    def run(**variables):
-        settings = {**environment, "PYTHONPATH": os.pathsep.join(paths), "NUMBA_NUM_THREADS": "1", **variables}
-        command = [sys.executable, "-W", "error", "-c", COMMAND]
-        done = subprocess.run(command, cwd=folder, env=settings, capture_output=True, text=True, timeout=300)
-        assert done.returncode == 0, done.stderr
-        answer, hits = done.stdout.split()
-        assert answer == "10.0"
-        return hits == "1"
-
-    return run
-
-
-@pytest.fixture
-def run(tmp_path):
-    return runner(tmp_path)
-
-
-@pytest.fixture(scope="module")
-def warm(tmp_path_factory):
-    """Runs the kernels, and a cache that holds them: each run is a process."""
-    folder = tmp_path_factory.mktemp("warm")
-    run = runner(folder)
-    assert [run(NUMBA_CACHE_DIR=str(folder / "cache")) for _ in range(2)] == [False, True]
-    return run, folder / "cache"
+    settings = {**environment, "PYTHONPATH": os.pathsep.join(sys.path), "NUMBA_NUM_THREADS": "1", **variables}
+    command = [sys.executable, "-W", "error", "-c", COMMAND, *map(str, folders)]
+    done = subprocess.run(command, cwd=folders[0], env=settings, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    answers, hits = zip(*map(str.split, done.stdout.splitlines()), strict=True)
+    assert answers == ("10.0",) * len(folders)
+    return [hit == "1" for hit in hits]
 
 
 def damaged(path, how):
@@ -81,28 +64,36 @@ def damaged(path, how):
     path.write_bytes(content)
 
 
-@pytest.mark.parametrize("how", ["empty", "cut", "flipped", "noise", "zeros", "folder"])
-@pytest.mark.parametrize("kind", ["nbi", "nbc"])
-def test_a_damaged_cache_is_made_anew(warm, tmp_path, kind, how):
-    run, whole = warm
-    shutil.copytree(whole, tmp_path / "cache")
-    cache = {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
-    files = [path for path in (tmp_path / "cache").rglob(f"*.{kind}") if "total" in path.name]
-    assert len(files) == 1
-    damaged(files[0], how)
-    assert not run(**cache)
-    if how != "folder":  # which nothing can replace: it is compiled in every process
-        assert run(**cache)
+def test_a_damaged_cache_is_made_anew(tmp_path):
+    """The kernels lie in a folder for each damage, so that three processes see all of them."""
+    whole = tmp_path / "whole"
+    whole.mkdir()
+    (whole / "small_kernels.py").write_text(KERNEL)
+    assert run(whole) == [False]
+    folders = {}
+    for kind in ("nbi", "nbc"):
+        for how in ("empty", "cut", "flipped", "noise", "zeros", "folder"):
+            folders[kind, how] = shutil.copytree(whole, tmp_path / f"{kind} {how}")
+            files = [path for path in folders[kind, how].rglob(f"*.{kind}") if "total" in path.name]
+            assert len(files) == 1
+            damaged(files[0], how)
+    assert dict(zip([None, *folders], run(whole, *folders.values()), strict=True)) == {
+        None: True, **dict.fromkeys(folders, False)
+    }  # fmt: skip
+    # What is a folder now can be replaced by nothing: it is compiled in every process.
+    kept = [folder for (_, how), folder in folders.items() if how != "folder"]
+    assert run(*kept) == [True] * 10
 
 
-def test_without_a_home_the_second_process_starts_at_once(run, tmp_path):
+def test_without_a_home_the_second_process_starts_at_once(tmp_path):
+    (tmp_path / "small_kernels.py").write_text(KERNEL)
     (tmp_path / "__pycache__").write_text("no folder")
     (tmp_path / "tmp").mkdir()
     shut = {"HOME": SHUT, "XDG_CACHE_HOME": SHUT, "TMPDIR": str(tmp_path / "tmp"), "PYTHONDONTWRITEBYTECODE": "1"}
-    assert [run(**shut), run(**shut)] == [False, True]
+    assert [*run(tmp_path, **shut), *run(tmp_path, **shut)] == [False, True]
     (folder,) = (tmp_path / "tmp").glob("millisight-kernels*")
     assert folder.stat().st_mode & 0o777 == 0o700
     # Not taken from a folder into which others may write: what is in it is run.
     folder.chmod(0o777)
-    assert not run(**shut)
-    assert not run(**{**shut, "TMPDIR": SHUT})
+    assert run(tmp_path, **shut) == [False]
+    assert run(tmp_path, **{**shut, "TMPDIR": SHUT}) == [False]

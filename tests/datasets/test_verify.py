@@ -28,7 +28,7 @@ def test_the_healthy_part_is_healthy(miniature):
 
 def test_each_fault_is_found_and_named(miniature):
     assert {*PROBLEMS, *NOTES, "stray_files"} == set(FAULTS)
-    results = verify(miniature.faults, workers=1)
+    results = verify(miniature.faults, workers=2)
     found = {name: [r for r in results if r.path.split("/")[0].endswith(name)] for name in FAULTS}
     for name, text in PROBLEMS.items():
         said = [problem for one in found[name] for problem in one.problems]

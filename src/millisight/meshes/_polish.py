@@ -5,7 +5,7 @@ Lengths are in spacings, the mean length of an edge.
 
 import numpy as np
 
-from millisight.meshes._subdivide import SIDES, edge_codes, rolled
+from millisight.meshes._subdivide import SIDES, edge_codes, rolled, side_codes
 
 FLATTEST = 0.15  # height of a triangle below which its longest side is turned
 MOST_TURNED = 0.95  # cosine between normals: a side is turned within one face only, never across a sharp edge
@@ -42,7 +42,7 @@ def caps_turned(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     triangles = triangles.copy()
     for _ in range(3):
         height, longest = _heights(points, triangles)
-        codes = edge_codes(*np.sort(triangles[:, SIDES].reshape(-1, 2), axis=1).T)
+        codes = side_codes(triangles[:, SIDES].reshape(-1, 2))
         order = np.argsort(codes, kind="stable")
         codes = codes[order]
         touched, added = set(), set()

@@ -25,7 +25,7 @@ from millisight.core import serial
 from millisight.core.errors import InputError, MeshError
 from millisight.data import TriangleMesh
 from millisight.meshes._polish import caps_turned, part_volumes, summed, unit, volume_kept
-from millisight.meshes._subdivide import SIDES, edge_codes, rolled, split_long_edges
+from millisight.meshes._subdivide import SIDES, rolled, side_codes, split_long_edges
 
 logger = logging.getLogger(__name__)
 
@@ -128,9 +128,9 @@ class _Surface:
         weights = np.bincount(faces.ravel(), np.repeat(self.areas / 3, 3), minlength=len(points))
         # A vertex among slivers must not be weightless: a cluster of such vertices would have no centre.
         self.weights = np.maximum(weights, 1e-6 * weights.mean())
-        sides = np.sort(faces[:, SIDES].reshape(-1, 2), axis=1)
-        _, side, owners = np.unique(edge_codes(*sides.T), return_index=True, return_counts=True)
-        self.edges = sides[side]
+        sides = faces[:, SIDES].reshape(-1, 2)
+        _, side, owners = np.unique(side_codes(sides), return_index=True, return_counts=True)
+        self.edges = np.sort(sides[side], axis=1)
         self.rim, self.rim_faces = self.edges[owners == 1], side[owners == 1] // 3
         graph = _graph(self.edges, len(points))
         self.part = connected_components(graph, directed=False)[1]
@@ -222,7 +222,9 @@ def _settle(edges, points, weights, labels, sweeps):
 
     This is Lloyd's relaxation done vertex by vertex: for each edge between clusters, either end may change sides.
     """
-    count = labels.max() + 1
+    count = 0
+    for label in labels:
+        count = max(count, label + 1)
     mass, moment, size = np.zeros(count), np.zeros((count, 3)), np.zeros(count, dtype=np.int64)
     for v in range(len(labels)):
         if labels[v] >= 0:

@@ -18,9 +18,10 @@ def split_long_edges(points: np.ndarray, faces: np.ndarray, longest: float) -> t
     waiting = np.empty((0, 2), dtype=np.int64)  # pieces of the edges of thin faces
     split_codes, split_middles = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]
     while True:
-        sides = np.sort(np.concatenate([faces[:, SIDES].reshape(-1, 2), waiting]), axis=1)
-        codes, edge_of_side = np.unique(edge_codes(sides[:, 0], sides[:, 1]), return_inverse=True)
-        edges = np.stack([codes >> 32, codes & 0xFFFFFFFF], axis=1)
+        codes, edge_of_side = np.unique(
+            side_codes(np.concatenate([faces[:, SIDES].reshape(-1, 2), waiting])), return_inverse=True
+        )
+        edges = _ends(codes)
         ends = points[edges]
         long = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) > longest
         if not long.any():
@@ -42,7 +43,7 @@ def split_long_edges(points: np.ndarray, faces: np.ndarray, longest: float) -> t
                 *_halves(faces[held], face_middle[held]),
             ]
         )
-        waiting = np.unique(np.sort(waiting, axis=1), axis=0)
+        waiting = _ends(np.unique(side_codes(waiting)))
         thin.append(rolled(faces[held], (face_middle[held].argmin(axis=1) + 2) % 3))
         faces = _split_faces(faces[~held], face_middle[~held])
     codes, middles = np.concatenate(split_codes), np.concatenate(split_middles)
@@ -55,6 +56,16 @@ def split_long_edges(points: np.ndarray, faces: np.ndarray, longest: float) -> t
 def edge_codes(low, high):
     """One number for an edge between two vertices, the smaller index first; it sorts as the pair does."""
     return (low << 32) | high
+
+
+def side_codes(sides: np.ndarray) -> np.ndarray:
+    """`edge_codes` of the rows of (n, 2), in whatever order their vertices stand."""
+    return edge_codes(np.minimum(sides[:, 0], sides[:, 1]), np.maximum(sides[:, 0], sides[:, 1]))
+
+
+def _ends(codes: np.ndarray) -> np.ndarray:
+    """(n, 2) the vertices of edges, the smaller index first."""
+    return np.stack([codes >> 32, codes & 0xFFFFFFFF], axis=1)
 
 
 def _halves(faces: np.ndarray, middle: np.ndarray) -> list[np.ndarray]:
@@ -109,6 +120,15 @@ def _walk(start, stop, codes, middles, chain, stack):
     return size
 
 
+@serial(inline="always")
+def _square(points, a, b):
+    """The square of the distance between two points."""
+    square = 0.0
+    for d in range(3):
+        square += (points[a, d] - points[b, d]) ** 2
+    return square
+
+
 @serial()
 def _zigzag(thin, points, codes, middles):
     """Thin faces, tip first, filled from the tip down with the shorter rung each time."""
@@ -127,19 +147,18 @@ def _zigzag(thin, points, codes, middles):
                 total += lefts + rights - 3
                 continue
             i = j = 1
-            filled[total] = (left[0], left[1], right[1])
+            filled[total, 0], filled[total, 1], filled[total, 2] = left[0], left[1], right[1]
             total += 1
             while i < lefts - 1 or j < rights - 1:
                 along_left = j == rights - 1
                 if i < lefts - 1 and j < rights - 1:
-                    to_left = ((points[left[i + 1]] - points[right[j]]) ** 2).sum()
-                    to_right = ((points[left[i]] - points[right[j + 1]]) ** 2).sum()
-                    along_left = to_left <= to_right
+                    to_left = _square(points, left[i + 1], right[j])
+                    along_left = to_left <= _square(points, left[i], right[j + 1])
                 if along_left:
-                    filled[total] = (left[i], left[i + 1], right[j])
+                    filled[total, 0], filled[total, 1], filled[total, 2] = left[i], left[i + 1], right[j]
                     i += 1
                 else:
-                    filled[total] = (left[i], right[j + 1], right[j])
+                    filled[total, 0], filled[total, 1], filled[total, 2] = left[i], right[j + 1], right[j]
                     j += 1
                 total += 1
     return filled

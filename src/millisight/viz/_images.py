@@ -101,7 +101,8 @@ def plot_slices(
         axes.axhline(up, color="white", linewidth=0.5, linestyle=(0, (4, 4)), alpha=0.55)
         if mesh is not None:
             _panels.draw_outline(axes, mesh, axis, inner=False, alpha=0.45)
-            _panels.draw_lines(axes, cross_section(mesh, axis, point[number]), color="white", width=0.8, zorder=5)
+            cut = cross_section(mesh, axis, point[number])
+            _panels.draw_many_lines(axes, cut, color="white", width=0.8, zorder=5)
         _panels.label_view(axes, axis, f"{axis} = {1e3 * point[number]:.4g} mm".replace("-", "\u2212"))
     _panels.add_colour_bar(bar, shades, colours)
     return figure

@@ -4,6 +4,7 @@ Views are those of the figures: along z from above (x to the right, y up), along
 x from the right (y and z).
 """
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -49,6 +50,11 @@ def outline_of(mesh: TriangleMesh, axis: str) -> Outline:
     bounds: it is closed and clean however rough the mesh, and within a pixel of the truth. Holes smaller than
     1.5 % of the view, and inner lines shorter than 12 % of it, are left out as roughness.
     """
+    return _outline(mesh, checked_axis(axis))
+
+
+@lru_cache(maxsize=3)  # the views of a mesh, which several figures draw one after another
+def _outline(mesh: TriangleMesh, axis: str) -> Outline:
     points, counts, pixel, middle = _on_raster(mesh, axis, _PIXELS)
     edges, first, second = mesh.edge_faces
     rims = second < 0

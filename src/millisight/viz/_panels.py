@@ -315,7 +315,23 @@ def draw_lines(
     axes: Axes, segments: Iterable[np.ndarray], *, color: str, width: float, alpha: float = 1.0, zorder: float = 3
 ) -> Any:
     """Lines on a picture; light ones get a thin dark edge, to be seen on every colour."""
-    lines = LineCollection(
+    lines = _lines(segments, color, width, alpha, zorder)
+    if color == "white":
+        lines.set_path_effects([Stroke(linewidth=width + 0.9, foreground="black", alpha=0.45 * alpha), Normal()])
+    return axes.add_collection(lines, autolim=False)
+
+
+def draw_many_lines(
+    axes: Axes, segments: np.ndarray, *, color: str, width: float, alpha: float = 1.0, zorder: float = 3
+) -> None:
+    """As `draw_lines`, thousands of them, with the edges as lines of their own: a path effect takes 0.3 ms a line."""
+    if color == "white":
+        axes.add_collection(_lines(segments, "black", width + 0.9, 0.45 * alpha, zorder), autolim=False)
+    axes.add_collection(_lines(segments, color, width, alpha, zorder), autolim=False)
+
+
+def _lines(segments: Iterable[np.ndarray], color: str, width: float, alpha: float, zorder: float) -> LineCollection:
+    return LineCollection(
         list(segments),
         colors=color,
         linewidths=width,
@@ -324,9 +340,6 @@ def draw_lines(
         capstyle="round",
         joinstyle="round",
     )
-    if color == "white":
-        lines.set_path_effects([Stroke(linewidth=width + 0.9, foreground="black", alpha=0.45 * alpha), Normal()])
-    return axes.add_collection(lines, autolim=False)
 
 
 @styled
@@ -361,5 +374,5 @@ def draw_outline(
     """
     outline = mesh if isinstance(mesh, Outline) else outline_of(mesh, axis)
     if inner and len(outline.inner):
-        draw_lines(ax, outline.inner, color=color, width=0.45, alpha=0.6 * alpha)
+        draw_many_lines(ax, outline.inner, color=color, width=0.45, alpha=0.6 * alpha)
     return draw_lines(ax, outline.silhouette, color=color, width=1.0, alpha=alpha, zorder=4)
