@@ -222,9 +222,7 @@ def _settle(edges, points, weights, labels, sweeps):
 
     This is Lloyd's relaxation done vertex by vertex: for each edge between clusters, either end may change sides.
     """
-    count = 0
-    for label in labels:
-        count = max(count, label + 1)
+    count = labels.max() + 1
     mass, moment, size = np.zeros(count), np.zeros((count, 3)), np.zeros(count, dtype=np.int64)
     for v in range(len(labels)):
         if labels[v] >= 0:
