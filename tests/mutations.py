@@ -117,8 +117,8 @@ ANTENNAS = [
     Mutation("data/_trajectory.py", "rows[1::2] = rows[1::2, ::-1]", "rows[::2] = rows[::2, ::-1]", PATHS),
     Mutation("data/_trajectory.py", "[np.repeat(x, len(y)), rows.ravel(),", "[rows.ravel(), np.repeat(x, len(y)),",
              PATHS),
-    Mutation("simulation/_simulate.py", "tx = np.broadcast_to(tx[:, :, None], shape)",
-             "tx = np.broadcast_to(rx[:, None], shape)", SIMULATED),
+    Mutation("simulation/_models.py", "tx = np.repeat(tx_positions, rx_positions.shape[1], axis=1)",
+             "tx = np.tile(rx_positions, (1, tx_positions.shape[1], 1))", SIMULATED),
 ]  # fmt: skip
 
 ANGLES = [

@@ -28,6 +28,7 @@ def scans() -> list[Path]:
 
 def paths(points, tx, rx, offset=0.0):
     """(P, T, R, V) path lengths of points (V, 3) between tx (P, T, 3) and rx (P, R, 3)."""
+    points = np.asarray(points, dtype=float)
     to = np.linalg.norm(points[None, None] - tx[:, :, None], axis=-1)
     back = np.linalg.norm(points[None, None] - rx[:, :, None], axis=-1)
     return to[:, :, None] + back[:, None] + offset
