@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Complex
 from numpy.typing import ArrayLike, DTypeLike
 
-from millisight.core import SPEED_OF_LIGHT, as_array, checked_number, checked_record
+from millisight.core import SPEED_OF_LIGHT, as_array, checked_number, checked_record, for_kernel
 from millisight.data import Layers
 from millisight.imaging._refraction import exact_layers
 
@@ -82,10 +82,5 @@ def image_at(
 def _ready(
     value: ArrayLike, name: str, shape: tuple[int | str, ...], *, dtype: DTypeLike = np.float64, unit: str = ""
 ) -> np.ndarray:
-    """`value` as the kernels need it, checked; not copied where it already is so.
-
-    Never to be written to, as some of a capture's arrays are: for both kinds, kernels would be compiled twice.
-    """
-    ready = np.ascontiguousarray(as_array(value, name=name, shape=shape, dtype=dtype, unit=unit)).view()
-    ready.flags.writeable = False
-    return ready
+    """`value` as the kernels need it, checked; not copied where it already is so."""
+    return for_kernel(as_array(value, name=name, shape=shape, dtype=dtype, unit=unit))
