@@ -379,7 +379,8 @@ def _placed(path: Path, metadata: Mapping[str, Any], unit: str | None) -> Triang
         return load_mesh(path, unit=unit)
     unit = unit or ("m" if ours else placed.get("unit"))
     turned = placed.get("rotate_deg", (0.0, 0.0, 0.0))
-    own, moved = load_mesh(path, unit=unit), Scene.from_mesh(path, vertices=None, unit=unit, rotate_deg=turned).mesh
+    own = load_mesh(path, unit=unit)
+    moved = Scene.from_mesh(own, vertices=None, rotate_deg=turned).mesh
     scene: Any = metadata.get("scene_bounds", ())
     if np.shape(scene) != (2, 3):
         return own if ours else moved
