@@ -9,7 +9,15 @@ from numpy.typing import ArrayLike
 from millisight.calibration._board import Board
 from millisight.calibration._hand_eye_start import board_pose, closed_form, subsets
 from millisight.calibration._weights import Grams, Weights, estimate_weights
-from millisight.core import checked_array, checked_record, put, record, rotation_from_quaternion, rotation_vector
+from millisight.core import (
+    checked_array,
+    checked_record,
+    put,
+    record,
+    rotation_from_quaternion,
+    rotation_from_vector,
+    rotation_vector,
+)
 from millisight.core.errors import InputError
 from millisight.data import Intrinsics
 
@@ -358,9 +366,7 @@ def _cross(vectors: np.ndarray) -> np.ndarray:
 
 def _shifted(pose: np.ndarray, step: np.ndarray) -> np.ndarray:
     """A pose (4, 4) shifted by step[:3] [m], and turned by step[3:] [rad] about the axes of the frame it ends in."""
-    from scipy.spatial.transform import Rotation
-
     moved = pose.copy()
-    moved[:3, :3] = Rotation.from_rotvec(step[3:]).as_matrix() @ pose[:3, :3]
+    moved[:3, :3] = rotation_from_vector(step[3:]) @ pose[:3, :3]
     moved[:3, 3] += step[:3]
     return moved

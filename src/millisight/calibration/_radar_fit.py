@@ -7,7 +7,16 @@ import numpy as np
 from millisight.calibration._calibrate import divide_gains, set_antennas, set_path_offset
 from millisight.calibration._target_fit import BANDS, BLOCKS, TargetFit
 from millisight.calibration._targets import ReferenceTarget
-from millisight.core import SPEED_OF_LIGHT, checked_number, checked_numbers, checked_record, put, record
+from millisight.core import (
+    SPEED_OF_LIGHT,
+    checked_number,
+    checked_numbers,
+    checked_record,
+    put,
+    record,
+    rotation_from_vector,
+    rotation_vector,
+)
 from millisight.core.errors import InputError
 from millisight.data import Capture
 
@@ -87,9 +96,7 @@ class RadarCalibration:
 
     @property
     def _turn(self) -> np.ndarray:
-        from scipy.spatial.transform import Rotation
-
-        return Rotation.from_rotvec(np.radians(self.turn_deg)).as_matrix()
+        return rotation_from_vector(np.radians(self.turn_deg))
 
 
 def calibrate_radar(capture: Capture, target: ReferenceTarget, *, search: float = 0.3) -> RadarCalibration:
@@ -164,11 +171,9 @@ def calibrate_radar(capture: Capture, target: ReferenceTarget, *, search: float 
 
 
 def _result(fit: TargetFit) -> RadarCalibration:
-    from scipy.spatial.transform import Rotation
-
     gains, left = fit.gains()
     state, spread = fit.state, np.where(fit.free, fit.spread, 0)
-    turn = np.degrees(Rotation.from_matrix(state.turn).as_rotvec())
+    turn = np.degrees(rotation_vector(state.turn))
     names = [f"{what} {axis}" for what in ("target along", "offset along", "turn about") for axis in "xyz"]
     told: Any = {
         "offset": np.where(fit.free[3:6], state.offset, 0),

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from millisight.calibration._targets import ReferenceTarget, TargetPaths
-from millisight.core import SPEED_OF_LIGHT, rotation_from_quaternion
+from millisight.core import SPEED_OF_LIGHT, rotation_from_quaternion, rotation_from_vector
 from millisight.core.errors import InputError
 from millisight.data import AntennaArray, Capture
 
@@ -154,7 +154,11 @@ class TargetFit:
         """From now on leave alone what the scan does not tell, as it was given; the target has its own uncertainty."""
         self.free = self.spread < _KNOWN * self._prior
         self.free[:3] = True
-        turn = self.state.turn if self.free[6:9].all() else _turn_of(np.where(self.free[6:9], self._moved[6:9], 0))
+        turn = (
+            self.state.turn
+            if self.free[6:9].all()
+            else rotation_from_vector(np.where(self.free[6:9], self._moved[6:9], 0))
+        )
         self._moved = np.where(self.free, self._moved, 0)
         offset = np.where(self.free[3:6], self.state.offset, 0)
         path_offset = self.state.path_offset if self.free[9] else self.capture.radar.path_offset
@@ -271,14 +275,8 @@ class TargetFit:
     def _move(self, step: np.ndarray) -> None:
         self._moved = self._moved + step
         place, turn, offset, path_offset = self.state
-        small = _turn_of(step[6:9])
+        small = rotation_from_vector(step[6:9])
         self.state = State(place + step[:3], small @ turn, small @ offset + step[3:6], path_offset + float(step[9]))
-
-
-def _turn_of(vector: np.ndarray) -> np.ndarray:
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_rotvec(vector).as_matrix()
 
 
 def _mean(weights: np.ndarray, values: np.ndarray) -> np.ndarray:

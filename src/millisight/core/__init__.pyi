@@ -55,6 +55,7 @@ from ._rotations import euler_deg_from_rotation as euler_deg_from_rotation
 from ._rotations import interpolate_poses as interpolate_poses
 from ._rotations import rotation_from_euler_deg as rotation_from_euler_deg
 from ._rotations import rotation_from_quaternion as rotation_from_quaternion
+from ._rotations import rotation_from_vector as rotation_from_vector
 from ._rotations import rotation_vector as rotation_vector
 from ._rotations import turn_between_deg as turn_between_deg
 from ._tables import record_from_file as record_from_file

@@ -56,6 +56,13 @@ def rotation_vector(rotation: np.ndarray) -> np.ndarray:
     return Rotation.from_matrix(rotation).as_rotvec()
 
 
+def rotation_from_vector(vectors: ArrayLike) -> np.ndarray:
+    """(..., 3, 3) rotations by axis times angle (..., 3) [rad]: the inverse of `rotation_vector`."""
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_rotvec(vectors).as_matrix()
+
+
 def interpolate_poses(
     times: np.ndarray, known_times: np.ndarray, positions: np.ndarray, orientations: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray | None]:

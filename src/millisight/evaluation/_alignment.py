@@ -9,7 +9,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from millisight.core import check_known, checked_array, checked_integer, checked_number, rotation_from_euler_deg
+from millisight.core import (
+    check_known,
+    checked_array,
+    checked_integer,
+    checked_number,
+    rotation_from_euler_deg,
+    rotation_from_vector,
+)
 from millisight.core.errors import InputError
 
 MODES = ("translation", "rigid")
@@ -180,8 +187,6 @@ def _plane_step(
     at: Alignment, moved: np.ndarray, target: np.ndarray, normals: np.ndarray, weights: np.ndarray, rigid: bool
 ) -> tuple[np.ndarray, np.ndarray]:
     """One Gauss-Newton step of the weighted squared distances along the normals."""
-    from scipy.spatial.transform import Rotation
-
     middle = moved.mean(axis=0)
     rows = np.hstack([np.cross(moved - middle, normals), normals]) if rigid else normals
     away = ((target - moved) * normals).sum(axis=1)
@@ -189,7 +194,7 @@ def _plane_step(
     normal_matrix = scaled.T @ rows
     # Where nothing holds the cloud, as about a ball's middle or along a plane, it stays.
     step = np.linalg.lstsq(normal_matrix, scaled.T @ away, rcond=1e-5)[0]
-    turn = Rotation.from_rotvec(step[:3]).as_matrix() if rigid else np.eye(3)
+    turn = rotation_from_vector(step[:3]) if rigid else np.eye(3)
     translation = turn @ (at.translation - middle) + middle + step[-3:]
     return turn @ at.rotation, translation
 

@@ -3,8 +3,8 @@
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
+from millisight.core import rotation_from_vector
 from millisight.data import PointCloud
 from millisight.geometry import _pose_kernels as kernels
 from millisight.geometry._samples import MeshSamples
@@ -167,7 +167,7 @@ def curvature(shape: MeshSamples, fit: Fit, seen: Seen) -> np.ndarray:
             offset[j] += other * steps[j] / 2
             offsets.append(offset)
     moves = np.array(offsets)
-    turned = Rotation.from_rotvec(moves[:, 3:]).as_matrix() @ fit.rotation
+    turned = rotation_from_vector(moves[:, 3:]) @ fit.rotation
     shares = agreements(shape, turned, fit.translation + moves[:, :3], seen, *FINE)
     values = np.log(np.maximum(score_of(*shares.T), 1e-6))[1:].reshape(-1, 4)
     made = np.zeros((6, 6))

@@ -1,9 +1,9 @@
 """Rotations spread evenly over all of them, less those that a mesh's symmetries make alike."""
 
-import math
-
 import numpy as np
 from scipy.spatial.transform import Rotation
+
+from millisight.core import rotation_from_vector
 
 _PSI = 1.533751168755204288118041  # the positive root of x⁴ = x + 4
 
@@ -29,16 +29,7 @@ def even_directions(count: int) -> np.ndarray:
 
 def turns_about(axis: np.ndarray, angle_deg: float) -> np.ndarray:
     """(3, 3) rotation about a unit axis."""
-    (x, y, z), angle = axis, math.radians(angle_deg)
-    c, s = math.cos(angle), math.sin(angle)
-    d = 1 - c
-    return np.array(
-        [
-            [c + d * x * x, d * x * y - s * z, d * x * z + s * y],
-            [d * x * y + s * z, c + d * y * y, d * y * z - s * x],
-            [d * x * z - s * y, d * y * z + s * x, c + d * z * z],
-        ]
-    )
+    return rotation_from_vector(np.radians(angle_deg) * np.asarray(axis))
 
 
 def angle_deg(one: np.ndarray, other: np.ndarray) -> np.ndarray:
