@@ -161,9 +161,15 @@ def test_options_of_worlds_are_refused(emulated):
     assert "Known: virtual. Real devices are named in a rig file" in str(done.exception)
 
 
-def test_emulate_writes_a_rig_file_that_works(tmp_path, monkeypatch):
+@pytest.fixture
+def world(tmp_path, monkeypatch):
+    """`world.toml` in the folder where commands are typed."""
     monkeypatch.chdir(tmp_path)
     WORLD.to_toml(tmp_path / "world.toml")
+
+
+@pytest.mark.usefixtures("world")
+def test_emulate_writes_a_rig_file_that_works():
     done = run("rig", "emulate", "world.toml", "-o", "rig.toml", "--loss", "0.001", "--seconds", "0")
     assert done.exit_code == 0, done.output
     assert "wrote rig.toml; the emulators run until 0 s have passed" in done.output
@@ -173,9 +179,8 @@ def test_emulate_writes_a_rig_file_that_works(tmp_path, monkeypatch):
     assert isinstance(run("rig", "emulate", "world.toml", "--collect", "d", "--seconds", "1").exception, InputError)
 
 
-def test_one_command_emulates_and_scans(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    WORLD.to_toml(tmp_path / "world.toml")
+@pytest.mark.usefixtures("world")
+def test_one_command_emulates_and_scans(tmp_path):
     done = run("rig", "emulate", "world.toml", "--loss", "0.001", "--disorder", "0.01", "--collect", "data")
     assert done.exit_code == 0, done.output
     assert "wrote rig.toml; the emulators run until the scan has ended" in done.output
