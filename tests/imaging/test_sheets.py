@@ -229,6 +229,20 @@ def test_what_ends_within_the_scene_is_left_and_told_unless_a_lid_is_known_to_be
     assert one.border > 0.3
 
 
+def test_a_known_lid_goes_before_what_its_edges_add_up_to(path):
+    """Beside a lid of 14 cm, its ripples pass for a sheet of their own that reaches the image's border."""
+    sides = [(axis, sign * -0.07, sign) for axis in (0, 1) for sign in (1, -1)]
+    lid, under = (
+        image_of(frames, path).values
+        for frames in (mirror(RADAR, path, -0.2, sides=sides), points(RADAR, path, strength=0.002))
+    )
+    found = remove_sheets(ms.SarImage(grid=GRID, values=lid + under), frequency=FREQUENCY, clutter="lid")
+    first = found.sheets[0]
+    assert abs(first.height + 0.2) < 0.005
+    assert first.explained > 0.95
+    assert left_of(found.result.values, under, lid) < 0.15
+
+
 def test_history_files_and_precision(path, spots, tmp_path):
     capture = capture_of(RADAR, path, spots + mirror(RADAR, path, -0.2))
     cleaned = remove_sheets(capture).result

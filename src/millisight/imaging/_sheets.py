@@ -227,7 +227,7 @@ def _search(
     """The sheets, taken from `echoes` one after the other, and what is flat and was left."""
     from scipy.ndimage import binary_dilation
 
-    from millisight.imaging._sheet_fit import fit_sheet, lid_window
+    from millisight.imaging._sheet_fit import fit_sheet
 
     sheets: list[DetectedSheet] = []
     left: list[DetectedSheet] = []
@@ -241,20 +241,31 @@ def _search(
         sheet = _told(fit, cells, echoes.height(fit), wave_number)
         wide = float(fit.support.mean()) >= _LEAST_SHARE and (sheet.border >= _LEAST_BORDER or sheet.area >= _LARGE)
         if wide and sheet.height >= lowest:
+            if clutter == "lid" and not sheets:
+                # What a lid's edges and grating lobes add up to may pass for a sheet, a worse one than the lid.
+                lid = _lid(echoes, wave_number, lowest)
+                if lid is not None and lid[1].area * lid[1].explained > sheet.area * sheet.explained:
+                    fit, sheet = lid
             sheets.append(replace(sheet, power=echoes.take(fit)))
         else:
             left.append(sheet)
             passed_over = passed_over | np.asarray(binary_dilation(fit.support, iterations=3), dtype=bool)
-    if clutter == "lid" and not sheets:
-        # It may end within the scene: what reflects like one mirror over the largest place.
-        window = lid_window(echoes.cells, wave_number)
-        fit = None if window is None else fit_sheet(echoes.cells, wave_number, ripples=echoes.ripples, window=window)
-        if fit is not None and fit.explained >= _LEAST_EXPLAINED[clutter]:
-            lid = _told(fit, echoes.cells, echoes.height(fit), wave_number)
-            if lid.area >= _LEAST_LID and lid.height >= lowest:
-                sheets.append(replace(lid, power=echoes.take(fit)))
-                left.clear()  # parts of it, fitted worse
+    if clutter == "lid" and not sheets and (lid := _lid(echoes, wave_number, lowest)) is not None:
+        sheets.append(replace(lid[1], power=echoes.take(lid[0])))
+        left.clear()  # parts of it, fitted worse
     return tuple(sheets), tuple(left)
+
+
+def _lid(echoes: _Echoes, wave_number: float, lowest: float) -> "tuple[SheetFit, DetectedSheet] | None":
+    """What reflects like one mirror over the largest place: a known lid, which may end within the scene."""
+    from millisight.imaging._sheet_fit import fit_sheet, lid_window
+
+    window = lid_window(echoes.cells, wave_number)
+    fit = None if window is None else fit_sheet(echoes.cells, wave_number, ripples=echoes.ripples, window=window)
+    if fit is None or fit.explained < _LEAST_EXPLAINED["lid"]:
+        return None
+    lid = _told(fit, echoes.cells, echoes.height(fit), wave_number)
+    return (fit, lid) if lid.area >= _LEAST_LID and lid.height >= lowest else None
 
 
 def _reason(left: tuple[DetectedSheet, ...], lowest: float) -> str:
