@@ -160,7 +160,8 @@ def segmentation(
     support: Annotated[
         str | None,
         typer.Option(
-            help="Height of the support's upper face in the radar frame, such as -30cm. [default: by background]"
+            help="Height of the support's upper face in the radar frame, such as -30cm: masks, too, leave out what "
+            "rises no higher. [default: unknown to the segmenters; for prompts on photos by background]"
         ),
     ] = None,
     crop: Crop = None,

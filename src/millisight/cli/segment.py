@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from millisight.cli.console import answer_json, check_outputs, in_options, json_only, say
+from millisight.cli.console import answer_json, check_outputs, in_options, json_only, length, say
 from millisight.cli.image_sources import (
     INSTANCES_SUFFIX,
     MASK_SUFFIX,
@@ -109,6 +109,13 @@ def segment(
             "the same area, up to 60]",
         ),
     ] = None,
+    support: Annotated[
+        str | None,
+        typer.Option(
+            help="Height z of what the object stands on, such as -30cm: what rises no higher is left out of the mask, "
+            "such as an empty stand. [default: unknown]"
+        ),
+    ] = None,
     model: Annotated[
         str,
         typer.Option(
@@ -145,6 +152,8 @@ def segment(
 
     Example: millisight segment mug.image.h5 --volume
     """
+    if instances and support is not None:
+        raise InputError("--support is for the mask of one object; leave it out, or leave out --instances")
     if instances and volume:
         raise InputError("--instances gives masks of pixels, and --volume a mask of voxels; pass one of them")
     with json_only(as_json):
@@ -161,6 +170,7 @@ def segment(
     )
     suffix = INSTANCES_SUFFIX if instances else VOLUME_SUFFIX if volume else MASK_SUFFIX
     share = None if largest is None else largest / 100
+    height = None if support is None else length(support, option="--support")
 
     def one(source: ImageSource, to: Path) -> dict[str, Any]:
         drawn = None if no_picture else to.with_suffix(".png")
@@ -168,12 +178,14 @@ def segment(
         if by is None or instances:
             return several(source, to, drawn)
         image, other = source.images()
-        segmented = mask_of(source, image, other, by, seed=seed, prompts=given, values=values, largest=share)
+        segmented = mask_of(
+            source, image, other, by, seed=seed, prompts=given, values=values, largest=share, support=height
+        )
         drawn_by = None if given is not None else seed
+        told = _told(segmented, source, by, seed=drawn_by, values=values, support=height)
         if volume:
-            told = _told(segmented, source, by, seed=drawn_by, values=values)
             return in_depth(source, to, drawn, image, segmented, told)
-        _write(to, segmented, source, by, seed=drawn_by, values=values)
+        _write(to, segmented, source, by, told)
         doubts = [in_options(one) for one in doubts_of(segmented.mask, image, covered=segmented.picture.covered)]
         for doubt in doubts:
             say(f"  {doubt}")
@@ -284,7 +296,9 @@ def mask_of(
     return find_mask(by, picture, other=second, rng=seed, condition=source.condition, **options)
 
 
-def _told(found: Segmented, source: ImageSource, by: Segmenter, *, seed: int | None, values: str) -> dict[str, Any]:
+def _told(
+    found: Segmented, source: ImageSource, by: Segmenter, *, seed: int | None, values: str, support: float | None
+) -> dict[str, Any]:
     """How a mask was made."""
     from millisight.io.mito import origin
 
@@ -296,6 +310,7 @@ def _told(found: Segmented, source: ImageSource, by: Segmenter, *, seed: int | N
         "condition": source.condition,
         "seed": None if found.prompts is None else seed,
         "values": values,
+        **({} if support is None else {"support": support}),
         **({"points": [], "positive": []} if found.prompts is None else found.prompts.plain),
     }
 
@@ -318,11 +333,11 @@ def _write_volume(to: Path, found: VolumeMask, source: ImageSource, told: dict[s
     )
 
 
-def _write(to: Path, found: Segmented, source: ImageSource, by: Segmenter, *, seed: int | None, values: str) -> None:
+def _write(to: Path, found: Segmented, source: ImageSource, by: Segmenter, told: dict[str, Any]) -> None:
     """The mask, and in its file how it was made."""
     from millisight.io import save
 
-    save(to, found.mask, extras={"segmentation": _told(found, source, by, seed=seed, values=values)})
+    save(to, found.mask, extras={"segmentation": told})
     prompted = "" if found.prompts is None else f" from {len(found.prompts.points)} prompts"
     share = f"{int(found.inside.sum())} pixels, {100 * found.inside.mean():.1f} %"
     if not found.inside.any():

@@ -149,9 +149,10 @@ class SegmenterEvaluator:
     scene : LabelledScene
     """
 
-    def __init__(self, by: Segmenter, scene: LabelledScene):
+    def __init__(self, by: Segmenter, scene: LabelledScene, *, support: float | None = None):
         self.by: Segmenter = by
         self.scene: LabelledScene = scene
+        self.support: float | None = support
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -208,8 +209,9 @@ class SegmenterEvaluator:
         other = self.pictures[LOW] if given == BOTH else None
         largest = 1.0 if getattr(self.by, "blind", False) else None
         return find_mask(
-            self.by, self.pictures[given], other=other, rng=seed, condition=self.scene.sight, largest=largest
-        )
+            self.by, self.pictures[given], other=other, rng=seed, condition=self.scene.sight, largest=largest,
+            support=None if getattr(self.by, "blind", False) else self.support,
+        )  # fmt: skip
 
     def _from_photo(self, seed: int) -> Segmented:
         """The mask may be as large as the photo: the rule about large masks is for radar images."""

@@ -37,7 +37,7 @@ class _SegmenterSource(NamedTuple):
         by = named_segmenter(self.method, self.options)
         if checksum_of(by) != self.checksum:
             raise InputError(f"the weights of {self.method} have changed since the run began; run it again")
-        return SegmenterEvaluator(by, self.scene.read(**self.reading))
+        return SegmenterEvaluator(by, self.scene.read(**self.reading), support=self.reading.get("support"))
 
 
 @TASKS.add("segmentation")
@@ -54,7 +54,8 @@ class SegmentationTask(Task):
     truth : true masks: "camera", the camera's mask moved to the images' grids; or "exact", those of simulated data
     transform : camera to radar, by the pose in the "file" or the constants of the "published" evaluation; None: "file"
         for simulated scenes
-    support : height of what the object stands on [m]; None: by the scene's background
+    support : height of what the object stands on [m]: masks, too, leave out what rises no higher; None: unknown to the
+        segmenters, and for prompts on photos by the scene's background
     crop : number of the lowest and of the highest slices of 77 GHz images to leave out; None: as published of the
         published dataset, and none of others
     failures : number of worst masks of each segmenter to plot

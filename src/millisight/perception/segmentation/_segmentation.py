@@ -21,6 +21,7 @@ from millisight.perception import (
     seed_or_generator,
     without_sheets,
 )
+from millisight.perception.segmentation._heights import between
 from millisight.perception.segmentation._volume import extend_mask
 
 Method = Literal["wave", "classical", "sam"]
@@ -198,6 +199,7 @@ def find_mask(
     rng: int | np.random.Generator | None = None,
     condition: Condition | str = "los",
     largest: float | None = None,
+    support: float | None = None,
 ) -> Segmented:
     """Find the object's mask on a picture, by the paper's rules.
 
@@ -215,6 +217,8 @@ def find_mask(
     condition : "nlos" where something is known to cover the scene, else "los": "wave" then also takes off a lid that
         ends within it, and thresholds for drawing are the paper's of that condition
     largest : share of the picture; None: `largest_share`
+    support : height of what the object stands on [m]: parts of the mask whose echo comes from no higher are left out,
+        so that an empty stand is not taken for an object; None: unknown
 
     Raises
     ------
@@ -250,6 +254,10 @@ def find_mask(
         best = _choice(candidates, limit)
         if best is not None:
             inside, score = candidates.masks[best], float(candidates.scores[best])
+            if support is not None and picture.image is not None:
+                support = checked_number(support, name="support", unit="m")
+                image = without_sheets(picture.image, frequency=HIGH_BAND, covered=picture.covered)
+                inside = between(inside, image, support=support)
             return Segmented(picture=picture, inside=inside, prompts=points, score=score)
     advice = "pass rng=0, for example, to try prompts drawn at random" if prompts is None and generator is None else (
         "choose prompts of your own"
@@ -269,6 +277,7 @@ def segment(
     prompts: Prompts | None = ...,
     rng: int | np.random.Generator | None = ...,
     condition: Condition | str = ...,
+    support: float | None = ...,
     volume: Literal[False] = ...,
 ) -> Mask: ...
 
@@ -282,6 +291,7 @@ def segment(
     prompts: Prompts | None = ...,
     rng: int | np.random.Generator | None = ...,
     condition: Condition | str = ...,
+    support: float | None = ...,
     volume: Literal[True],
 ) -> VolumeMask: ...
 
@@ -294,6 +304,7 @@ def segment(
     prompts: Prompts | None = None,
     rng: int | np.random.Generator | None = None,
     condition: Condition | str = "los",
+    support: float | None = None,
     volume: bool = False,
 ) -> Mask | VolumeMask:
     """Segment the object in an image, by the rules of `find_mask` (paper section 6.1).
@@ -308,6 +319,8 @@ def segment(
     rng : seed or generator for random prompts; required where prompts are drawn
     condition : "nlos" where something is known to cover the scene, else "los": "wave" then also takes off a lid that
         ends within it, and thresholds for drawing are the paper's of that condition
+    support : height of what the object stands on [m]: parts of the mask whose echo comes from no higher are left out;
+        None: unknown
     volume : also find the depths of the object, by `extend_mask`
 
     Returns
@@ -326,7 +339,7 @@ def segment(
     by = segmenter(method) if isinstance(method, str) else _checked(method)
     picture = project(image, other_band=other_band)
     other = None if other_band is None else project(other_band)
-    mask = find_mask(by, picture, other=other, prompts=prompts, rng=rng, condition=condition).mask
+    mask = find_mask(by, picture, other=other, prompts=prompts, rng=rng, condition=condition, support=support).mask
     if not volume:
         return mask
     return extend_mask(mask, without_sheets(image, frequency=HIGH_BAND, covered=condition == "nlos"))
