@@ -5,7 +5,8 @@ import pytest
 
 import millisight as ms
 from millisight.core.errors import InputError
-from millisight.perception.segmentation._heights import between
+from millisight.imaging import DetectedSheet, SheetRemoval
+from millisight.perception.segmentation._heights import between, lid_height
 
 X, Z = 0.004 * np.arange(40), -0.37 + 0.01 * np.arange(22)
 SUPPORT, LID = -0.30, -0.20
@@ -52,12 +53,41 @@ def test_heights_are_told_to_millimetres_although_an_echo_is_far_wider(known, ke
 def test_what_has_no_height_is_kept():
     """At 24 GHz an echo is longer than the image is high."""
     every = mask_of(*HEIGHTS)
-    np.testing.assert_array_equal(between(every, image_of(width=1.0), support=SUPPORT, lid=LID), every)
+    np.testing.assert_array_equal(between(every, image_of(width=1.0), support=SUPPORT), every)
+
+
+def test_where_nothing_would_be_left_what_was_taken_for_the_lid_may_be_a_floor():
+    every = mask_of("low", "tall")
+    np.testing.assert_array_equal(between(every, image_of(), lid=SUPPORT), every)
+    assert not between(mask_of("edge"), image_of(), lid=LID, support=SUPPORT).any()
+
+
+def removal_of(image, height):
+    (x0, x1), (y0, y1) = (
+        (axis[part.start], axis[part.stop - 1]) for axis, part in zip((X, X), PIXELS["edge"], strict=True)
+    )
+    sheet = DetectedSheet(
+        height=height, tilt_deg=(0, 0), lower=(x0, y0), upper=(x1, y1), area=0.01, border=0, explained=1, power=0.5
+    )
+    return SheetRemoval(result=image, sheets=(sheet,), left=(), reason="")
+
+
+def test_a_lids_height_is_known_where_the_image_tells_heights():
+    image = image_of()
+    assert lid_height(image, removal_of(image, LID)) == LID
+    assert lid_height(image_of(width=1.0), removal_of(image, LID)) is None
+    assert lid_height(image, SheetRemoval(result=image, sheets=(), left=(), reason="none")) is None
+
+
+def test_grating_lobes_above_a_lid_may_be_brighter_than_it():
+    lid = image_of({"edge": LID - 0.05})
+    brighter = ms.SarImage(grid=lid.grid, values=lid.values + 3 * image_of({"edge": Z[-1]}).values)
+    assert lid_height(brighter, removal_of(brighter, LID - 0.05)) == LID - 0.05
 
 
 def test_an_echo_at_the_images_end_lies_there():
     image = image_of({"tall": Z[-1] + 0.02, "stand": Z[0] - 0.02})
-    assert not between(mask_of("tall"), image, lid=LID).any()
+    assert not between(mask_of("tall"), image, lid=LID, support=SUPPORT).any()
     assert not between(mask_of("stand"), image, support=SUPPORT).any()
 
 

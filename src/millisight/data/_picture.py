@@ -20,6 +20,7 @@ class Picture:
     image : the projected image; None: a photo
     other_band : the same scene at the radar's other frequency, on its own grid, or None
     covered : whether a lid or a cloth is known to lie over the scene
+    support : height of what the objects stand on [m]; None: unknown
     """
 
     rgb: np.ndarray
@@ -28,6 +29,7 @@ class Picture:
     image: SarImage | None = None
     other_band: SarImage | None = None
     covered: bool = False
+    support: float | None = None
 
     def __post_init__(self) -> None:
         rgb = checked_array(self.rgb, name="rgb", shape=("A", "B", 3), dtype=np.uint8)

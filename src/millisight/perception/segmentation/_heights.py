@@ -5,9 +5,11 @@ from typing import Any, cast
 import numpy as np
 
 from millisight.data import SarImage
+from millisight.imaging import SheetRemoval
 
 _CLEARANCE = 0.008  # above its support and below its lid, an object's echo is at least so far away [m]
-_FALLS = 0.5  # to this share of its maximum an echo's power falls within the image, or its height is unknown
+_FALLS, _WITHIN = 0.2, 0.10  # an echo's power falls to this share within so many metres, or its height is unknown
+_SEEN = 0.03  # of a side, that tells whether it does [m]
 
 
 def between(
@@ -16,8 +18,12 @@ def between(
     """The parts of a mask whose echo lies above the support and below the lid.
 
     The height of a part is that of the strongest slice of its power, by a parabola through the logarithms of three. Of
-    one echo it is right to some millimetres, whatever the range resolution. A part whose echo does not fall to half its
-    power within the image, as at 24 GHz, is kept: its height is unknown.
+    one echo it is right to some millimetres, although the echo is as long as the range resolution. A part whose echo
+    does not fall to a fifth of its power within 10 cm, as at 24 GHz, is kept: its height is unknown. Where a lid's
+    height is known, the image tells heights.
+
+    Where the support is unknown and nothing would be left below the lid, what was taken for the lid may be a floor, and
+    all parts are kept.
 
     Parameters
     ----------
@@ -31,23 +37,44 @@ def between(
     """
     from scipy.ndimage import label
 
-    if support is None and lid is None:
+    if (support is None and lid is None) or not inside.any():
         return inside
     parts, count = cast("tuple[np.ndarray, int]", label(inside, structure=np.ones((3, 3))))
-    kept = np.ones(count + 1, dtype=bool)
-    for number in range(1, count + 1):
-        height = _height(np.square(image.magnitude[parts == number], dtype=float).sum(axis=0), image.grid.z)
-        if height is not None:
-            above = support is None or height >= support + _CLEARANCE
-            kept[number] = above and (lid is None or height <= lid - _CLEARANCE)
-    return inside & kept[parts]
+    numbers, power = parts[inside], np.square(image.magnitude[inside], dtype=float)
+    of_parts = np.stack([np.bincount(numbers, weights=one, minlength=count + 1) for one in power.T], axis=1)
+    heights = [None, *(_height(one, image.grid.z, surely=lid is None) for one in of_parts[1:])]
+    high = np.array([support is None or h is None or h >= support + _CLEARANCE for h in heights])
+    low = np.array([lid is None or h is None or h <= lid - _CLEARANCE for h in heights])
+    if support is None and not low[1:].any():
+        return inside
+    return inside & (high & low)[parts]
 
 
-def _height(power: np.ndarray, z: np.ndarray) -> float | None:
-    """Of the maximum of power (Z,) over z [m]; None where it falls too little."""
-    if not power.min() < _FALLS * power.max():
-        return None
+def lid_height(image: SarImage, removal: SheetRemoval[SarImage]) -> float | None:
+    """z of the highest sheet that was taken off an image [m]; None where none was, or its height is unknown.
+
+    It is known where the power falls to a fifth below it, by the median where the sheet is seen. Above it lie its
+    grating lobes, which may be as bright.
+    """
+    heights, z = [], image.grid.z
+    for sheet in removal.sheets:
+        box = sheet.box_on(image.grid.xy)
+        below = (z < sheet.height) & (z >= sheet.height - _WITHIN)
+        if box.any() and below.any() and np.ptp(z[below]) >= _SEEN:
+            power = np.median(np.square(image.magnitude[box], dtype=float), axis=0)
+            if power[below].min() < _FALLS * power[abs(z - sheet.height).argmin()]:
+                heights.append(sheet.height)
+    return max(heights, default=None)
+
+
+def _height(power: np.ndarray, z: np.ndarray, *, surely: bool = True) -> float | None:
+    """Of the maximum of power (Z,) over z [m]; None where it falls too little, and it must be sure."""
     top = int(power.argmax())
+    near = abs(z - z[top]) <= _WITHIN + 1e-9
+    sides = near & (z < z[top]), near & (z > z[top])
+    told = [power[side].min() < _FALLS * power[top] for side in sides if side.any() and np.ptp(z[side]) >= _SEEN]
+    if surely and not (told and all(told)):
+        return None
     if not 0 < top < len(z) - 1:
         return float(z[top])
     below, here, above = np.log(np.maximum(power[top - 1 : top + 2], 1e-30 * power[top]))

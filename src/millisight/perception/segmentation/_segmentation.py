@@ -231,6 +231,8 @@ def find_mask(
     check_known("condition", condition, _CONDITIONS)
     if condition == "nlos":
         picture = replace(picture, covered=True)
+    if support is not None:
+        picture = replace(picture, support=checked_number(support, name="support", unit="m"))
     if picture.power is not None and picture.power.min() == picture.power.max() > 0:
         raise InputError("the picture is equally bright everywhere: there is nothing to segment")
     limit = largest_share(picture) if largest is None else largest
@@ -255,9 +257,8 @@ def find_mask(
         if best is not None:
             inside, score = candidates.masks[best], float(candidates.scores[best])
             if support is not None and picture.image is not None:
-                support = checked_number(support, name="support", unit="m")
                 image = without_sheets(picture.image, frequency=HIGH_BAND, covered=picture.covered)
-                inside = between(inside, image, support=support)
+                inside = between(inside, image, support=picture.support)
             return Segmented(picture=picture, inside=inside, prompts=points, score=score)
     advice = "pass rng=0, for example, to try prompts drawn at random" if prompts is None and generator is None else (
         "choose prompts of your own"

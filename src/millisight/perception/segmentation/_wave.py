@@ -14,7 +14,7 @@ import numpy as np
 
 from millisight.core import check_readable, printable
 from millisight.core.errors import DamagedFileError, FormatError, InputError
-from millisight.data import Picture, Prompts
+from millisight.data import Picture, Prompts, SarImage
 from millisight.perception import (
     FLOOR_DB,
     HIGH_BAND,
@@ -28,9 +28,11 @@ from millisight.perception import (
     read_description,
     resampling_weights,
     run_network,
+    sheets_in,
     taken_db,
     without_sheets,
 )
+from millisight.perception.segmentation._heights import between, lid_height
 from millisight.perception.segmentation._segmentation import SEGMENTERS, Candidates
 
 WAVE_SLICES = 8
@@ -104,6 +106,7 @@ WAVE_WEIGHTS = Path(__file__).with_name("weights") / "wave.onnx"
 
 _STEPS = (0.0, 0.15, -0.15, 0.3)  # from the description's cut: one mask each
 _SMALLEST_PART = 0.1  # of a mask, as a share of its largest part
+_LEAST_AREA = 5e-5  # of what is left of a mask [m²]
 
 
 @SEGMENTERS.add("wave")
@@ -180,6 +183,9 @@ class WaveSegmenter:
     def segment(self, picture: Picture, prompts: Prompts | None = None) -> Candidates:
         """Masks that begin at several probabilities, the one that did best on the validation scenes first.
 
+        Parts that lie no higher than the picture's support are left out, and those that lie no lower than the lid of a
+        scene that is known to be covered: the lid's edges and the grating lobes over it.
+
         Where nothing is found the only mask is empty: the mean of the 16 highest probabilities is less than that of
         99 % of the validation scenes with an object, with the other band and without it.
 
@@ -200,11 +206,32 @@ class WaveSegmenter:
             return Candidates(masks=np.zeros((1, *probability.shape), bool), scores=np.ones(1))
         cut = min(self.description["cut"], 0.9 * float(probability.max()))
         cuts = [cut, *(cut + step for step in _STEPS[1:] if 0.05 < cut + step < probability.max())]
-        masks = np.stack([_without_small_parts(probability > c) for c in cuts])
+        masks = np.stack([_without_small_parts(self._placed(probability > c, picture)) for c in cuts])
+        if not masks[0].any():
+            return Candidates(masks=masks[:1], scores=np.ones(1))
         scores = np.array([_expected_iou(mask, probability) for mask in masks])
         scores[0] = scores.max()
         order = np.argsort(-scores, kind="stable")
         return Candidates(masks=masks[order], scores=scores[order])
+
+    @staticmethod
+    def _placed(inside: np.ndarray, picture: Picture) -> np.ndarray:
+        """(A, B) the parts of a mask that lie where an object may."""
+        image, lid = picture.image, None
+        if image is None:
+            return inside
+        cleaned = without_sheets(image, frequency=HIGH_BAND, covered=picture.covered)
+        if picture.covered and cleaned is not image:
+            lid = lid_height(image, sheets_in(image, frequency=HIGH_BAND, covered=True))
+        kept = between(inside, cleaned, support=picture.support, lid=lid)
+        if kept.sum() < inside.sum() and kept.sum() * _pixel_area(image) < _LEAST_AREA:
+            return np.zeros_like(kept)  # a rest of what was left out
+        return kept
+
+
+def _pixel_area(image: SarImage) -> float:
+    """Of a pixel of an image seen along z [m²]."""
+    return float(np.prod([np.ptp(axis) / max(len(axis) - 1, 1) for axis in (image.grid.x, image.grid.y)]))
 
 
 def _canvas_points(
