@@ -35,6 +35,7 @@ from ._limits import Limits as Limits
 from ._limits import limits_of as limits_of
 from ._locks import alone as alone
 from ._matrix import product as product
+from ._peaks import peak_place as peak_place
 from ._progress import share_of as share_of
 from ._records import Metadata as Metadata
 from ._records import as_array as as_array

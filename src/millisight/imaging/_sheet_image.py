@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from millisight.core import peak_place
 from millisight.data import SarImage
 from millisight.imaging._sheet_fit import Cells, Phase, SheetFit, spline_matrix, spline_values
 from millisight.imaging._sheet_ripples import rippled, spread_on_grid, total_of_grid
@@ -52,7 +53,7 @@ class ImageScene:
 
     def height(self, fit: SheetFit) -> float:
         """z of the strongest echo of a sheet [m], between slices by a parabola."""
-        return _peak(np.abs(fit.profile), self._image.grid.z)
+        return peak_place(np.abs(fit.profile), self._image.grid.z)
 
     def told(self) -> dict[str, float]:
         """`taken_db`: the maximum without the sheets over that with them [dB]."""
@@ -88,14 +89,3 @@ def _summed(values: np.ndarray, size: int) -> np.ndarray:
         some = values[offset::size]
         total[: len(some)] += some
     return total
-
-
-def _peak(strength: np.ndarray, places: np.ndarray) -> float:
-    """Where a sampled curve is highest."""
-    i = int(strength.argmax())
-    if not 0 < i < len(places) - 1:
-        return float(places[i])
-    before, top, after = strength[i - 1 : i + 2]
-    bend = before - 2 * top + after
-    shift = 0.5 * (before - after) / bend if bend < 0 else 0.0
-    return float(places[i] + shift * (places[i + 1] - places[i - 1]) / 2)

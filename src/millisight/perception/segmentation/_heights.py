@@ -1,9 +1,10 @@
 """How high the parts of a mask lie, by which an object is told from what it stands on and from the lid over it."""
 
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 
+from millisight.core import peak_place
 from millisight.data import SarImage
 from millisight.imaging import SheetRemoval
 
@@ -75,8 +76,4 @@ def _height(power: np.ndarray, z: np.ndarray, *, surely: bool = True) -> float |
     told = [power[side].min() < _FALLS * power[top] for side in sides if side.any() and np.ptp(z[side]) >= _SEEN]
     if surely and not (told and all(told)):
         return None
-    if not 0 < top < len(z) - 1:
-        return float(z[top])
-    below, here, above = np.log(np.maximum(power[top - 1 : top + 2], 1e-30 * power[top]))
-    bend: Any = below - 2 * here + above
-    return float(z[top] + (0.5 * (below - above) / bend if bend < 0 else 0.0) * (z[top + 1] - z[top]))
+    return peak_place(np.log(np.maximum(power, 1e-30 * power[top])), z)

@@ -206,7 +206,7 @@ class WaveSegmenter:
             return Candidates(masks=np.zeros((1, *probability.shape), bool), scores=np.ones(1))
         cut = min(self.description["cut"], 0.9 * float(probability.max()))
         cuts = [cut, *(cut + step for step in _STEPS[1:] if 0.05 < cut + step < probability.max())]
-        masks = np.stack([_without_small_parts(self._placed(probability > c, picture)) for c in cuts])
+        masks = np.stack([_without_small_parts(mask) for mask in _placed([probability > c for c in cuts], picture)])
         if not masks[0].any():
             return Candidates(masks=masks[:1], scores=np.ones(1))
         scores = np.array([_expected_iou(mask, probability) for mask in masks])
@@ -214,19 +214,21 @@ class WaveSegmenter:
         order = np.argsort(-scores, kind="stable")
         return Candidates(masks=masks[order], scores=scores[order])
 
-    @staticmethod
-    def _placed(inside: np.ndarray, picture: Picture) -> np.ndarray:
-        """(A, B) the parts of a mask that lie where an object may."""
-        image, lid = picture.image, None
-        if image is None:
-            return inside
-        cleaned = without_sheets(image, frequency=HIGH_BAND, covered=picture.covered)
-        if picture.covered and cleaned is not image:
-            lid = lid_height(image, sheets_in(image, frequency=HIGH_BAND, covered=True))
-        kept = between(inside, cleaned, support=picture.support, lid=lid)
-        if kept.sum() < inside.sum() and kept.sum() * _pixel_area(image) < _LEAST_AREA:
-            return np.zeros_like(kept)  # a rest of what was left out
-        return kept
+
+def _placed(masks: Sequence[np.ndarray], picture: Picture) -> list[np.ndarray]:
+    """The parts of masks (A, B) that lie where an object may."""
+    image, lid = picture.image, None
+    if image is None:
+        return list(masks)
+    cleaned = without_sheets(image, frequency=HIGH_BAND, covered=picture.covered)
+    if picture.covered and cleaned is not image:
+        lid = lid_height(image, sheets_in(image, frequency=HIGH_BAND, covered=True))
+    kept = [between(mask, cleaned, support=picture.support, lid=lid) for mask in masks]
+    rests = [
+        some.sum() < mask.sum() and some.sum() * _pixel_area(image) < _LEAST_AREA
+        for some, mask in zip(kept, masks, strict=True)
+    ]
+    return [np.zeros_like(some) if rest else some for some, rest in zip(kept, rests, strict=True)]
 
 
 def _pixel_area(image: SarImage) -> float:
