@@ -148,7 +148,7 @@ def _check_tree(file: Any, name: str, size: int) -> None:
 
     limits = limits_of(size)
     seen, groups = {h5o.get_info(file.id).addr}, [(file, 0)]
-    left = size - _text_bytes(file, name, size)
+    left = size - _text_bytes(file, f"{name} is damaged at /", size)
     while groups:
         group, depth = groups.pop()
         for key in group:
