@@ -102,7 +102,7 @@ layers: setup
 	$(BIN)/lint-imports
 
 docs: setup
-	$(BIN)/python -m sphinx --quiet --fresh-env --fail-on-warning --keep-going -d build/docs/doctrees docs build/docs/html
+	$(BIN)/python -m sphinx --jobs $(WORKERS) --quiet --fresh-env --fail-on-warning --keep-going -d build/docs/doctrees docs build/docs/html
 
 bench: setup
 	$(BIN)/python -m pytest benchmarks --benchmark-disable-gc --benchmark-columns=median,iqr,rounds -q -s $(TESTS)

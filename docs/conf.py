@@ -40,9 +40,9 @@ myst_enable_extensions = ["dollarmath", "colon_fence"]
 myst_heading_anchors = 4
 html_math_renderer = "mathml"
 
-# Every notebook runs, in an empty folder. A cell that raises, or says something on stderr, is a warning with its text,
-# and so fails the build.
-nb_execution_mode = "force"
+# Every notebook runs, in an empty folder: before the pages are read, into a cache that is emptied first (see _ext). A
+# cell that raises, or says something on stderr, is a warning with its text, and so fails the build.
+nb_execution_mode = "cache"
 nb_execution_in_temp = True
 nb_execution_timeout = 600  # seconds for a cell: the machine may be busy with other things
 nb_execution_show_tb = True

@@ -1,4 +1,4 @@
-"""The tutorials: notebooks kept without outputs, run while the site is built, and offered for download.
+"""The tutorials: notebooks kept without outputs, run before the site is built, and offered for download.
 
     python docs/_ext/notebooks.py docs/tutorials/*.ipynb
 
@@ -7,8 +7,11 @@ takes outputs, counts and whatever an editor has noted out of notebooks, before 
 
 import json
 import logging
+import shutil
 import sys
+import tempfile
 from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -46,6 +49,42 @@ def _offered(app: Any, page: str, text: list[str]) -> None:
         text[0] = json.dumps(notebook)
 
 
+def _run_ahead(app: Any, _env: Any, pages: list[str]) -> None:
+    """Run the notebooks side by side, as many as `--jobs`, into the cache where MyST-NB looks for what they give.
+
+    By itself it runs one after another. What earlier builds left in the cache is thrown away, for the package may have
+    changed. One that fails is not kept: MyST-NB runs it again, and tells of it.
+    """
+    from jupyter_cache import get_cache
+    from jupyter_cache.base import CacheBundleIn
+    from nbformat import from_dict
+
+    folder = app.env.mystnb_config.execution_cache_path
+    shutil.rmtree(folder, ignore_errors=True)
+    paths = [path for page in pages if (path := Path(app.env.doc2path(page))).suffix == ".ipynb"]
+    # The longest first, so that none of them is left alone at the end.
+    paths.sort(key=lambda path: not path.name.startswith(("01", "04", "07")))
+    cache = get_cache(folder)
+    with ProcessPoolExecutor(max_workers=app.parallel) as pool:
+        running = {pool.submit(_executed, path, app.config.nb_execution_timeout): path for path in paths}
+        for done in as_completed(running):
+            notebook, seconds = done.result()
+            if notebook is not None:
+                bundle = CacheBundleIn(from_dict(notebook), str(running[done]), data={"execution_seconds": seconds})
+                cache.cache_notebook_bundle(bundle, check_validity=False)
+
+
+def _executed(path: Path, timeout: int) -> tuple[dict[str, Any] | None, float]:
+    """A notebook with its outputs, run as MyST-NB would, and the seconds that it took; None if a cell failed."""
+    import nbformat
+    from jupyter_cache.executors.utils import single_nb_execution
+
+    notebook = nbformat.read(path, as_version=4)
+    with tempfile.TemporaryDirectory() as place:
+        result = single_nb_execution(notebook, cwd=place, timeout=timeout, allow_errors=False)
+    return (None if result.err else dict(notebook)), result.time
+
+
 def setup(app: Any) -> dict[str, bool]:
     from jupyter_client.manager import KernelManager
 
@@ -53,6 +92,7 @@ def setup(app: Any) -> dict[str, bool]:
     with suppress(AttributeError):  # older versions neither encrypt nor warn
         KernelManager.transport_encryption.default_value = "auto"
     logging.getLogger("traitlets").setLevel(logging.WARNING)  # which says on stderr that a notebook begins
+    app.connect("env-before-read-docs", _run_ahead)
     app.connect("source-read", _offered)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
 

@@ -1,14 +1,18 @@
 """What HDF5 files may hold, sealed or not: one tree of numbers, whose bytes lie in the file."""
 
 import os
+import re
+import resource
 import time
+from contextlib import contextmanager
+from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 
 import millisight as ms
-from helpers.forging import forge
+from helpers.forging import forge, patch
 from helpers.small_records import same, small_capture
 from millisight.core import limits_of
 from millisight.core.errors import DamagedFileError, FileError, FormatError
@@ -66,6 +70,33 @@ def itself(file):
     file["loop"] = file["/"]
 
 
+def around(file):
+    file["a"] = h5py.SoftLink("/b")
+    file["b"] = h5py.SoftLink("/a")
+
+
+def reference(file):
+    file.create_dataset("reference", data=file["times"].ref, dtype=h5py.ref_dtype)
+
+
+def deep(file):
+    file.create_group("/".join("x" * 2000))
+
+
+def many_texts(file):
+    file.attrs.create("format", ["a", "b"], dtype=h5py.string_dtype())
+
+
+def sequences(file):
+    one = np.empty(1, dtype=object)
+    one[0] = np.arange(3)
+    file["times"].attrs.create("unit", one, dtype=h5py.vlen_dtype(np.int64))
+
+
+def long_list(file):
+    file["times"].attrs["unit"] = np.zeros(8000)
+
+
 def packed(file):
     values = file["times"][...]
     del file["times"]
@@ -89,6 +120,11 @@ def named_type(file):
         (twice, "linked twice"),
         (itself, "loop: linked twice"),
         (packed, "times: compressed"),
+        (around, "[ab]: a link that may lead elsewhere"),
+        (reference, "reference: of the type object; expected numbers"),
+        (deep, "linked twice, too deep, or one of too many"),
+        (sequences, "times: unit is neither a number nor a text"),
+        (long_list, "times: unit is neither a number nor a text"),
         (words, "words: of the type object; expected numbers"),
         (named_type, "kind: neither a group nor an array"),
     ],
@@ -105,6 +141,105 @@ def test_no_file_leads_out_of_itself(saved, change, message, sealed, monkeypatch
     for read in (ms.load, load_extras, provenance):
         with pytest.raises(DamagedFileError, match=rf"t\.h5 is damaged at .*{message}"):
             read(saved)
+
+
+def test_a_link_of_a_kind_that_nobody_knows_is_refused(saved):
+    forge(saved, linked)
+
+    def change(data):
+        place = data.index(b"\x01\x08\x40\x05times")  # a link's message; its third byte is the kind, 64: external
+        data[place + 2] = 77
+
+    patch(saved, change)
+    with pytest.raises(DamagedFileError, match=r"t\.h5 is damaged"):
+        ms.load(saved)
+
+
+def one_attribute(file):
+    """Texts of one attribute, each of a length of its own."""
+    del file.attrs["format"]
+    file.attrs.create("format", ["x" * length for length in LENGTHS], dtype=h5py.string_dtype())
+
+
+def many_attributes(file):
+    for i, length in enumerate(LENGTHS):
+        file.create_group(f"g{i}").attrs["record"] = "x" * length
+
+
+LENGTHS = (500_000, *range(1000, 1300))
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "message"),
+    [
+        (one_attribute, FormatError, "not written by millisight"),
+        (many_attributes, DamagedFileError, "texts that share their bytes"),
+    ],
+)
+def test_texts_that_name_one_text_many_times_are_not_read(saved, change, error, message):
+    """With 3 500 names a file of 1 MB took 6 GB and half a minute."""
+    forge(saved, change)
+
+    def reference(data, length):
+        """Where the reference to a text lies: its length (4 bytes), its heap's place (8), its number there (4)."""
+        for found in re.finditer(re.escape(length.to_bytes(4, "little")), data):
+            heap = int.from_bytes(data[found.end() : found.end() + 8], "little")
+            if data[heap : heap + 4] == b"GCOL":
+                return found.start()
+        raise LookupError(length)
+
+    def share(data):
+        one = reference(data, LENGTHS[0])
+        for length in LENGTHS[1:]:
+            place = reference(data, length)
+            data[place : place + 16] = data[one : one + 16]
+
+    patch(saved, share)
+    with h5py.File(saved, "r") as file:
+        held = file.attrs["format"][-1] if change is one_attribute else file["g300"].attrs["record"]
+        assert len(held) == LENGTHS[0]
+    assert saved.stat().st_size < 2_000_000
+    with memory_below(100), pytest.raises(error, match=message):
+        ms.load(saved)
+
+
+def test_arrays_that_share_their_bytes_are_refused(saved):
+    """Hundreds of arrays could be the same bytes of the file, and would be read hundreds of times."""
+
+    def change(file):
+        for i in range(300):
+            file[f"extras/e{i}"] = np.arange(10_000.0) if not i else np.zeros(1)
+
+    forge(saved, change)
+    with h5py.File(saved, "r") as file:
+        places = [file[f"extras/e{i}"].id.get_offset() for i in range(300)]
+
+    def share(data):
+        for place in places[1:]:
+            # Place and size of the array's values; then how many there are, and how many there may be.
+            at = data.index(place.to_bytes(8, "little") + (8).to_bytes(8, "little"))
+            data[at : at + 16] = places[0].to_bytes(8, "little") + (80_000).to_bytes(8, "little")
+            space = data.rindex(b"\x01\x01\x01\0" + bytes(4) + (1).to_bytes(8, "little") * 2, 0, at)
+            data[space + 8 : space + 24] = (10_000).to_bytes(8, "little") * 2
+
+    patch(saved, share)
+    with h5py.File(saved, "r") as file:
+        assert file["extras/e7"][-1] == 9999
+    for read in (ms.load, load_extras, provenance):
+        with pytest.raises(DamagedFileError, match="its bytes are another array's, too"):
+            read(saved)
+
+
+@contextmanager
+def memory_below(megabytes):
+    """Within the block this process may not grow by more."""
+    used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    resource.setrlimit(resource.RLIMIT_AS, (used + megabytes * 1_000_000, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, before)
 
 
 def test_a_virtual_array_is_refused(tmp_path, monkeypatch):

@@ -4,6 +4,7 @@ Everything is typed as printed, in fresh folders, and judged by what its picture
 """
 
 import json
+import os
 import re
 import shutil
 
@@ -65,6 +66,7 @@ def test_the_readme_from_top_to_bottom(tmp_path, miniature, monkeypatch):
     pytest.importorskip("onnxruntime", reason='needs onnxruntime: pip install "millisight[perception]"')
     pytest.importorskip("huggingface_hub", reason='needs huggingface_hub: pip install "millisight[hub]"')
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0}, raising=False)  # one process: no others to be started
     write_mesh("mug.stl")
     write_recording("adc_data.bin")
     write_scan(tmp_path / "raw", tmp_path / "my_scan.toml")

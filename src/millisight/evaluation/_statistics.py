@@ -108,7 +108,7 @@ def bootstrap_interval(
         raise InputError(f"bootstrap_interval got values of shape {array.shape}; expected at least one")
     edge = (1 - _checked(level)) / 2
     picks = np.random.default_rng(rng).integers(0, len(array), size=(draws, len(array)))
-    if statistic is np.mean or statistic is np.median:
+    if statistic in (np.mean, np.median) or getattr(statistic, "func", None) is np.quantile:
         # Of many draws at once, which gives the same digits.
         of_rows: Any = statistic
         blocks = np.array_split(picks, min(draws, 1 + array.size * draws // _BLOCK))

@@ -15,7 +15,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from millisight.core import Limits, check_readable, limits_of, printable
+from millisight.core import check_readable, limits_of, printable
 from millisight.core.errors import DamagedFileError, FileError, FormatError
 from millisight.io._children import child, failure
 from millisight.io._seal import seal_holds
@@ -101,8 +101,8 @@ def judge(file: Any, path: Path, *, sealed: bool) -> None:
     """
     name = printable(path)
     try:
-        ours = str(plain(file.attrs.get("format"))) == "millisight"
-        version = int(file.attrs.get("schema_version", 0))
+        ours = str(_root_attribute(file, "format", "")) == "millisight"
+        version = int(_root_attribute(file, "schema_version", 0))
     except (OSError, RuntimeError, KeyError, TypeError, ValueError) as error:
         raise DamagedFileError(f"{name} is damaged: {reason(error)}; make or copy it again") from error
     if not ours:
@@ -116,19 +116,39 @@ def judge(file: Any, path: Path, *, sealed: bool) -> None:
             f"{name} has no checksum: it is damaged, or another program changed it; make or copy it again"
         )
     try:
-        _check_tree(file, name, limits_of(path.stat().st_size))
+        _check_tree(file, name, path.stat().st_size)
     except FileError:
         raise
     except (OSError, RuntimeError, LookupError, TypeError, ValueError) as error:
         raise DamagedFileError(f"{name} is damaged: {reason(error)}; make or copy it again") from error
 
 
-def _check_tree(file: Any, name: str, limits: Limits) -> None:
-    """Raise unless the file holds groups and arrays of numbers alone, each linked once, and all their bytes."""
+def _root_attribute(file: Any, name: str, otherwise: Any) -> Any:
+    """An attribute of the file, read only where it is one number or text."""
+    if name not in file.attrs or not _is_single(file.attrs.get_id(name)):
+        return otherwise
+    return plain(file.attrs[name])
+
+
+def _is_single(attribute: Any) -> bool:
+    """Whether an attribute is one number or one text: an array of texts may name one text a thousand times."""
+    import h5py
+
+    kind = attribute.dtype
+    return attribute.shape == () and (kind.kind in "biufcSU" or h5py.check_string_dtype(kind) is not None)
+
+
+def _check_tree(file: Any, name: str, size: int) -> None:
+    """Raise unless the file holds groups and arrays of numbers alone, each linked once, and all their bytes.
+
+    Nothing is compressed, so arrays and texts that are larger than the file together share bytes.
+    """
     import h5py
     from h5py import h5o  # pyright: ignore[reportAttributeAccessIssue]
 
+    limits = limits_of(size)
     seen, groups = {h5o.get_info(file.id).addr}, [(file, 0)]
+    left = size - _text_bytes(file, f"{name} is damaged at /", size)
     while groups:
         group, depth = groups.pop()
         for key in group:
@@ -141,13 +161,38 @@ def _check_tree(file: Any, name: str, limits: Limits) -> None:
             if address in seen or len(seen) > limits.items or depth > limits.depth:
                 raise DamagedFileError(f"{place}: linked twice, too deep, or one of too many; make it again")
             seen.add(address)
+            left -= _text_bytes(item, place, left)
             if isinstance(item, h5py.Group):
                 groups.append((item, depth + 1))
             elif isinstance(item, h5py.Dataset):
                 if problem := _problem(item, h5py.h5z.FILTER_FLETCHER32):
                     raise DamagedFileError(f"{place}: {problem}; make or copy it again")
+                left -= math.prod(item.shape) * item.dtype.itemsize
+                if left < 0:
+                    raise DamagedFileError(f"{place}: its bytes are another array's, too; make it again")
             else:
                 raise DamagedFileError(f"{place}: neither a group nor an array; make it again")
+
+
+def _text_bytes(item: Any, place: str, most: int) -> int:
+    """Bytes of all texts in a group's or an array's attributes, which are single numbers and texts.
+
+    Raises
+    ------
+    DamagedFileError
+        They are none, or more than `most`.
+    """
+    found = 0
+    for key in item.attrs:
+        attribute = item.attrs.get_id(key)
+        if not _is_single(attribute):
+            raise DamagedFileError(f"{place}: {printable(key[:80])} is neither a number nor a text; make it again")
+        if attribute.dtype.kind == "O":
+            held = item.attrs[key]
+            found += len(held.encode(errors="replace") if isinstance(held, str) else held)
+            if found > most:
+                raise DamagedFileError(f"{place}: texts that share their bytes; make it again")
+    return found
 
 
 def _problem(dataset: Any, checksum: int) -> str:

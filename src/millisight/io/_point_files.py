@@ -165,4 +165,5 @@ def _vertices(path: Path, head: bytes, body: bytes) -> dict[str, np.ndarray]:
     if len(body) < count * dtype.itemsize:
         raise FormatError(short)
     found = np.frombuffer(body, dtype=dtype, count=count)
-    return {name: found[f"{i}"].astype(float) for i, name in enumerate(names)}
+    with np.errstate(invalid="ignore"):  # signalling NaNs, of which NumPy warns
+        return {name: found[f"{i}"].astype(float) for i, name in enumerate(names)}
