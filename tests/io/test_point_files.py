@@ -1,5 +1,7 @@
 """Point clouds with normals, to files and back."""
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -23,6 +25,19 @@ def test_what_was_written_is_read(tmp_path, binary):
         np.testing.assert_allclose(getattr(found, name), getattr(CLOUD, name), rtol=1e-6)
     assert np.array_equal(found.points, CLOUD.points)
     assert holds_points(tmp_path / "cloud.ply")
+
+
+def test_a_signalling_nan_is_refused_without_a_warning(tmp_path):
+    path = tmp_path / "cloud.ply"
+    ms.write_point_cloud(path, CLOUD)
+    content = path.read_bytes()
+    two = np.float32(2.0).tobytes()  # the magnitude of the second point
+    assert content.count(two) == 1
+    path.write_bytes(content.replace(two, np.uint32(0x7FA00001).tobytes()))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(InputError, match="magnitude"):
+            ms.read_point_cloud(path)
 
 
 def test_trimesh_reads_it_as_well(tmp_path):
