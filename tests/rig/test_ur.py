@@ -143,7 +143,7 @@ def test_a_thousand_random_plans_never_leave_the_workspace(monkeypatch):
 
 
 def state_of(controller, arm):
-    state = controller.state()
+    state = controller.state(controller.now)
     return SimpleNamespace(
         **state, pose=np.array(state["actual_TCP_pose"]), register=controller.registers.get(arm.settings.register, 0)
     )

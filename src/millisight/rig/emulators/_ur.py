@@ -4,7 +4,6 @@ import re
 import socket
 import struct
 import threading
-import time
 from contextlib import suppress
 
 import numpy as np
@@ -84,14 +83,18 @@ class UrController:
         self.running = False
         self.arm.stop()
 
-    def state(self) -> dict[str, object]:
-        """The values of RTDE's outputs now."""
-        now = self._time.now
-        place = self.arm.told(max(0.0, now - self._latency))
+    @property
+    def now(self) -> float:
+        """Its clock [s]."""
+        return self._time.now
+
+    def state(self, time: float) -> dict[str, object]:
+        """The values of RTDE's outputs: modes as they are now, the pose at a `time` [s] that is over."""
+        place = self.arm.told(max(0.0, time - self._latency))
         still = (0.0,) * 6
         pose = (*place, *self._turned)
         return {
-            "timestamp": now, "actual_TCP_pose": pose, "target_TCP_pose": pose, "robot_mode": self.robot_mode,
+            "timestamp": time, "actual_TCP_pose": pose, "target_TCP_pose": pose, "robot_mode": self.robot_mode,
             "safety_mode": self.safety_mode, "runtime_state": wire.PLAYING if self.running else wire.STOPPED,
             "actual_q": still, "actual_qd": still, "actual_TCP_speed": still, "actual_TCP_force": still,
             "speed_scaling": 1.0, "target_speed_fraction": 1.0, "robot_status_bits": 1, "safety_status_bits": 1,
@@ -204,7 +207,8 @@ class UrEmulator:
         outputs: list[str] = []
         period, due, started = 0.008, 0.0, False
         while not self._closing:
-            connection.settimeout(max(0.0005, min(_POLL, due - time.monotonic())) if started else _POLL)
+            left = due - self.controller.now
+            connection.settimeout(max(0.0005, min(_POLL, left)) if started and not self.silent else _POLL)
             try:
                 came = connection.recv(4096)
                 if not came:
@@ -225,18 +229,20 @@ class UrEmulator:
                 elif package.kind == wire.GET_CONTROLLER_VERSION:
                     self._send(connection, package.kind, struct.pack(">4I", *_VERSION))
                 elif package.kind in (wire.START, wire.PAUSE):
-                    started, due = package.kind == wire.START, time.monotonic()
+                    started, due = package.kind == wire.START, self.controller.now
                     self._send(connection, package.kind, b"\1")
-            now = time.monotonic()
-            if started and not self.silent and now >= due:
-                due = max(due + period, now - 4 * period)
-                self._send(connection, wire.DATA, self._values(outputs))
+            # A controller keeps its pace whatever else this computer does: what is late is told as it was when due.
+            while started and not self.silent and due <= self.controller.now:
+                self._send(connection, wire.DATA, self._values(outputs, due))
+                due += period
+            if self.silent:
+                due = self.controller.now
 
     def _send(self, connection: socket.socket, kind: int, payload: bytes) -> None:
         connection.sendall(wire.packed(kind, payload))
 
-    def _values(self, outputs: list[str]) -> bytes:
-        state, values = self.controller.state(), []
+    def _values(self, outputs: list[str], time: float) -> bytes:
+        state, values = self.controller.state(time), []
         for name in outputs:
             value = self.controller.registers.get(_register(name), 0) if _register(name) >= 0 else state[name]
             values += value if isinstance(value, tuple) else [value]
