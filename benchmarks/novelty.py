@@ -1,8 +1,8 @@
 """How well the classifier tells what it knows from what it does not: AUROC of the novelty, and sure answers.
 
-    python benchmarks/novelty.py DATASET [DATASET ...] --odd DATASET --sparse DATASET [-o novelty.md]
+    python benchmarks/novelty.py DATASET [DATASET ...] --odd DATASET --newer DATASET --sparse DATASET [-o novelty.md]
 
-DATASETs hold whole scenes of objects of its classes, and empty cartons; `odd` and `sparse` are made as
+DATASETs hold whole scenes of objects of its classes, and empty cartons; `odd`, `newer` and `sparse` are made as
 benchmarks/odd_shapes.py says. Masks are those of `wave`, as of a user's; lids are scenes of a shut carton, of which the
 mask is all of the lid.
 """
@@ -95,6 +95,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("datasets", nargs="+", type=Path)
     parser.add_argument("--odd", type=Path)
+    parser.add_argument("--newer", type=Path)
     parser.add_argument("--sparse", type=Path)
     parser.add_argument("-o", "--output", type=Path)
     options = parser.parse_args()
@@ -107,7 +108,8 @@ def main() -> None:
                 answers.add("a lid", scene, lid)
         for scene in scenes_of(root, empty=True):
             answers.add("an empty carton", scene)
-    for kind, root in (("shapes of no class", options.odd), ("sparse scans", options.sparse)):
+    further = {"shapes of no class": options.odd, "newer ones": options.newer, "sparse scans": options.sparse}
+    for kind, root in further.items():
         for scene in scenes_of(root, empty=False) if root else ():
             answers.add(kind, scene)
     text = table(answers, classifier().description["novelty"]["limit"])

@@ -63,6 +63,16 @@ def test_classes_are_the_papers_four_without_what_is_left_out():
     assert (drawn["any_can"].poses, drawn["any_can"].stretch) == (7, 0)
 
 
+def test_odd_shapes_are_further_scenes_of_the_class_other():
+    recipe = ClassifierRecipe(classes={"sphere": ("apple", "plum"), "other": ("bowl",)}, drawn=2, odd=12)
+    assert set(recipe.scene_settings("sphere")) == {"apple", "plum", "any_sphere"}
+    odd = recipe.scene_settings("other")
+    assert (odd["any_other"].poses, odd["any_odd"].poses, odd["any_odd"].stretch) == (2, 12, 0)
+    requests = [one for one in recipe.scene_requests() if one.name == "any_odd"]
+    assert {one.label for one in requests} == {1}
+    assert sum(one.side == "validation" for one in requests) == 2
+
+
 @pytest.mark.parametrize(
     ("wrong", "kind", "told"),
     [
@@ -77,6 +87,8 @@ def test_classes_are_the_papers_four_without_what_is_left_out():
         ({"network": "large"}, UnknownNameError, "large"),
         ({"scenes": 0}, InputError, "scenes is 0"),
         ({"drawn": -1}, InputError, "drawn is -1"),
+        ({"odd": -1}, InputError, "odd is -1"),
+        ({"odd": 1}, InputError, "odd is 1, and odd shapes are of the class 'other', which classes lacks; add it"),
         ({"classes": {"cube": ("dice",), "sphere": ("plum",)}, "drawn": 1}, InputError, "'cube' is none"),
     ],
 )

@@ -13,6 +13,7 @@ from ._rays import LIFT as LIFT
 from ._rays import RayCaster as RayCaster
 from ._scenes import scene_from_mesh as scene_from_mesh
 from ._shape_classes import NO_SHAPE_CLASS as NO_SHAPE_CLASS
+from ._shape_classes import ODD as ODD
 from ._shape_classes import PAPER_CLASSES as PAPER_CLASSES
 from ._shape_classes import PUBLISHED_CLASSES as PUBLISHED_CLASSES
 from ._shape_classes import RANDOM_SHAPES as RANDOM_SHAPES

@@ -13,6 +13,7 @@ import numpy as np
 
 from millisight.core import check_known
 from millisight.data import TriangleMesh
+from millisight.meshes._odd_shapes import odd_shape
 from millisight.meshes._shapes import (
     FLAT,
     body,
@@ -42,7 +43,7 @@ _NEARLY_A_CUBE = 0.25  # of the boxes
 
 
 def random_shape(shape_class: str, rng: np.random.Generator) -> TriangleMesh:
-    """A shape of a class of `PUBLISHED_CLASSES`, as it would lie on a table; its middle at the origin.
+    """A shape of a class of `PUBLISHED_CLASSES`, or an "odd" one, as it would lie on a table; its middle at the origin.
 
     Raises
     ------
@@ -254,6 +255,9 @@ _OTHERS = (_bottle, _dish, _ring, _parts)
 
 NO_SHAPE_CLASS = "other"
 
+ODD = "odd"
+"""Shapes of no class as well, by rules of their own: angles, arms, steps, figures."""
+
 RANDOM_SHAPES: dict[str, Callable[[np.random.Generator], "Manifold"]] = {
     "can": _can,
     "handle": _tool,
@@ -262,13 +266,14 @@ RANDOM_SHAPES: dict[str, Callable[[np.random.Generator], "Manifold"]] = {
     "cup": _cup,
     "clamp": _clamp,
     NO_SHAPE_CLASS: _other,
+    ODD: odd_shape,
 }
-"""What draws each class."""
+"""What draws each class, and odd shapes."""
 
 PAPER_CLASSES: tuple[str, ...] = ("can", "handle", "box", "sphere")
 """That the paper's classifier tells apart."""
 
-PUBLISHED_CLASSES: tuple[str, ...] = tuple(RANDOM_SHAPES)
+PUBLISHED_CLASSES: tuple[str, ...] = tuple(name for name in RANDOM_SHAPES if name != ODD)
 """Of the published dataset; "other" is its unnamed class."""
 
 SHAPE_CLASSES: tuple[str, ...] = (*PAPER_CLASSES, NO_SHAPE_CLASS)

@@ -10,7 +10,7 @@ import numpy as np
 
 from millisight.core import check_known, checked_integer, checked_number, checked_record, printable, put, record
 from millisight.core.errors import InputError, UnknownNameError
-from millisight.meshes import CATALOGUE, PAPER_CLASSES, object_name
+from millisight.meshes import CATALOGUE, NO_SHAPE_CLASS, ODD, PAPER_CLASSES, PUBLISHED_CLASSES, object_name
 from millisight.perception.classification import (
     CLASSIFIER_CHANNELS,
     CLASSIFIER_SIDE,
@@ -36,10 +36,7 @@ from millisight.perception.training._classifier_examples import (
     held_example,
 )
 from millisight.perception.training._loop import Schedule, run
-from millisight.perception.training._scenes import (
-    RANDOM_OBJECTS,
-    SceneSettings,
-)
+from millisight.perception.training._scenes import RANDOM_OBJECTS, SceneSettings
 from millisight.perception.training._sources import meshes_in, simulations_in
 from millisight.perception.training._training import RECIPES, SceneRequest, TrainingScene, TrainingScenes, held_back
 from millisight.perception.training._whole import ECHOES, WholeSettings
@@ -79,6 +76,7 @@ class ClassifierRecipe:
     scenes : of each class; its objects share them evenly. Every sixth of an object's is for validation. 0: none, only
         those of a dataset
     drawn : of each class besides, scenes of shapes drawn at random (`meshes.random_shape`), every sixth for validation
+    odd : of the class "other" besides, scenes of odd shapes drawn at random, every sixth for validation
     vertices, positions, widest, meshes, published : of the scenes, see SceneSettings; `classes` may name meshes of the
         folder, and objects of the dataset, of whose simulated images every sixth of a class is for validation
     stretch : of the scenes of each class, see SceneSettings; 0.25 of those that are not named
@@ -103,6 +101,7 @@ class ClassifierRecipe:
     tests: tuple[str, ...] = ()
     scenes: int = 96
     drawn: int = 0
+    odd: int = 0
     vertices: int = 3000
     positions: int = 6000
     widest: float = 0.32
@@ -137,6 +136,7 @@ class ClassifierRecipe:
             classes=own,
             scenes=checked_integer(self.scenes, name="scenes", minimum=0 if self.published else 1),
             drawn=checked_integer(self.drawn, name="drawn", minimum=0),
+            odd=checked_integer(self.odd, name="odd", minimum=0),
             stretch={
                 str(shape): checked_number(value, name=f"stretch of {shape}", minimum=0)
                 for shape, value in self.stretch.items()
@@ -148,11 +148,15 @@ class ClassifierRecipe:
         )
         _check_classes(self.objects, self.drawn)
         for shape in self.objects if self.drawn else ():
-            if shape not in _RANDOM:
+            if shape not in PUBLISHED_CLASSES:
                 raise InputError(
                     f"drawn is {self.drawn}, and {shape!r} is none of the classes whose shapes can be drawn at random, "
-                    f"{', '.join(_RANDOM)}; name these only, or set drawn to 0"
+                    f"{', '.join(PUBLISHED_CLASSES)}; name these only, or set drawn to 0"
                 )
+        if self.odd and NO_SHAPE_CLASS not in self.objects:
+            raise InputError(
+                f"odd is {self.odd}, and odd shapes are of the class {NO_SHAPE_CLASS!r}, which classes lacks; add it"
+            )
         for shape in self.stretch:
             check_known("class", shape, self.objects)
         for shape in self.objects:
@@ -190,6 +194,8 @@ class ClassifierRecipe:
         made = dict.fromkeys(objects, every)
         if self.drawn:
             made[_RANDOM[shape]] = dataclasses.replace(every, poses=self.drawn, stretch=0.0)
+        if self.odd and shape == NO_SHAPE_CLASS:
+            made[_RANDOM[ODD]] = dataclasses.replace(every, poses=self.odd, stretch=0.0)
         return made
 
     def scene_requests(self) -> list[SceneRequest]:

@@ -43,7 +43,7 @@ _TALLEST = 0.13  # object that is stood on another side [m]
 _UNSEEN = Material(name="unseen", reflection=1e-9)  # what shadows and does not answer
 
 RANDOM_OBJECTS = {f"any_{shape_class}": shape_class for shape_class in RANDOM_SHAPES}
-"""Names that scenes take for an object's, and the class of the shapes that they show: each scene another."""
+"""Names that scenes take for an object's, and the class of the shapes that they show, or "odd": each scene another."""
 
 
 @record

@@ -12,6 +12,7 @@ import numpy as np
 
 from millisight.core import checked_integer, checked_record, put, record
 from millisight.core.errors import InputError
+from millisight.meshes import PUBLISHED_CLASSES
 from millisight.perception import FLOOR_DB, SPACING, power_levels
 from millisight.perception.segmentation import WAVE_CHANNELS, WAVE_SLICES, presence, wave_input
 from millisight.perception.training import _augmentation as augmentation
@@ -50,7 +51,7 @@ class SegmenterRecipe:
     name : of the weights
     about : for the weights' description
     scenes, whole, schedule : see there; the schedule's seed is that of everything
-    drawn : of each class of `RANDOM_SHAPES`, simulated shapes drawn at random, every sixth for validation
+    drawn : of each class of `PUBLISHED_CLASSES`, simulated shapes drawn at random, every sixth for validation
     widths : of the network's four sizes, in channels
     batch : examples in a batch
     views : examples of each whole scene in an epoch
@@ -97,7 +98,8 @@ class SegmenterRecipe:
             )
         ] + [
             SceneRequest(SIDES[number % _HELD_EVERY == 1], name, number, 0, drawn)
-            for name in RANDOM_OBJECTS
+            for name, shape in RANDOM_OBJECTS.items()
+            if shape in PUBLISHED_CLASSES
             for number in range(self.drawn)
         ]
 
