@@ -118,7 +118,7 @@ def _hull(rng: np.random.Generator) -> "Manifold":
     top = base.mean(axis=0) + rng.uniform(-0.5, 0.5, 2) * size
     ridge = rng.uniform(-0.5, 0.5, 2) * size * rng.choice([0, 1])
     points = [(*corner, 0.0) for corner in base] + [(*(top - ridge), high), (*(top + ridge), high)]
-    return Manifold.hull_points(points)
+    return Manifold.hull_points(np.array(points))
 
 
 def _figure(rng: np.random.Generator) -> "Manifold":

@@ -19,6 +19,10 @@ FULL_SLOPE, NO_SLOPE = 0.4, 0.8
 MOST_PHASE = 4.3
 """On a patch, off that of its centroid, for which its series is made; a slant may stretch a tube of rays beyond."""
 
+_SQUARE_ON = 1e-4  # [rad]
+_FLATTEST = 0.02  # cosine of incidence at which a wave still meets the second face
+_BLOCK = 256  # pairs whose geometry is computed together
+
 _PLANE = 1e-6  # nearer to a sheet than this [m], a place lies in it and not behind it
 
 
@@ -96,9 +100,9 @@ def fill_legs(antennas, axes, exponents, centers, own, sheets, tables, legs):
 def edge_echoes(channels, antennas, light, legs, edges, cluster, carrier, half_band, first_bin, width, bins):
     """Add what edges diffract beyond physical optics: see `edges`.
 
-    light (A, E); edges (E, 19): middle; unit vector along; normal of the first face, and direction from the edge into
-    it; length; exterior angle over pi; strength (real, imaginary part); and the middle in its cluster (E,), whose legs
-    hold.
+    light (A, E); edges (E, 23): middle; unit vector along; normal of the first face, and direction from the edge into
+    it; length; exterior angle n pi, as n; strength (real, imaginary part); the middle in its cluster (E,), whose legs
+    hold; cos(pi / n), sin(pi / n) / n, cos(n pi), sin(n pi).
     """
     for c in prange(len(channels)):
         t, r = channels[c, 0], channels[c, 1]
@@ -111,13 +115,12 @@ def edge_echoes(channels, antennas, light, legs, edges, cluster, carrier, half_b
             qx, qy, qz = _between(s, antennas[r])
             to, back = _distance(px, py, pz), _distance(qx, qy, qz)
             ux, uy, uz = px / to + qx / back, py / to + qy / back, pz / to + qz / back
-            angle = math.atan2(_along(s, 6, ux, uy, uz), _along(s, 9, ux, uy, uz))
-            fringe = _fringe(angle if angle >= 0 else angle + 2 * math.pi, s[13])
+            fringe = _fringe(_along(s, 9, ux, uy, uz), _along(s, 6, ux, uy, uz), s[13], s[19], s[20], s[21], s[22])
             if fringe == 0:
                 continue
-            half_turn = math.pi * carrier * s[12] * _along(s, 3, ux, uy, uz)
-            if abs(half_turn) > 1e-6:
-                fringe *= math.sin(half_turn) / half_turn
+            turns = carrier * s[12] * _along(s, 3, ux, uy, uz) / 2
+            if abs(turns) > 1e-6:
+                fringe *= _sine(_wrapped(turns)) / (2 * math.pi * turns)
             leg_t, leg_r = legs[t, cluster[e]], legs[r, cluster[e]]
             gain = _amplitude_at(leg_t, s[16], s[17], s[18]) * _amplitude_at(leg_r, s[16], s[17], s[18])
             cycles = _cycles_at(leg_t, s[16], s[17], s[18]) + _cycles_at(leg_r, s[16], s[17], s[18])
@@ -127,92 +130,111 @@ def edge_echoes(channels, antennas, light, legs, edges, cluster, carrier, half_b
 
 
 @inline
-def _fringe(angle, n):
-    """Half the sum of both polarisations' fringe coefficients, in backscatter, at `angle` from the first face.
+def _fringe(x, y, n, cos_over, sin_over, cos_open, sin_open):
+    """Half the sum of both polarisations' fringe coefficients, in backscatter from where (x, y) points.
 
-    n pi is the exterior angle. 0 where neither face is seen.
+    x along the first face, y off it; n pi is the exterior angle; then cos(pi / n), sin(pi / n) / n, cos(n pi) and
+    sin(n pi). 0 where neither face is seen.
     """
+    angle = math.atan2(y, x)
+    angle = angle if angle >= 0 else angle + 2 * math.pi
     other = n * math.pi - angle
     if other <= 0 or (n > 1.999 and angle >= math.pi):
         return 0.0
     # Both terms are infinite where a face is seen square on, and their difference is not.
-    for side in (angle, other):
-        if abs(side - math.pi / 2) < 1e-4:
-            angle += 2e-4
-            other -= 2e-4
-    whole = -math.sin(math.pi / n) / n / (math.cos(math.pi / n) - math.cos(2 * angle / n))
+    if abs(angle - math.pi / 2) < _SQUARE_ON or abs(other - math.pi / 2) < _SQUARE_ON:
+        angle, other = angle + 2 * _SQUARE_ON, other - 2 * _SQUARE_ON
+        x, y = x - 2 * _SQUARE_ON * y, y + 2 * _SQUARE_ON * x
+    whole = -sin_over / (cos_over - math.cos(2 * angle / n))
     if angle < math.pi:
-        whole -= math.tan(angle) / 2
+        whole -= y / x / 2  # tan(angle)
     if other < math.pi:
-        whole -= math.tan(other) / 2
+        whole -= (sin_open * x - cos_open * y) / (cos_open * x + sin_open * y) / 2  # tan(n pi - angle)
     return whole
 
 
-@kernel(error_model="numpy")
-def bounce_echoes(channels, antennas, legs, pairs, clusters, centers, surface, coherent, carrier, half_band, first_bin,
-                  width, bins):  # fmt: skip
+@kernel(fastmath=True, error_model="numpy")
+def bounce_echoes(channels, antennas, legs, pairs, clusters, starts, faces, centers, coherent, carrier, half_band,
+                  first_bin, width, bins):  # fmt: skip
     """Add echoes of waves that one patch mirrors onto another's plane: see `bounce`.
 
-    pairs (M, 20): centroid of the first patch; its normal; normal of the second; from the first's centroid to two of
+    pairs (20, M): centroid of the first patch; its normal; normal of the second; from the first's centroid to two of
     its corners; its area; its height over the second's plane; its place in its cluster. clusters (M, 2): of both.
+    starts (K + 1,) and faces (K, 2): where pairs of the same two surfaces begin, and which these are.
     """
+    turning = -2 * math.pi * carrier
     for c in prange(len(channels)):
         t, r = channels[c, 0], channels[c, 1]
-        for i in range(len(pairs)):
-            s = pairs[i]
-            # From the transmitter to the first patch, and on in the mirrored direction w.
-            x, y, z = _between(antennas[t], s)
-            one = _distance(x, y, z)
-            over = 1 / one
-            cos_a = -over * _along(s, 3, x, y, z)
-            if cos_a <= 0:
-                continue
-            wx, wy, wz = x * over + 2 * cos_a * s[3], y * over + 2 * cos_a * s[4], z * over + 2 * cos_a * s[5]
-            cos_b = -_along(s, 6, wx, wy, wz)
-            if cos_b < 0.02 or s[16] <= 0:
-                continue
-            slant = 1 / cos_b
-            two = s[16] * slant
-            # Where it meets the second plane, and from there to the receiver, in direction v.
-            hit = s[0] + two * wx, s[1] + two * wy, s[2] + two * wz
-            vx, vy, vz = _between(hit, antennas[r])
-            three = _distance(vx, vy, vz)
-            back = 1 / three
-            vx, vy, vz = vx * back, vy * back, vz * back
-            cos_s = _along(s, 6, vx, vy, vz)
-            if cos_s <= 0:
-                continue
-            # How fast the path changes over the second plane.
-            onto = cos_b + cos_s
-            gx, gy, gz = wx - vx + onto * s[6], wy - vy + onto * s[7], wz - vz + onto * s[8]
-            slope = _distance(gx, gy, gz)
-            if slope >= NO_SLOPE:
-                continue
-            # The tube of rays has grown on its way, and falls on the second face at a slant.
-            growth = 1 + two * over
-            area = s[15] * cos_a * growth * growth * slant
-            # Displaced by e on the first face, a ray falls e + w (e m) / cos_b aside on the second, times its growth.
-            turn = -2 * math.pi * carrier * growth
-            along_w = _dot(gx, gy, gz, wx, wy, wz) * slant
-            p = turn * (_along(s, 9, gx, gy, gz) + along_w * _along(s, 9, s[6], s[7], s[8]))
-            q = turn * (_along(s, 12, gx, gy, gz) + along_w * _along(s, 12, s[6], s[7], s[8]))
-            if max(abs(p), abs(q), abs(p + q)) > MOST_PHASE:
-                continue
-            form_re, form_im = form_factor(np.float32(p), np.float32(q))
-            obliquity = onto / 2
-            law_a, law_b = coherent[surface[clusters[i, 0]], 0], coherent[surface[clusters[i, 1]], 0]
-            at_a, at_b = np.float32(2 * cos_a - 1), np.float32(2 * obliquity - 1)
-            mirror = complex(polynomial(law_a[0], at_a), polynomial(law_a[1], at_a))
-            mirror *= complex(polynomial(law_b[0], at_b), polynomial(law_b[1], at_b)) * complex(form_re, form_im)
-            leg_t, leg_r = legs[t, clusters[i, 0]], legs[r, clusters[i, 1]]
-            ex, ey, ez = _between(centers[clusters[i, 1]], hit)
-            gain = _amplitude_at(leg_t, s[17], s[18], s[19]) * _amplitude_at(leg_r, ex, ey, ez)
-            if slope > FULL_SLOPE:
-                gain *= (1 + math.cos(math.pi * (slope - FULL_SLOPE) / (NO_SLOPE - FULL_SLOPE))) / 2
-            size = gain * carrier * area * obliquity * back / (one + two)
-            cycles = _cycles_at(leg_t, s[17], s[18], s[19]) + _cycles_at(leg_r, ex, ey, ez)
-            _deposit(complex(-size * mirror.imag, size * mirror.real), one + two + three, cycles, _tilt(leg_t, leg_r),
-                     carrier, half_band, first_bin, width, bins[c])  # fmt: skip
+        ax, ay, az = antennas[t, 0], antennas[t, 1], antennas[t, 2]
+        bx, by, bz = antennas[r, 0], antennas[r, 1], antennas[r, 2]
+        found = np.empty((6, _BLOCK))
+        for f in range(len(faces)):
+            law_a, law_b = coherent[faces[f, 0], 0], coherent[faces[f, 1], 0]
+            a_re, a_im, b_re, b_im = law_a[0], law_a[1], law_b[0], law_b[1]
+            for start in range(starts[f], starts[f + 1], _BLOCK):
+                stop = min(start + _BLOCK, starts[f + 1])
+                # Vector code, without a branch: what does not count is 0.
+                for i in range(np.uint64(start), np.uint64(stop)):
+                    nx, ny, nz = pairs[3, i], pairs[4, i], pairs[5, i]
+                    mx, my, mz = pairs[6, i], pairs[7, i], pairs[8, i]
+                    # From the transmitter to the first patch, and on in the mirrored direction w.
+                    x, y, z = pairs[0, i] - ax, pairs[1, i] - ay, pairs[2, i] - az
+                    one = _distance(x, y, z)
+                    over = 1 / one
+                    cos_a = -over * _dot(x, y, z, nx, ny, nz)
+                    twice = 2 * cos_a
+                    wx, wy, wz = x * over + twice * nx, y * over + twice * ny, z * over + twice * nz
+                    cos_b = -_dot(wx, wy, wz, mx, my, mz)
+                    height = pairs[16, i]
+                    counts = (cos_a > 0) & (cos_b >= _FLATTEST) & (height > 0)
+                    slant = 1 / max(cos_b, _FLATTEST)
+                    two = height * slant
+                    # Where it meets the second plane, and from there to the receiver, in direction v.
+                    hx, hy, hz = pairs[0, i] + two * wx, pairs[1, i] + two * wy, pairs[2, i] + two * wz
+                    vx, vy, vz = bx - hx, by - hy, bz - hz
+                    three = _distance(vx, vy, vz)
+                    back = 1 / three
+                    vx, vy, vz = vx * back, vy * back, vz * back
+                    cos_s = _dot(vx, vy, vz, mx, my, mz)
+                    # How fast the path changes over the second plane.
+                    onto = cos_b + cos_s
+                    gx, gy, gz = wx - vx + onto * mx, wy - vy + onto * my, wz - vz + onto * mz
+                    slope = _distance(gx, gy, gz)
+                    # The tube of rays has grown on its way, and falls on the second face at a slant.
+                    growth = 1 + two * over
+                    area = pairs[15, i] * cos_a * growth * growth * slant
+                    # Displaced by e on the first face, a ray falls e + w (e m) / cos_b aside on the second, times its
+                    # growth.
+                    along_w = _dot(gx, gy, gz, wx, wy, wz) * slant
+                    ex, ey, ez = gx + along_w * mx, gy + along_w * my, gz + along_w * mz
+                    p = turning * growth * _dot(pairs[9, i], pairs[10, i], pairs[11, i], ex, ey, ez)
+                    q = turning * growth * _dot(pairs[12, i], pairs[13, i], pairs[14, i], ex, ey, ez)
+                    counts &= (cos_s > 0) & (slope < NO_SLOPE) & (max(abs(p), abs(q), abs(p + q)) <= MOST_PHASE)
+                    form_re, form_im = form_factor(np.float32(p), np.float32(q))
+                    at_a, at_b = np.float32(twice - 1), np.float32(onto - 1)
+                    re_a, im_a = polynomial(a_re, at_a), polynomial(a_im, at_a)
+                    re_b, im_b = polynomial(b_re, at_b), polynomial(b_im, at_b)
+                    re, im = re_a * re_b - im_a * im_b, re_a * im_b + im_a * re_b
+                    fading = min(max((slope - FULL_SLOPE) / (NO_SLOPE - FULL_SLOPE), 0.0), 1.0)
+                    size = (1 + _cosine(fading / 2)) / 2 * carrier * area * onto / 2 * back / (one + two)
+                    size = size if counts else 0.0
+                    n = i - np.uint64(start)
+                    found[0, n] = -size * (re * form_im + im * form_re)
+                    found[1, n] = size * (re * form_re - im * form_im)
+                    found[2, n] = one + two + three
+                    found[3, n], found[4, n], found[5, n] = hx, hy, hz
+                for i in range(start, stop):
+                    hit = found[:, i - start]
+                    if hit[0] == 0 and hit[1] == 0:
+                        continue
+                    a, b = clusters[i, 0], clusters[i, 1]
+                    leg_t, leg_r = legs[t, a], legs[r, b]
+                    ox, oy, oz = pairs[17, i], pairs[18, i], pairs[19, i]
+                    ex, ey, ez = hit[3] - centers[b, 0], hit[4] - centers[b, 1], hit[5] - centers[b, 2]
+                    gain = _amplitude_at(leg_t, ox, oy, oz) * _amplitude_at(leg_r, ex, ey, ez)
+                    cycles = _cycles_at(leg_t, ox, oy, oz) + _cycles_at(leg_r, ex, ey, ez)
+                    _deposit(gain * complex(hit[0], hit[1]), hit[2], cycles, _tilt(leg_t, leg_r), carrier, half_band,
+                             first_bin, width, bins[c])  # fmt: skip
 
 
 @inline

@@ -122,15 +122,21 @@ class SurfaceScatterers:
         first, second = double_bounces(place, self._centroids[solid], self._normals[solid], self.caster)
         return solid[first], solid[second]
 
-    def _bounce_table(self, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(M, 20) and (M, 2), see `_path_kernels.bounce_echoes`."""
+    def _bounce_tables(self, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, ...]:
+        """(20, M), (M, 2), (K + 1,) and (K, 2), see `_path_kernels.bounce_echoes`."""
+        surfaces = self._surface[self._cluster[np.column_stack([first, second])]]
+        order = np.lexsort(surfaces.T)
+        first, second = first[order], second[order]
+        changes = np.flatnonzero((np.diff(surfaces[order], axis=0) != 0).any(axis=1)) + 1
+        starts = np.concatenate([[0], changes, [len(first)]]).astype(np.int64)
         start, normal = self._centroids[first], self._normals[second]
         columns = (
             start, self._normals[first], normal, self._corners[first, 0] - start, self._corners[first, 1] - start,
             self._areas[first], np.einsum("mi,mi->m", start - self._centroids[second], normal),
             start - self._centers[self._cluster[first]],
         )  # fmt: skip
-        return np.column_stack(columns), self._cluster[np.column_stack([first, second])]
+        table = np.ascontiguousarray(np.column_stack(columns).T)
+        return table, self._cluster[np.column_stack([first, second])], starts, surfaces[order][starts[:-1]]
 
     def frames(
         self,
@@ -173,10 +179,11 @@ class SurfaceScatterers:
         each, start = transmitters * (count - transmitters), 0
         for run, pairs in mirrors:
             some = slice(start, start + run * each)
-            _path_kernels.bounce_echoes(
-                channels[some], flat, legs, *self._bounce_table(*pairs), self._centers, self._surface, self._coherent,
-                *scale, bins[some],
-            )  # fmt: skip
+            if len(pairs[0]):
+                _path_kernels.bounce_echoes(
+                    channels[some], flat, legs, *self._bounce_tables(*pairs), self._centers, self._coherent, *scale,
+                    bins[some],
+                )  # fmt: skip
             start = some.stop
         samples = product(bins.reshape(len(bins), -1), self._bin_matrix(lowest, bins.shape[1]))
         return samples.reshape(poses, transmitters, count - transmitters, -1)
@@ -240,17 +247,19 @@ def _cones(patches: Patches) -> np.ndarray:
 def _edge_table(
     found: Sequence[Edges], strengths: Sequence[complex], patches: Patches
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(E, 19) and (E,), see `_path_kernels.edge_echoes`."""
+    """(E, 23) and (E,), see `_path_kernels.edge_echoes`."""
     from scipy.spatial import KDTree
 
-    tables, clusters = [np.zeros((0, 19))], [np.zeros(0, dtype=np.int64)]
+    tables, clusters = [np.zeros((0, 23))], [np.zeros(0, dtype=np.int64)]
     tree = KDTree(patches.centers)
     for edges, strength in zip(found, strengths, strict=False):
         cluster = np.asarray(tree.query(edges.middles)[1]) if len(edges) else clusters[0]
+        n = edges.openings
         strong = np.tile([strength.real, strength.imag], (len(edges), 1))
         columns = (
-            edges.middles, edges.along, edges.normals, edges.into, edges.lengths, edges.openings, strong,
-            edges.middles - patches.centers[cluster],
+            edges.middles, edges.along, edges.normals, edges.into, edges.lengths, n, strong,
+            edges.middles - patches.centers[cluster], np.cos(np.pi / n), np.sin(np.pi / n) / n, np.cos(n * np.pi),
+            np.sin(n * np.pi),
         )  # fmt: skip
         tables.append(np.column_stack(columns))
         clusters.append(cluster)
