@@ -7,9 +7,8 @@
     python benchmarks/novelty.py DATASET --odd FOLDER/odd --newer FOLDER/newer --sparse FOLDER/sparse
 
 Nothing was trained on these shapes, and nobody would call them a can, a handle, a box, a sphere, a cup or a clamp.
-`odd` and `newer` are full scans of them by the virtual rig. How a classifier answered about the 24 was known
-before odd shapes were added to its training; the newer ones were drawn afterwards, and nothing was changed when their
-answers were seen. `sparse` are scans of known objects, three times too coarse.
+`odd` and `newer` are full scans of them by the virtual rig. The newer ones were drawn by someone who did not know
+what classifiers here learn from. `sparse` are scans of known objects, three times too coarse.
 """
 
 import sys
