@@ -36,6 +36,27 @@ def test_an_experiment_of_the_published_layout(mug, tmp_path):
     np.testing.assert_array_equal(image.values, direct.values)
 
 
+def test_a_log_that_lacks_poses_while_the_arm_moved(mug, tmp_path):
+    los = next(mug.glob("robot_collected/*/exp1/los"))
+    code, out, err, _ = run_here("image", los, "--radar", "77_ghz", "--grid", "2cm", "-o", "whole.h5")
+    assert code == 0, err
+    assert "robot log" not in out
+    gap = shutil.copytree(los.parent, tmp_path / MUG / "robot_collected" / "0_0_0" / "exp1") / "los"
+    (path,) = gap.glob("unprocessed/radars/77_ghz/antenna*.npz")
+    with np.load(path) as file:
+        log = dict(file)
+    count = len(next(iter(log.values())))
+    kept = np.ones(count, dtype=bool)
+    whole = read_experiment(gap, "77_ghz").log
+    far = np.linalg.norm(whole.positions[24:] - whole.positions[:-24], axis=1)
+    kept[np.argmax(far) + 1 : np.argmax(far) + 24] = False
+    np.savez(path, **{name: values[kept] if len(values) == count else values for name, values in log.items()})
+    code, out, err, _ = run_here("image", gap, "--radar", "77_ghz", "--grid", "2cm", "-o", "gap.h5")
+    assert code == 0, err
+    assert "warning: the robot log tells nothing for " in out
+    assert " frames are guessed; check the connection to the robot, and scan again" in out
+
+
 def test_a_whole_object_at_once(mug, tmp_path):
     """Both radars of four scans; what is imaged is passed over when resumed."""
     code, out, err, _ = run_here("image", mug, "--grid", "2cm", "-o", "images", "--plot", "pictures")

@@ -5,14 +5,17 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from millisight.cli.console import progress
-from millisight.core import check_readable, files_under, printable
+from millisight.core import SPEED_OF_LIGHT, check_readable, files_under, printable
 from millisight.core.errors import FileError, FormatError, InputError
 from millisight.data import Capture, RawScan, Trajectory
 
 CAPTURE_SUFFIX = ".capture.h5"
 # Read with a description: the user's own, or a shipped one that fits the arrays.
 _DESCRIBED = (".toml", ".npz", ".npy", ".mat")
+_LOG_GAP = 5  # times as long as usual between two poses of a log
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,7 +191,24 @@ def _placed(scan: RawScan, label: str, *, poses: str = "cubic") -> Opened:
     }
     reasons = ", ".join(f"{count} {why}" for why, count in left_out.items() if count)
     kept = f"kept {placing['kept']} of {placing['frames']} frames" + (f": {reasons}" if reasons else "")
-    return Opened(capture, scan.log, (kept, *_notes(scan)))
+    return Opened(capture, scan.log, (kept, *_log_gaps(scan.log, capture), *_notes(scan)))
+
+
+def _log_gaps(log: Trajectory, capture: Capture) -> tuple[str, ...]:
+    """A warning where poses of the log are missing while the arm moved: what lies between is only interpolated."""
+    steps, ways = np.diff(log.times), np.linalg.norm(np.diff(log.positions, axis=0), axis=1)
+    usual, quarter = float(np.median(steps)), SPEED_OF_LIGHT / capture.radar.waveform.start_frequency / 4
+    wide = (steps > _LOG_GAP * usual) & (ways > quarter)
+    times = capture.trajectory.times
+    frames = wide[np.clip(np.searchsorted(log.times, times) - 1, 0, len(wide) - 1)]
+    if not frames.any():
+        return ()
+    worst = int(np.argmax(np.where(wide, ways, 0)))
+    return (
+        f"warning: the robot log tells nothing for {1e3 * steps[worst]:.0f} ms, in which the arm moved "
+        f"{1e3 * ways[worst]:.0f} mm; else a pose comes every {1e3 * usual:.3g} ms: the places of {int(frames.sum())} "
+        "frames are guessed; check the connection to the robot, and scan again",
+    )
 
 
 def _notes(record: Capture | RawScan) -> tuple[str, ...]:
