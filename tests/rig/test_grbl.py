@@ -42,6 +42,30 @@ def pose(*position):
     return ArmPose(position=position)
 
 
+def test_answers_that_took_long_are_no_poses_of_the_log(bench, monkeypatch):
+    """Where the gantry was between the question and the answer is not known well."""
+    gantry, tell = bench.gantry, bench.machine._status
+    gantry.open()
+    slow = []
+
+    def late():
+        began = time.time()
+        time.sleep(0.12)
+        slow.append((began, time.time()))
+        return tell()
+
+    monkeypatch.setattr(bench.machine, "_status", late)
+    time.sleep(1.0)
+    monkeypatch.undo()
+    time.sleep(0.3)
+    assert 4 < len(slow) < 10  # one question at a time, though 50 a second are due
+    gantry.watch()
+    times = gantry.log().times
+    for began, ended in slow:
+        assert not ((times > began) & (times < ended)).any()
+    assert times[-1] > slow[-1][1]
+
+
 def test_a_sweep_is_driven_and_logged(bench):
     gantry = bench.gantry
     assert isinstance(gantry, Arm)

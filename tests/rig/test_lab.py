@@ -252,8 +252,10 @@ def test_rig_files_that_cannot_be_right(tmp_path, old, new, error, words):
 
 
 def test_a_gantry_scans_as_well(tmp_path):
-    with EmulatedLab(world_of(rows=3, frame_period=0.01, length=0.04), frames=points, arm="grbl") as emulated:
-        # A row takes 0.2 s: a spline through ten positions a second overshoots by a millimetre or two where it stops.
+    world = world_of(rows=3, frame_period=0.01, length=0.04)
+    world = replace(world, arm=replace(world.arm, speed=0.05))
+    with EmulatedLab(world, frames=points, arm="grbl") as emulated:
+        # A row takes 0.8 s: a spline through ten positions a second overshoots where it stops, more the faster it is.
         rig = emulated.write(tmp_path)
         rig.write_text(rig.read_text().replace('driver = "grbl"', 'driver = "grbl"\nrate = 50'))
         lab = Lab.from_toml(rig)

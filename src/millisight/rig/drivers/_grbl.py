@@ -23,6 +23,8 @@ from millisight.rig.drivers._serial_line import open_serial
 
 _POLL = 0.01  # [s]
 _PATIENCE = 3.0  # for the first answer: a board may restart when its line is opened [s]
+_PROMPT = 0.05  # an answer that took longer is no pose of the log, unless all do [s]
+_UNANSWERED = 0.5  # after which a question is put again [s]
 _HOLD, _RESET = b"!", b"\x18"
 _AXES = ("x", "-x", "y", "-y", "z", "-z", "")
 _STATUS = re.compile(r"<(\w+)[^|>]*\|(?:[^>]*\|)?MPos:([-\d.]+),([-\d.]+),([-\d.]+)")
@@ -105,6 +107,8 @@ class GrblGantry:
         self._times: list[float] = []
         self._places: list[np.ndarray] = []
         self._state, self._refusal, self._error = "", "", ""
+        self._asked: float | None = None  # when; None: no question is open
+        self._least = np.inf  # that an answer took [s]
         self._waiting: deque[str] = deque()  # lines that are not answered yet
         self._heard, self._closing = time.monotonic(), False
         self._thread = threading.Thread(target=self._run, name="millisight GRBL", daemon=True)
@@ -218,13 +222,13 @@ class GrblGantry:
             raise DeviceError(f"the serial line {self.settings.serial} broke: {error}; check the USB cable") from error
 
     def _run(self) -> None:
-        """Ask for the position again and again, and take what the controller says."""
-        line, text, asked, due = self._serial, b"", 0.0, 0.0
+        """Ask for the position, one question at a time, and take what the controller says."""
+        line, text, due = self._serial, b"", 0.0
         while not self._closing:
             try:
                 now = time.monotonic()
-                if now >= due:
-                    due, asked = now + 1 / self.settings.rate, now
+                if now >= due and (self._asked is None or now > self._asked + _UNANSWERED):
+                    due, self._asked = now + 1 / self.settings.rate, now
                     line.write(b"?")
                 text += line.read(max(1, line.in_waiting))
             except (OSError, TypeError) as error:  # pyserial raises the latter when a line is taken away while it reads
@@ -232,17 +236,23 @@ class GrblGantry:
                 return
             *lines, text = text.split(b"\n")
             for told in lines:
-                self._take(told.decode("ascii", "replace").strip(), asked)
+                self._take(told.decode("ascii", "replace").strip())
 
-    def _take(self, told: str, asked: float) -> None:
+    def _take(self, told: str) -> None:
         now = time.monotonic()
         if told:
             self._heard = now
         if found := _STATUS.match(told):
             self._state = found[1]
+            if self._asked is None:
+                return
+            took, self._asked = now - self._asked, None
+            self._least = min(self._least, took)
+            # Where it was, between the question and the answer, is not known well if this computer was busy meanwhile.
+            if took > max(_PROMPT, 2 * self._least):
+                return
             place = self.settings.position(np.array([float(x) for x in found.groups()[1:]]))
-            # Between the question and the answer.
-            moment = time.time() - (now - asked) / 2
+            moment = time.time() - took / 2
             with self._lock:
                 if not self._times or moment > self._times[-1]:
                     self._times.append(moment)
