@@ -50,8 +50,8 @@ hooks: setup
 demo: setup
 	$(BIN)/millisight demo --output demo
 
-# Threads that wait give way: several processes share the cores, and waiting busily would cost them more than half. Of
-# OpenBLAS's there is one: on small matrices beside another process two took eight times as long as one.
+# Threads that wait give way: several processes share the cores, and waiting busily would cost them more than half.
+# OpenBLAS uses one thread: beside another process, a second one makes fits of small matrices take half as long again.
 TEST := OMP_WAIT_POLICY=passive OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest
 
 test: setup
