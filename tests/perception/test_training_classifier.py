@@ -24,8 +24,7 @@ from millisight.perception.training._calibration import (
     cross_entropy,
     novelty_scores,
 )
-from millisight.perception.training._classifier import balanced
-from millisight.perception.training._classifier_examples import example_aside, example_of
+from millisight.perception.training._classifier_examples import balanced, example_aside, example_of
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -63,6 +62,19 @@ def test_classes_are_the_papers_four_without_what_is_left_out():
     assert (drawn["any_can"].poses, drawn["any_can"].stretch) == (7, 0)
 
 
+def test_shapes_that_judge_are_for_validation_alone():
+    recipe = ClassifierRecipe(classes={"sphere": ("apple",), "other": ("bowl",)}, scenes=6, drawn=6, odd=6, judged=3)
+
+    def asked(recipe):
+        return [(one.side, one.name, one.number) for one in recipe.scene_requests()]
+
+    without = asked(dataclasses.replace(recipe, judged=0))
+    assert [one for one in asked(recipe) if one not in without] == [
+        ("validation", name, number) for name in ("any_sphere", "any_other", "any_odd") for number in (6, 7, 8)
+    ]
+    assert [one for one in asked(recipe) if one in without] == without
+
+
 def test_odd_shapes_are_further_scenes_of_the_class_other():
     recipe = ClassifierRecipe(classes={"sphere": ("apple", "plum"), "other": ("bowl",)}, drawn=2, odd=12)
     assert set(recipe.scene_settings("sphere")) == {"apple", "plum", "any_sphere"}
@@ -88,6 +100,7 @@ def test_odd_shapes_are_further_scenes_of_the_class_other():
         ({"scenes": 0}, InputError, "scenes is 0"),
         ({"drawn": -1}, InputError, "drawn is -1"),
         ({"odd": -1}, InputError, "odd is -1"),
+        ({"judged": -1}, InputError, "judged is -1"),
         ({"odd": 1}, InputError, "odd is 1, and odd shapes are of the class 'other', which classes lacks; add it"),
         ({"classes": {"cube": ("dice",), "sphere": ("plum",)}, "drawn": 1}, InputError, "'cube' is none"),
     ],

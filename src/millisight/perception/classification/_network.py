@@ -212,7 +212,8 @@ class NetworkClassifier:
         """The calibrated probability of each class, the mean over the image's eight symmetries, sheets taken off.
 
         What was under a sheet has a calibration of its own. The prediction's novelty is the probability that the image
-        shows what is of no class: nothing, a lid, or a scan too sparse.
+        shows what is of no class: nothing, a lid, or a scan too sparse. No answer is sure of a class that was learned
+        from random shapes alone: the threshold is then 1, since no object of that class has calibrated it.
 
         Parameters
         ----------
@@ -237,11 +238,12 @@ class NetworkClassifier:
         how = self.description.get("calibration", {}).get("covered" if covered else "open", self.description)
         scaled = logits[: len(self.class_names)] / how["temperature"]
         probabilities = np.exp(scaled - scaled.max())
+        unproven = self.class_names[int(scaled.argmax())] in self.description.get("never_sure", ())
         novel = {} if self._limit is None else {"novelty": float(novelty_of(logits)), "novelty_limit": self._limit}
         return Prediction(
             probabilities=probabilities / probabilities.sum(),
             class_names=self.class_names,
-            threshold=how["threshold"],
+            threshold=1.0 if unproven else how["threshold"],
             **novel,
         )
 
@@ -272,6 +274,9 @@ def _description(path: Path) -> dict[str, Any]:
     apart = held.get("calibration", {})
     if not isinstance(apart, dict) or not all(isinstance(how, dict) for how in apart.values()):
         raise DamagedFileError(f"{printable(path)}: calibration is {apart!r}; expected tables of numbers")
+    unproven = held.get("never_sure", [])
+    if not isinstance(unproven, list) or not all(name in names for name in unproven):
+        raise DamagedFileError(f"{printable(path)}: never_sure is {unproven!r}; expected a list of classes")
     novelty = held.get("novelty", {})
     limit = novelty.get("limit", 0.5) if isinstance(novelty, dict) else None
     if isinstance(limit, bool) or not isinstance(limit, int | float) or not 0 < limit <= 1:

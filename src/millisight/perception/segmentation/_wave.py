@@ -108,6 +108,12 @@ _STEPS = (0.0, 0.15, -0.15, 0.3)  # from the description's cut: one mask each
 _SMALLEST_PART = 0.1  # of a mask, as a share of its largest part
 _LEAST_AREA = 5e-5  # of what is left of a mask [m²]
 
+# Of covered scenes: where the network is less sure, an object's pixels are as bright as this, against the brightest
+# likely one nearby. Chosen on examples/recipes/looked-at.toml.
+_SURE, _LIKELY = 0.7, 0.5
+_BRIGHT_DB = -14
+_NEARBY = 0.02  # along x and y [m]
+
 
 @SEGMENTERS.add("wave")
 class WaveSegmenter:
@@ -183,8 +189,9 @@ class WaveSegmenter:
     def segment(self, picture: Picture, prompts: Prompts | None = None) -> Candidates:
         """Masks that begin at several probabilities, the one that did best on the validation scenes first.
 
-        Parts that lie no higher than the picture's support are left out, and those that lie no lower than the lid of a
-        scene that is known to be covered: the lid's edges and the grating lobes over it.
+        Parts that lie no higher than the picture's support are left out. Of a scene that is known to be covered, dark
+        pixels of which the network is not sure are left out, too, and parts that lie no lower than the lid: the lid's
+        edges and the grating lobes over it.
 
         Where nothing is found the only mask is empty: the mean of the 16 highest probabilities is less than that of
         99 % of the validation scenes with an object, with the other band and without it.
@@ -206,13 +213,31 @@ class WaveSegmenter:
             return Candidates(masks=np.zeros((1, *probability.shape), bool), scores=np.ones(1))
         cut = min(self.description["cut"], 0.9 * float(probability.max()))
         cuts = [cut, *(cut + step for step in _STEPS[1:] if 0.05 < cut + step < probability.max())]
-        masks = np.stack([_without_small_parts(mask) for mask in _placed([probability > c for c in cuts], picture)])
+        likely = [probability > c for c in cuts]
+        if picture.covered and picture.image is not None:
+            bright = _bright(probability, picture.image)
+            likely = [mask & bright for mask in likely]
+        masks = np.stack([_without_small_parts(mask) for mask in _placed(likely, picture)])
         if not masks[0].any():
             return Candidates(masks=masks[:1], scores=np.ones(1))
         scores = np.array([_expected_iou(mask, probability) for mask in masks])
         scores[0] = scores.max()
         order = np.argsort(-scores, kind="stable")
         return Candidates(masks=masks[order], scores=scores[order])
+
+
+def _bright(probability: np.ndarray, image: SarImage) -> np.ndarray:
+    """Pixels (A, B) of which the network is sure, or that are bright against the brightest likely one nearby.
+
+    Both are judged without sheets. What is dark between an object and its lid's edge is so left out, and no longer
+    joins them to one part, which has one height.
+    """
+    from scipy.ndimage import maximum_filter
+
+    level = without_sheets(image, frequency=HIGH_BAND, covered=True).magnitude.max(axis=2)
+    size = [2 * round(_NEARBY / side) + 1 if side else 1 for side in _pixel(image)]
+    brightest = maximum_filter(np.where(probability > _LIKELY, level, 0), size)
+    return (probability > _SURE) | (level > 10 ** (_BRIGHT_DB / 20) * brightest)
 
 
 def _placed(masks: Sequence[np.ndarray], picture: Picture) -> list[np.ndarray]:
@@ -225,15 +250,15 @@ def _placed(masks: Sequence[np.ndarray], picture: Picture) -> list[np.ndarray]:
         lid = lid_height(image, sheets_in(image, frequency=HIGH_BAND, covered=True))
     kept = [between(mask, cleaned, support=picture.support, lid=lid) for mask in masks]
     rests = [
-        some.sum() < mask.sum() and some.sum() * _pixel_area(image) < _LEAST_AREA
+        some.sum() < mask.sum() and some.sum() * np.prod(_pixel(image)) < _LEAST_AREA
         for some, mask in zip(kept, masks, strict=True)
     ]
     return [np.zeros_like(some) if rest else some for some, rest in zip(kept, rests, strict=True)]
 
 
-def _pixel_area(image: SarImage) -> float:
-    """Of a pixel of an image seen along z [m²]."""
-    return float(np.prod([np.ptp(axis) / max(len(axis) - 1, 1) for axis in (image.grid.x, image.grid.y)]))
+def _pixel(image: SarImage) -> list[float]:
+    """Sides of a pixel of an image seen along z [m]."""
+    return [float(np.ptp(axis)) / max(len(axis) - 1, 1) for axis in (image.grid.x, image.grid.y)]
 
 
 def _canvas_points(

@@ -30,6 +30,7 @@ from millisight.perception.training._classifier_examples import (
     ClassifierExample,
     FoundMasks,
     HeldExample,
+    balanced,
     example_aside,
     example_of,
     examples_in_use,
@@ -77,6 +78,8 @@ class ClassifierRecipe:
         those of a dataset
     drawn : of each class besides, scenes of shapes drawn at random (`meshes.random_shape`), every sixth for validation
     odd : of the class "other" besides, scenes of odd shapes drawn at random, every sixth for validation
+    judged : of each class besides, scenes of shapes drawn at random that are for validation only, and of odd shapes as
+        many: what the thresholds come from
     vertices, positions, widest, meshes, published : of the scenes, see SceneSettings; `classes` may name meshes of the
         folder, and objects of the dataset, of whose simulated images every sixth of a class is for validation
     stretch : of the scenes of each class, see SceneSettings; 0.25 of those that are not named
@@ -102,6 +105,7 @@ class ClassifierRecipe:
     scenes: int = 96
     drawn: int = 0
     odd: int = 0
+    judged: int = 0
     vertices: int = 3000
     positions: int = 6000
     widest: float = 0.32
@@ -137,6 +141,7 @@ class ClassifierRecipe:
             scenes=checked_integer(self.scenes, name="scenes", minimum=0 if self.published else 1),
             drawn=checked_integer(self.drawn, name="drawn", minimum=0),
             odd=checked_integer(self.odd, name="odd", minimum=0),
+            judged=checked_integer(self.judged, name="judged", minimum=0),
             stretch={
                 str(shape): checked_number(value, name=f"stretch of {shape}", minimum=0)
                 for shape, value in self.stretch.items()
@@ -203,9 +208,9 @@ class ClassifierRecipe:
         requests = []
         for label, shape in enumerate(self.objects):
             requests += [
-                SceneRequest(_side(number), name, number, label, settings)
+                SceneRequest(side, name, number, label, settings)
                 for name, settings in self.scene_settings(shape).items()
-                for number in range(settings.poses)
+                for number, side in enumerate(self._sides(name, settings.poses))
             ]
             settings = SceneSettings(widest=self.widest)
             requests += [
@@ -213,6 +218,10 @@ class ClassifierRecipe:
                 for number, (name, source) in enumerate(self.simulated(shape))
             ]
         return requests + [self._novel_request(number) for number in range(self.novel)]
+
+    def _sides(self, name: str, poses: int) -> list[str]:
+        """Of so many scenes of an object, and of those that validate only: shapes drawn at random."""
+        return [*map(_side, range(poses)), *["validation"] * (self.judged if name in RANDOM_OBJECTS else 0)]
 
     def _novel_request(self, number: int) -> SceneRequest:
         """Scenes of what is of no class, of random shapes: in turn without the shape, and too sparsely scanned."""
@@ -356,6 +365,7 @@ class ClassifierLesson:
             "parts": recipe.parts,
             "class_names": list(recipe.objects),
             "classes": {shape: list(objects) for shape, objects in recipe.every_object.items()},
+            "never_sure": [shape for shape, objects in recipe.objects.items() if not objects],
             "bands": list(_BANDS[recipe.network]),
             "masks": self.masks_of,
             "channels": list(CLASSIFIER_CHANNELS),
@@ -371,18 +381,6 @@ class ClassifierLesson:
             "novel": {side: sum(one.label == self.classes for one in some) for side, some in scenes.items()},
             "seed": self.seed,
         }
-
-
-def balanced(scenes: Sequence[TrainingScene], count: int, rng: np.random.Generator) -> list[int]:
-    """Indices of scenes: each class as often, and of a class each scene as often."""
-    by_class: dict[int, list[int]] = {}
-    for index, one in enumerate(scenes):
-        by_class.setdefault(one.label, []).append(index)
-    each, order = -(-count // len(by_class)), []
-    for some in by_class.values():
-        # One after another, in a new order each time round.
-        order += [int(i) for _ in range(-(-each // len(some))) for i in rng.permutation(some)][:each]
-    return [order[i] for i in rng.permutation(len(order))]
 
 
 def _logits(network: "nn.Module", inputs: Sequence[np.ndarray]) -> np.ndarray:

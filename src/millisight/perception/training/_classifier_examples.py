@@ -156,3 +156,15 @@ def _masked(scene: WholeScene, inside: np.ndarray, *, both: bool) -> np.ndarray:
     power = scene.power(BANDS[0])
     other, depths = scene.power(BANDS[1]) if both else None, DEPTH * np.arange(power.shape[2])
     return masked_channels(power, depths, inside.astype(np.float32), other)
+
+
+def balanced(scenes: Sequence[TrainingScene], count: int, rng: np.random.Generator) -> list[int]:
+    """Indices of scenes: each class as often, and of a class each scene as often."""
+    by_class: dict[int, list[int]] = {}
+    for index, one in enumerate(scenes):
+        by_class.setdefault(one.label, []).append(index)
+    each, order = -(-count // len(by_class)), []
+    for some in by_class.values():
+        # One after another, in a new order each time round.
+        order += [int(i) for _ in range(-(-each // len(some))) for i in rng.permutation(some)][:each]
+    return [order[i] for i in rng.permutation(len(order))]
