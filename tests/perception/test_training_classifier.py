@@ -213,12 +213,19 @@ def test_what_is_of_no_class_is_learned_as_one_class_more(recipe, folder, tmp_pa
     values = np.zeros(grid.shape, np.complex64)
     values[10:20, 10:20, 2] = 1
     image = SarImage(grid=grid, values=values)
-    answer = by.classify(image, Mask(grid_xy=grid.xy, inside=abs(values).max(axis=2) > 0))
+    mask = Mask(grid_xy=grid.xy, inside=abs(values).max(axis=2) > 0)
+    answer = by.classify(image, mask)
     assert len(answer.probabilities) == 2
     assert 0 < answer.novelty < 1
     assert answer.novelty_limit == told["novelty"]["limit"]
+    assert told["never_sure"] == []
+    assert answer.threshold < 1
+    told = {**told, "sha256": by.description["sha256"]}
+    (tmp_path / "classifier.json").write_text(json.dumps({**told, "never_sure": [answer.label]}))
+    unproven = NetworkClassifier(trained.weights).classify(image, mask)
+    assert (unproven.label, unproven.threshold, unproven.sure) == (answer.label, 1, False)
     damaged = {**told, "novelty": {"limit": 3}}
-    (tmp_path / "classifier.json").write_text(json.dumps({**damaged, "sha256": by.description["sha256"]}))
+    (tmp_path / "classifier.json").write_text(json.dumps(damaged))
     with pytest.raises(DamagedFileError, match="expected a table with a limit"):
         NetworkClassifier(trained.weights)
 
@@ -356,6 +363,8 @@ def test_damaged_descriptions_and_other_weights_are_refused(tmp_path):
         ({"bands": []}, DamagedFileError, "expected lists of names"),
         ({"temperature": 0}, DamagedFileError, "temperature is 0"),
         ({"threshold": 2}, DamagedFileError, "threshold is 2"),
+        ({"never_sure": ["pen"]}, DamagedFileError, "never_sure is .'pen'.; expected a list of classes"),
+        ({"never_sure": "can"}, DamagedFileError, "expected a list of classes"),
         ({"sha256": "0" * 64}, DamagedFileError, "its SHA-256 differs"),
     ):
         (tmp_path / "one.json").write_text(json.dumps(told | changed))
@@ -374,6 +383,7 @@ def test_the_shipped_weights_are_those_of_the_recipe_and_saw_no_test():
     assert len(seen) == 23
     assert seen <= set(split["training"])
     assert told["class_names"] == list(PUBLISHED_CLASSES)
+    assert told["never_sure"] == ["clamp"]  # all clamps are for tests
     assert set(told["calibration"]) == {"open", "covered"}
     assert told["physics"].startswith("paper's simulator")
 

@@ -174,13 +174,25 @@ class WaveSegmenter:
         return 1 / (1 + np.exp(-fine))
 
     def canvas_mask(
-        self, power: np.ndarray, other: np.ndarray | None, *, before: np.ndarray | None = None, taken_db: float = 0.0
+        self,
+        power: np.ndarray,
+        other: np.ndarray | None,
+        *,
+        before: np.ndarray | None = None,
+        taken_db: float = 0.0,
+        covered: bool = False,
     ) -> np.ndarray:
-        """(A, B) bool, its best mask on the canvas's own pixels, to train classifiers with; see `wave_input`."""
+        """(A, B) bool, its best mask on the canvas's own pixels, to train classifiers with; see `wave_input`.
+
+        Of a scene that is known to be `covered` as `segment` makes it, less what heights tell.
+        """
         logits = self._logits(wave_input(power, other, before=before, taken_db=taken_db))
         probability = 1 / (1 + np.exp(-logits[: power.shape[0], : power.shape[1]]))
         cut = min(self.description["cut"], 0.9 * float(probability.max()))
-        return _without_small_parts(probability > cut)
+        mask = probability > cut
+        if covered:
+            mask &= _bright(probability, np.sqrt(power.max(axis=2)), (SPACING, SPACING))
+        return _without_small_parts(mask)
 
     def _logits(self, channels: np.ndarray) -> np.ndarray:
         """(A', B') of channels as of `wave_input`."""
@@ -215,7 +227,8 @@ class WaveSegmenter:
         cuts = [cut, *(cut + step for step in _STEPS[1:] if 0.05 < cut + step < probability.max())]
         likely = [probability > c for c in cuts]
         if picture.covered and picture.image is not None:
-            bright = _bright(probability, picture.image)
+            cleaned = without_sheets(picture.image, frequency=HIGH_BAND, covered=True)
+            bright = _bright(probability, cleaned.magnitude.max(axis=2), _pixel(picture.image))
             likely = [mask & bright for mask in likely]
         masks = np.stack([_without_small_parts(mask) for mask in _placed(likely, picture)])
         if not masks[0].any():
@@ -226,16 +239,21 @@ class WaveSegmenter:
         return Candidates(masks=masks[order], scores=scores[order])
 
 
-def _bright(probability: np.ndarray, image: SarImage) -> np.ndarray:
+def _bright(probability: np.ndarray, level: np.ndarray, sides: Sequence[float]) -> np.ndarray:
     """Pixels (A, B) of which the network is sure, or that are bright against the brightest likely one nearby.
 
-    Both are judged without sheets. What is dark between an object and its lid's edge is so left out, and no longer
-    joins them to one part, which has one height.
+    What is dark between an object and its lid's edge is so left out, and no longer joins them to one part, which has
+    one height.
+
+    Parameters
+    ----------
+    probability : (A, B)
+    level : (A, B) brightest magnitude along z, sheets taken off
+    sides : of a pixel, along both axes [m]
     """
     from scipy.ndimage import maximum_filter
 
-    level = without_sheets(image, frequency=HIGH_BAND, covered=True).magnitude.max(axis=2)
-    size = [2 * round(_NEARBY / side) + 1 if side else 1 for side in _pixel(image)]
+    size = [2 * round(_NEARBY / side) + 1 if side else 1 for side in sides]
     brightest = maximum_filter(np.where(probability > _LIKELY, level, 0), size)
     return (probability > _SURE) | (level > 10 ** (_BRIGHT_DB / 20) * brightest)
 
