@@ -54,7 +54,7 @@ def test_probabilities_solve_the_walker_s_equation():
                     matrix[row, k * b + m] -= weight
     expected = np.linalg.solve(matrix, right).reshape(a, b)
     assert np.ptp(expected) > 0.5
-    np.testing.assert_allclose(classical._walked(conductances, labels, [prior])[0], expected, atol=1e-4)
+    np.testing.assert_allclose(classical._walked(conductances, labels, prior), expected, atol=1e-4)
 
 
 def test_a_bright_disc_on_speckle_is_found_from_power_prompts():

@@ -1,4 +1,4 @@
-"""The segmenter that needs no network: a random walker with priors, by SciPy's sparse matrices.
+"""The segmenter that needs no network: a random walker with priors.
 
 Each pixel's value is the probability that a walker from there meets a positive prompt before a negative one (Grady
 2006, doi:10.1109/TPAMI.2006.233). It steps to a neighbour the more easily the more alike the two are, and may end at
@@ -7,8 +7,6 @@ prompts do. The probabilities x solve (L + g) x = g p + seeds, with the Laplacia
 
 It knows nothing of what objects look like, and finds only what is brighter than its surroundings.
 """
-
-from typing import Any
 
 import numpy as np
 
@@ -58,7 +56,8 @@ class ClassicalSegmenter:
         # Where nothing tells the two kinds apart, all is the object.
         share = (values - dark) @ (bright - dark) / span if span else np.ones(labels.shape)
         priors = [_step(share - level) for level in _LEVELS]
-        found = [chances > 0.5 for chances in _walked(_conductances(values, span or 1.0), labels, priors)]
+        conductances = _conductances(values, span or 1.0)
+        found = [_walked(conductances, labels, prior) > 0.5 for prior in priors]
         masks = [_filled(mask, labels == 0) for mask in found]
         scores = np.array([_separation(share, mask) for mask in masks])
         order = np.argsort(-scores, kind="stable")
@@ -98,47 +97,54 @@ def _conductances(values: np.ndarray, span: float) -> list[np.ndarray]:
     return [np.exp(-_BETA / span * (np.diff(values, axis=axis) ** 2).sum(axis=-1)) for axis in (0, 1)]
 
 
-def _walked(conductances: list[np.ndarray], labels: np.ndarray, priors: list[np.ndarray]) -> list[np.ndarray]:
-    """(A, B) probabilities for each of the priors; prompts have theirs."""
-    from scipy.sparse import coo_array, diags_array
+def _walked(conductances: list[np.ndarray], labels: np.ndarray, prior: np.ndarray) -> np.ndarray:
+    """(A, B) probabilities; prompts have theirs.
 
-    index = np.arange(labels.size).reshape(labels.shape)
-    start = np.concatenate([index[:-1].ravel(), index[:, :-1].ravel()])
-    stop = np.concatenate([index[1:].ravel(), index[:, 1:].ravel()])
-    both = np.tile(np.concatenate([c.ravel() for c in conductances]), 2)
-    links = coo_array((both, (np.r_[start, stop], np.r_[stop, start])), shape=(labels.size, labels.size)).tocsr()
-    free = np.flatnonzero(labels.ravel() < 0)
-    fixed = np.maximum(labels, 0).ravel().astype(float)
-    diagonal = np.asarray(links.sum(axis=1)).ravel()[free] + _PULL
-    matrix = (diags_array(diagonal) - links[free][:, free]).tocsr()
-    own = np.stack([prior.ravel()[free] for prior in priors], axis=1)
-    chances = np.tile(fixed[:, None], len(priors))
-    chances[free] = _solved(matrix, (links @ fixed)[free, None] + _PULL * own, own, diagonal[:, None])
-    return [one.reshape(labels.shape) for one in chances.T]
-
-
-def _solved(matrix: Any, right: np.ndarray, start: np.ndarray, diagonal: np.ndarray) -> np.ndarray:
-    """x (n, K) of matrix x = right, K systems at once, by conjugate gradients with the diagonal as preconditioner.
-
-    The sums are taken without BLAS, as SciPy's own solver does not: on vectors this short its threads wait for each
-    other many times longer than they work where other processes want the cores.
+    By conjugate gradients with the diagonal as preconditioner. The Laplacian is applied along the axes of the picture,
+    which needs no matrix.
     """
-    x = start.copy()
-    rest = right - matrix @ x
-    goal = (_ACCURACY * np.sqrt((right**2).sum(axis=0))) ** 2
-    direction, before = np.zeros_like(x), np.ones(x.shape[1])
+    down, across = conductances
+    free, fixed = labels < 0, np.maximum(labels, 0).astype(float)
+    diagonal = np.full(labels.shape, _PULL)
+    diagonal[1:] += down
+    diagonal[:-1] += down
+    diagonal[:, 1:] += across
+    diagonal[:, :-1] += across
+
+    def of_neighbours(x: np.ndarray) -> np.ndarray:
+        total = np.zeros_like(x)
+        total[1:] += down * x[:-1]
+        total[:-1] += down * x[1:]
+        total[:, 1:] += across * x[:, :-1]
+        total[:, :-1] += across * x[:, 1:]
+        return total
+
+    right = (of_neighbours(fixed) + _PULL * prior) * free
+    x = prior * free
+    rest = right - (diagonal * x - of_neighbours(x)) * free
+    goal, before = _ACCURACY**2 * _dot(right, right), 1.0
+    direction, tiny = np.zeros_like(x), np.finfo(float).tiny
     for _ in range(_MOST_STEPS):
-        if ((rest**2).sum(axis=0) <= goal).all():
+        if _dot(rest, rest) <= goal:
             break
         scaled = rest / diagonal
-        now = (rest * scaled).sum(axis=0)
+        now = _dot(rest, scaled)
         direction = scaled + now / before * direction
-        moved = matrix @ direction
-        step = now / np.maximum((direction * moved).sum(axis=0), np.finfo(float).tiny)
+        moved = (diagonal * direction - of_neighbours(direction)) * free
+        step = now / max(_dot(direction, moved), tiny)
         x += step * direction
         rest -= step * moved
-        before = np.maximum(now, np.finfo(float).tiny)
-    return x
+        before = max(now, tiny)
+    return np.where(free, x, fixed)
+
+
+def _dot(a: np.ndarray, b: np.ndarray) -> float:
+    """The product of two pictures (A, B).
+
+    Without BLAS: on arrays this small its threads wait for each other many times longer than they work where other
+    processes want the cores.
+    """
+    return float(np.einsum("ab,ab->", a, b))
 
 
 def _filled(mask: np.ndarray, beside: np.ndarray) -> np.ndarray:
