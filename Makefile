@@ -34,14 +34,14 @@ $(VENV)/setup.stamp: pyproject.toml constraints.txt
 	@echo "installing into $(VENV), some minutes"
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(PIP) install --quiet --upgrade "pip>=25.1"
-	$(PIP) install --quiet --constraint constraints.txt --group dev --editable ".[$(EXTRAS)]"
+	$(PIP) install --quiet --no-compile --constraint constraints.txt --group dev --editable ".[$(EXTRAS)]"
 	touch $@
 
 setup-train: $(VENV)/train.stamp
 
 $(VENV)/train.stamp: $(VENV)/setup.stamp
 	@echo "installing torch into $(VENV), some minutes"
-	$(PIP) install --quiet --constraint constraints.txt --editable ".[$(EXTRAS),train]"
+	$(PIP) install --quiet --no-compile --constraint constraints.txt --editable ".[$(EXTRAS),train]"
 	touch $@
 
 hooks: setup
