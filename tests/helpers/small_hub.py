@@ -5,6 +5,7 @@ import hashlib
 import json
 import re
 import threading
+from functools import lru_cache
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from urllib.parse import unquote, urlsplit
 
@@ -13,9 +14,15 @@ COMMIT = "0123456789abcdef0123456789abcdef01234567"
 PAGE = 3  # entries of a listing on a page, so that there are several
 
 
+@lru_cache(maxsize=1000)
 def git_name(content):
     """As git names a blob."""
     return hashlib.sha1(b"blob %d\0" % len(content) + content, usedforsecurity=False).hexdigest()
+
+
+@lru_cache(maxsize=1000)
+def checksum(content):
+    return hashlib.sha256(content).hexdigest()
 
 
 class Hub(ThreadingHTTPServer):
@@ -131,17 +138,21 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _tree(self, start):
         folders = sorted({"/".join(p.split("/")[: i + 1]) for p in self.server.files for i in range(p.count("/"))})
-        entries = [{"type": "directory", "path": path, "oid": "0" * 40, "size": 0} for path in folders]
-        for path, content in sorted(self.server.files.items()):
-            entry = {"type": "file", "path": path, "oid": git_name(content), "size": len(content)}
-            if path not in self.server.regular:
-                sha = hashlib.sha256(content).hexdigest()
-                entry |= {"oid": sha[:40], "lfs": {"oid": sha, "size": len(content), "pointerSize": 130}}
-            entries.append(entry)
+        paths = [*folders, *sorted(self.server.files)]
         tree = f"{self.server.endpoint}/api/datasets/{self.server.repository}/tree/{COMMIT}"
         more = f"{tree}?recursive=true&cursor={start + PAGE}"
-        link = {"Link": f'<{more}>; rel="next"'} if start + PAGE < len(entries) else {}
-        self._json(entries[start : start + PAGE], **link)
+        link = {"Link": f'<{more}>; rel="next"'} if start + PAGE < len(paths) else {}
+        self._json([self._entry(path) for path in paths[start : start + PAGE]], **link)
+
+    def _entry(self, path):
+        if path not in self.server.files:
+            return {"type": "directory", "path": path, "oid": "0" * 40, "size": 0}
+        content = self.server.files[path]
+        entry = {"type": "file", "path": path, "oid": git_name(content), "size": len(content)}
+        if path not in self.server.regular:
+            sha = checksum(content)
+            entry |= {"oid": sha[:40], "lfs": {"oid": sha, "size": len(content), "pointerSize": 130}}
+        return entry
 
     def _file(self, path):
         self.server.asked.append((self.command, path, self.headers.get("Range")))
@@ -151,7 +162,7 @@ class _Handler(BaseHTTPRequestHandler):
             return self._answer(self.server.refused[path], b"")
         content = self.server.files[path]
         about = {
-            "ETag": f'"{hashlib.sha256(content).hexdigest()}"', "X-Repo-Commit": COMMIT, "Accept-Ranges": "bytes",
+            "ETag": f'"{checksum(content)}"', "X-Repo-Commit": COMMIT, "Accept-Ranges": "bytes",
             "X-Linked-Size": str(len(content)),
         }  # fmt: skip
         start = 0
