@@ -12,6 +12,7 @@ exchanged, overwritten by others, or joined anew, lines and words change places.
 """
 
 import argparse
+import gc
 import hashlib
 import json
 import logging
@@ -217,6 +218,7 @@ def run(count: int, number: int, only: str | None = None, *, plain: bool = False
     with tempfile.TemporaryDirectory() as text:
         every = formats(Path(text))
         share = count / sum(1 / form.rarely for form in every)
+        gc.freeze()  # no process collects, and so copies, what all were started with
         for form in every:
             if only in (None, form.name):
                 wanted = count if only else int(share / form.rarely) + 1
