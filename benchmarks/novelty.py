@@ -1,10 +1,11 @@
 """How well the classifier tells what it knows from what it does not: AUROC of the novelty, and sure answers.
 
-    python benchmarks/novelty.py DATASET [DATASET ...] --odd DATASET --newer DATASET --sparse DATASET [-o novelty.md]
+    python benchmarks/novelty.py DATASET [DATASET ...] --odd DATASET --newer DATASET --third DATASET --sparse DATASET
+        [-o novelty.md]
 
-DATASETs hold whole scenes of objects of its classes, and empty cartons; `odd`, `newer` and `sparse` are made as
-benchmarks/odd_shapes.py says. Masks are those of `wave`, as of a user's; lids are scenes of a shut carton, of which the
-mask is all of the lid.
+DATASETs hold whole scenes of objects of its classes, and empty cartons; `odd`, `newer`, `third` and `sparse` are
+made as benchmarks/odd_shapes.py says. Masks are those of `wave`, as of a user's; lids are scenes of a shut carton, of
+which the mask is all of the lid.
 """
 
 import argparse
@@ -96,6 +97,7 @@ def main() -> None:
     parser.add_argument("datasets", nargs="+", type=Path)
     parser.add_argument("--odd", type=Path)
     parser.add_argument("--newer", type=Path)
+    parser.add_argument("--third", type=Path)
     parser.add_argument("--sparse", type=Path)
     parser.add_argument("-o", "--output", type=Path)
     options = parser.parse_args()
@@ -108,7 +110,10 @@ def main() -> None:
                 answers.add("a lid", scene, lid)
         for scene in scenes_of(root, empty=True):
             answers.add("an empty carton", scene)
-    further = {"shapes of no class": options.odd, "newer ones": options.newer, "sparse scans": options.sparse}
+    further = {
+        "shapes of no class": options.odd, "newer ones": options.newer, "a third set": options.third,
+        "sparse scans": options.sparse,
+    }  # fmt: skip
     for kind, root in further.items():
         for scene in scenes_of(root, empty=False) if root else ():
             answers.add(kind, scene)
