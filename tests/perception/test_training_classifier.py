@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import re
 import subprocess
 import sys
 import tomllib
@@ -60,6 +61,12 @@ def test_classes_are_the_papers_four_without_what_is_left_out():
     drawn = ClassifierRecipe(without=("dice", "apple"), drawn=7).scene_settings("can")
     assert set(drawn) - set(scenes) == {"any_can"}
     assert (drawn["any_can"].poses, drawn["any_can"].stretch) == (7, 0)
+
+
+def test_the_page_names_every_key_of_a_recipe():
+    page = (EXAMPLES.parent / "docs/how-to/train-classifier.md").read_text(encoding="utf-8")
+    keys = {one.name for one in dataclasses.fields(ClassifierRecipe)}
+    assert {key for key in keys if not re.search(rf"^\|.*`{key}[`.]", page, re.MULTILINE)} == set()
 
 
 def test_shapes_that_judge_are_for_validation_alone():

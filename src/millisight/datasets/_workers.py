@@ -16,6 +16,11 @@ from millisight.core.errors import MillisightError
 
 T = TypeVar("T")
 
+_DIED = (
+    "the process that worked on it died, for lack of memory, or because a script calls this outside of "
+    '`if __name__ == "__main__":`; workers=1 starts no processes'
+)
+
 
 class Outcome(NamedTuple):
     """What came of one thing: its number, and the function's result or why there is none."""
@@ -73,7 +78,7 @@ def each(
         died: list[tuple[int, T]] = []
         yield from _pooled(function, [item], 1, died)
         for number, _ in died:
-            yield Outcome(number, None, "the process that worked on it died, perhaps for lack of memory")
+            yield Outcome(number, None, _DIED)
 
 
 def _pooled(
