@@ -150,7 +150,7 @@ def weighted_images(
     frames = capture.frames_of(slice(0, len(capture.trajectory)))
     made = []
     for number, weight in enumerate(weights, 1):
-        weighted = (frames * weight.astype(np.float32)).astype(np.complex64)
+        weighted = np.multiply(frames, weight.astype(np.float32), dtype=np.complex64)
         weighted.flags.writeable = False
         made.append(image(replace(capture, frames=weighted), number))
     moving = iter(made)

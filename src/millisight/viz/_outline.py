@@ -26,7 +26,6 @@ _CREASE_DEG = 35.0
 _SHORTEST_CURVE = 12  # pixels
 _SHORTEST_LINE = 0.12  # of the view
 _TANGLED = 8.0  # length over reach; a circle drawn twice has 4.4
-_BLOCK = 2_000_000  # pixels looked at together
 
 
 @record
@@ -112,24 +111,10 @@ def _on_raster(mesh: TriangleMesh, axis: str, pixels: int) -> tuple[np.ndarray, 
 
 def _height_map(points: np.ndarray, faces: np.ndarray, rims: np.ndarray, counts: np.ndarray) -> np.ndarray:
     """Height towards the viewer of the foremost surface at every pixel; -inf where there is none."""
-    height = np.full(counts, -np.inf)
-    corners = points[faces]
-    low = np.clip(np.ceil(corners[..., :2].min(axis=1) - 0.5), 0, counts).astype(int)
-    high = np.clip(np.floor(corners[..., :2].max(axis=1) - 0.5) + 1, 0, counts).astype(int)
-    spans = np.maximum(high - low, 0)
-    sizes = spans.prod(axis=1)
-    ends = np.cumsum(sizes)
-    start = 0
-    while start < len(faces):
-        done = ends[start] - sizes[start]
-        stop = max(start + 1, int(np.searchsorted(ends, done + _BLOCK)))
-        block = np.arange(start, stop)
-        face = np.repeat(block, sizes[block])
-        number = np.arange(len(face)) - np.repeat(ends[block] - sizes[block] - done, sizes[block])
-        i = low[face, 0] + number // np.maximum(spans[face, 1], 1)
-        j = low[face, 1] + number % np.maximum(spans[face, 1], 1)
-        _raise(height, corners[face], i, j)
-        start = stop
+    from millisight.viz._raster_kernels import raise_to
+
+    height = np.full(tuple(counts), -np.inf)
+    raise_to(height, np.ascontiguousarray(points, dtype=float), np.ascontiguousarray(faces, dtype=np.int64))
     # A surface seen edge-on covers no pixel's centre: its rim does.
     if len(rims):
         steps = int(np.clip(np.ceil(np.abs(np.diff(points[rims][..., :2], axis=1)).max()), 1, _PIXELS)) + 1
@@ -138,20 +123,6 @@ def _height_map(points: np.ndarray, faces: np.ndarray, rims: np.ndarray, counts:
         i, j = np.clip(along[:, :2].astype(int), 0, counts - 1).T
         np.maximum.at(height, (i, j), along[:, 2])
     return height
-
-
-def _raise(height: np.ndarray, corners: np.ndarray, i: np.ndarray, j: np.ndarray) -> None:
-    """Raise `height` at the pixels (i, j) whose centres lie within their triangle (n, 3, 3)."""
-    (ax, ay, az), (bx, by, bz), (cx, cy, cz) = np.moveaxis(corners, 0, -1)
-    px, py = i + 0.5, j + 0.5
-    twice_area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
-    solid = np.abs(twice_area) > 1e-12
-    divisor = np.where(solid, twice_area, 1.0)
-    b = ((px - ax) * (cy - ay) - (py - ay) * (cx - ax)) / divisor
-    c = ((bx - ax) * (py - ay) - (by - ay) * (px - ax)) / divisor
-    inside = solid & (b >= -1e-9) & (c >= -1e-9) & (b + c <= 1 + 1e-9)
-    depth = az + b * (bz - az) + c * (cz - az)
-    np.maximum.at(height, (i[inside], j[inside]), depth[inside])
 
 
 def _traced(covered: np.ndarray) -> list[np.ndarray]:
