@@ -49,7 +49,8 @@ class Trajectory:
         put(self, times=times, positions=positions)
         if self.orientations is not None:
             quaternions = checked_array(self.orientations, name="orientations", shape=(len(positions), 4))
-            lengths = np.linalg.norm(quaternions, axis=1)
+            with np.errstate(over="ignore"):
+                lengths = np.linalg.norm(quaternions, axis=1)
             if abs(lengths - 1).max() > 1e-3:
                 raise InputError(
                     f"orientations have lengths {lengths.min():.3g} to {lengths.max():.3g}; "

@@ -95,7 +95,7 @@ def read_touchstone(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
 
 def _options(place: str, words: list[str]) -> tuple[float, str]:
     unit, form = 1e9, "MA"
-    for word, after in zip(words, [*words[1:], ""], strict=True):
+    for word, after in zip(words, [*words, ""][1:], strict=True):
         if word in _UNITS:
             unit = _UNITS[word]
         elif word in _FORMS:
