@@ -7,6 +7,7 @@ import copy
 import hashlib
 import json
 import pickle
+import re
 import struct
 import sys
 import zipfile
@@ -69,7 +70,7 @@ def _arrays(make: "_Maker") -> list[Format]:
         Format("old pickle", make.pickled(0), read_pickle, 1),
         Format("published image", make.image(), published, 2),
         Format("text table", TABLE.encode(), read_table, 0, ".csv", text=True),
-        Format("touchstone", TOUCHSTONE.encode(), read_touchstone, 0, ".s2p", text=True),
+        Format("touchstone", TOUCHSTONE.encode(), read_touchstone, 0, ".s2p", text=True, found=(b"#\n1 2 3",)),
         Format("hdf5", make.hdf5(), record, 8, ".h5"),
         Format("hdf5 unsealed", make.unsealed(), record, 8, ".h5", rarely=40, found=(make.unsealed(hangs=True),)),
         Format("scene to train on", make.parts(), lambda p: read_parts(p, "weights"), 30, ".npz"),
@@ -105,7 +106,15 @@ def _raw(make: "_Maker", folder: Path) -> list[Format]:
         Format("packets", make.packets(), lambda p: assemble_packets(read_packets(p)), 24, ".pcap"),
         Format("ti config", CONFIG.encode(), read_ti_config, 0, ".cfg", text=True),
         Format("position2go", make.text(), lambda p: read_position2go(p, samples=8, chirps=2), 0, ".txt", text=True),
-        Format("robot log", LOG.encode(), read_robot_log, 16, ".csv", text=True),
+        Format(
+            "robot log",
+            LOG.encode(),
+            read_robot_log,
+            16,
+            ".csv",
+            text=True,
+            found=(LOG.replace(",0,0,0,1", ",0,0,0,1e200").encode(),),
+        ),
         Format("published log", make.log(), published_log, 30, ".npz"),
     ]
 
@@ -164,7 +173,7 @@ def _texts(make: "_Maker", folder: Path) -> list[Format]:
     recipe = (Path(__file__).parents[2] / "examples" / "training" / "segmenter.toml").read_bytes()
     return [
         Format("description", DESCRIPTION.encode(), lambda p: read_capture(p, data=folder), 0, ".toml", text=True,
-               found=TOML_BOMBS),
+               found=(*TOML_BOMBS, re.sub("axes = .*", "axes = 1.5", DESCRIPTION).encode())),
         Format("experiment info", INFO.encode(), read_info, 1, ".json", text=True, found=JSON_BOMBS),
         Format("manifest", make.manifest(), beside("manifest.jsonl", read_manifest), 0, ".jsonl", text=True,
                found=JSON_BOMBS),
@@ -176,7 +185,7 @@ def _texts(make: "_Maker", folder: Path) -> list[Format]:
         Format("calibration", CALIBRATION.encode(), lambda p: record_from_file(RadarCalibration, p, "a calibration"), 0,
                ".toml", text=True, found=TOML_BOMBS),
         Format("poses", POSES.encode(), beside("poses.toml", read_poses), 0, ".toml", text=True,
-               found=TOML_BOMBS),
+               found=(*TOML_BOMBS, POSES.replace("0.0, 1.0]", "1e200, 1.0]").encode())),
         Format("radar", preset, lambda p: record_from_file(_Preset, p, "a radar"), 0, ".toml", text=True,
                found=TOML_BOMBS),
         Format("journal", json.dumps([entry]).encode() + b"\n", beside(".journal.jsonl", lambda p: Ledger(p, {})), 1,
