@@ -158,7 +158,7 @@ def commands() -> list[Command]:
         Command("evaluate", ("evaluate", "segmentation", "data", "-o", "out", "--method", "classical", "--seeds", "1",
                              "--object", "wide", "--sight", "los", "--workers", "1", "--failures", "1"), scenes,
                 ("out",)),
-        Command("script", ("rig", "script", "rig.toml", "-o", "s.lua"), rig, ("s.lua",)),
+        Command("script", ("rig", "script", "rig.toml", "--start-file", "go", "-o", "s.lua"), rig, ("s.lua",)),
         Command("camera", ("calibrate", "camera", "board", "--board", "9x6", "--square", "20mm", "-o", "c.toml"), board,
                 ("c.toml",)),
     ]  # fmt: skip

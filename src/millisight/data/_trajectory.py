@@ -95,7 +95,7 @@ class Trajectory:
         extents = checked_numbers(size, name="size", count=2, repeat=True, unit="m", minimum=0)
         middle = checked_numbers(center, name="center", count=3, unit="m")
         interval = checked_number(interval, name="interval", unit="s", above=0)
-        counts = [np.floor(e / s * (1 + 1e-9)) + 1 for e, s in zip(extents, steps, strict=True)]
+        counts = [float(np.floor(e / s * (1 + 1e-9))) + 1 for e, s in zip(extents, steps, strict=True)]
         if not counts[0] * counts[1] <= _MOST_POSITIONS:
             raise InputError(
                 f"the raster would have {counts[0]:.3g} x {counts[1]:.3g} positions; expected {_MOST_POSITIONS:.0e} "
