@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))  # helpers
+import behind
 
 
 @dataclass(frozen=True)
@@ -72,6 +73,15 @@ def _arrays(make: "_Maker") -> list[Format]:
         Format("text table", TABLE.encode(), read_table, 0, ".csv", text=True),
         Format("touchstone", TOUCHSTONE.encode(), read_touchstone, 0, ".s2p", text=True, found=(b"#\n1 2 3",)),
         Format("hdf5", make.hdf5(), record, 8, ".h5"),
+        Format(
+            "hdf5 attributes",
+            *behind.attributes(make.folder),
+            0,
+            ".txt",
+            text=True,
+            rarely=5,
+            found=(b"/|schema_version|inf",),
+        ),
         Format("hdf5 unsealed", make.unsealed(), record, 8, ".h5", rarely=40),
         Format("scene to train on", make.parts(), lambda p: read_parts(p, "weights"), 30, ".npz"),
         Format("photo", make.photo(), read_photo, 8, ".png"),
@@ -115,6 +125,14 @@ def _raw(make: "_Maker", folder: Path) -> list[Format]:
             text=True,
             found=(LOG.replace(",0,0,0,1", ",0,0,0,1e200").encode(),),
         ),
+        Format("log of a row", *behind.log(folder), 30, ".npz", found=(b"", b"PK")),
+        Format(
+            "frames of a row",
+            *behind.frames(folder),
+            10,
+            ".npy",
+            found=(b"", b"PK", b"\x93NUMPY\x01\x00\x06\x00{'a.a\n"),
+        ),
         Format("published log", make.log(), published_log, 30, ".npz"),
     ]
 
@@ -152,9 +170,12 @@ def _texts(make: "_Maker", folder: Path) -> list[Format]:
 
         return parse
 
+    def lying_behind(name: str, valid: bytes, parse: Callable[[Path], object]) -> Format:
+        return Format(name, valid, parse, 1, ".json", text=True, found=(*JSON_BOMBS, *behind.JSON_BEYOND))
+
     save(folder / "annotated.h5", annotating.radar_image())
-    subject = open_picture(folder / "annotated.h5")
-    annotation = Annotation(subject, folder / "mask.h5", segmenters={"discs": annotating.Discs()})
+    subject, segmenters = open_picture(folder / "annotated.h5"), {"discs": annotating.Discs()}
+    annotation = Annotation(subject, folder / "mask.h5", segmenters=segmenters)
 
     def page(path: Path) -> None:
         try:
@@ -197,6 +218,9 @@ def _texts(make: "_Maker", folder: Path) -> list[Format]:
                found=JSON_BOMBS),
         Format("prompts", asked.encode(), _read_prompts, 1, ".json", text=True, found=JSON_BOMBS),
         Format("annotator page", asked.encode(), page, 1, ".json", text=True, found=JSON_BOMBS, rarely=3),
+        lying_behind("annotation", *behind.prompts(folder, subject, segmenters)),
+        lying_behind("rows of a scan", *behind.rows(folder)),
+        lying_behind("raw settings", *behind.settings(folder, make.chirps())),
         Format("weights' description", json.dumps(weights).encode(), lambda p: read_description(p, "cut"), 1, ".json",
                text=True, found=JSON_BOMBS),
     ]  # fmt: skip
