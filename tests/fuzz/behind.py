@@ -92,14 +92,18 @@ def frames(folder: Path) -> tuple[bytes, Any]:
 
     place = folder / "spool"
     place.mkdir()
-    stream = BytesIO()
-    np.save(stream, np.ones((2, 1, 1, 4), np.complex64))
 
     def parse(path: Path) -> None:
         path.replace(place / "0.npy")
         np.array(Spool(place, [(1, 1.0)])[0].frames)
 
-    return stream.getvalue(), parse
+    return saved_frames(), parse
+
+
+def saved_frames() -> bytes:
+    stream = BytesIO()
+    np.save(stream, np.ones((2, 1, 1, 4), np.complex64))
+    return stream.getvalue()
 
 
 def prompts(folder: Path, subject: Any, segmenters: Any) -> tuple[bytes, Any]:

@@ -131,7 +131,7 @@ def _raw(make: "_Maker", folder: Path) -> list[Format]:
             *behind.frames(folder),
             10,
             ".npy",
-            found=(b"", b"PK", b"\x93NUMPY\x01\x00\x06\x00{'a.a\n"),
+            found=(b"", b"PK", b"\x93NUMPY\x01\x00\x06\x00{'a.a\n", behind.saved_frames().replace(b"<c8", b",c8")),
         ),
         Format("published log", make.log(), published_log, 30, ".npz"),
     ]

@@ -232,10 +232,10 @@ class Spool(Sequence):
     def __getitem__(self, index: Any) -> Any:
         number, created = self.rows[index]
         path = self._path(index % len(self))
-        array_shapes(path)  # NumPy raises anything where the header is damaged
+        array_shapes(path)  # what NumPy raises of some headers is none of the errors below
         try:
             frames = np.load(path, mmap_mode="r")
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, TypeError, SyntaxError) as error:
             raise DamagedFileError(f"{printable(path)} is damaged: {error}; remove the folder it is in") from error
         return mito.RecordedRow(number=number, created=created, frames=frames)
 
