@@ -57,8 +57,8 @@ def aperture_over(
     x, y, z = bounds.mean(axis=0) if center is None else checked_numbers(center, name="center", count=3, unit="m")
     if size is None and wide.max() > _WIDEST:
         raise InputError(
-            f"the scene is {wide[0]:.3g} m x {wide[1]:.3g} m wide with its margin, too wide for an aperture that nobody "
-            f"asked for; expected {_WIDEST:g} m at most: remove stray vertices, check the unit, or pass size"
+            f"the scene is {wide[0]:.3g} m x {wide[1]:.3g} m wide with its margin; expected {_WIDEST:g} m at most "
+            "for an aperture of its size: remove stray vertices, check the unit, or pass size"
         )
     size, middle = (wide[0], wide[1]) if size is None else size, (x, y, z + height)
     if step is not None:
