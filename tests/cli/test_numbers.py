@@ -91,3 +91,15 @@ def test_turns_of_absurd_length_are_refused_without_a_warning(length):
     ):
         with pytest.raises(InputError, match="unit"):
             make()
+
+
+def test_ten_thousand_million_voxels_are_refused_before_work(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    axis = "0m:21.54cm:0.1mm"
+    began = time.process_time()
+    code, _, _, told = run_here(*IMAGE, f"{axis},{axis},{axis}")
+    assert time.process_time() - began < 5
+    assert code == 1
+    assert "the image of 1e+10 voxels takes about" in told
+    assert "use a coarser --grid, or pass --memory" in told
+    assert [path.name for path in folder.iterdir()] == ["c.h5"]
