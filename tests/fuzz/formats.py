@@ -70,7 +70,15 @@ def _arrays(make: "_Maker") -> list[Format]:
         Format("camera pickle", make.pickled(4), read_pickle, 2),
         Format("old pickle", make.pickled(0), read_pickle, 1),
         Format("published image", make.image(), published, 2),
-        Format("text table", TABLE.encode(), read_table, 0, ".csv", text=True),
+        Format(
+            "text table",
+            TABLE.encode(),
+            read_table,
+            0,
+            ".csv",
+            text=True,
+            found=(b"1;2;3\n" + b"9" * 49_000 + b"x;3\n",),
+        ),
         Format("touchstone", TOUCHSTONE.encode(), read_touchstone, 0, ".s2p", text=True, found=(b"#\n1 2 3",)),
         Format("hdf5", make.hdf5(), record, 8, ".h5"),
         Format(
