@@ -7,6 +7,7 @@ import copy
 import hashlib
 import json
 import pickle
+import re
 import struct
 import sys
 import zipfile
@@ -20,6 +21,7 @@ from typing import Any
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))  # helpers
+import behind
 
 
 @dataclass(frozen=True)
@@ -68,10 +70,27 @@ def _arrays(make: "_Maker") -> list[Format]:
         Format("camera pickle", make.pickled(4), read_pickle, 2),
         Format("old pickle", make.pickled(0), read_pickle, 1),
         Format("published image", make.image(), published, 2),
-        Format("text table", TABLE.encode(), read_table, 0, ".csv", text=True),
-        Format("touchstone", TOUCHSTONE.encode(), read_touchstone, 0, ".s2p", text=True),
+        Format(
+            "text table",
+            TABLE.encode(),
+            read_table,
+            0,
+            ".csv",
+            text=True,
+            found=(b"1;2;3\n" + b"9" * 49_000 + b"x;3\n",),
+        ),
+        Format("touchstone", TOUCHSTONE.encode(), read_touchstone, 0, ".s2p", text=True, found=(b"#\n1 2 3",)),
         Format("hdf5", make.hdf5(), record, 8, ".h5"),
-        Format("hdf5 unsealed", make.unsealed(), record, 8, ".h5", rarely=40, found=(make.unsealed(hangs=True),)),
+        Format(
+            "hdf5 attributes",
+            *behind.attributes(make.folder),
+            0,
+            ".txt",
+            text=True,
+            rarely=5,
+            found=(b"/|schema_version|inf",),
+        ),
+        Format("hdf5 unsealed", make.unsealed(), record, 8, ".h5", rarely=40),
         Format("scene to train on", make.parts(), lambda p: read_parts(p, "weights"), 30, ".npz"),
         Format("photo", make.photo(), read_photo, 8, ".png"),
     ]
@@ -105,7 +124,23 @@ def _raw(make: "_Maker", folder: Path) -> list[Format]:
         Format("packets", make.packets(), lambda p: assemble_packets(read_packets(p)), 24, ".pcap"),
         Format("ti config", CONFIG.encode(), read_ti_config, 0, ".cfg", text=True),
         Format("position2go", make.text(), lambda p: read_position2go(p, samples=8, chirps=2), 0, ".txt", text=True),
-        Format("robot log", LOG.encode(), read_robot_log, 16, ".csv", text=True),
+        Format(
+            "robot log",
+            LOG.encode(),
+            read_robot_log,
+            16,
+            ".csv",
+            text=True,
+            found=(LOG.replace(",0,0,0,1", ",0,0,0,1e200").encode(),),
+        ),
+        Format("log of a row", *behind.log(folder), 30, ".npz", found=(b"", b"PK")),
+        Format(
+            "frames of a row",
+            *behind.frames(folder),
+            10,
+            ".npy",
+            found=(b"", b"PK", b"\x93NUMPY\x01\x00\x06\x00{'a.a\n", behind.saved_frames().replace(b"<c8", b",c8")),
+        ),
         Format("published log", make.log(), published_log, 30, ".npz"),
     ]
 
@@ -143,9 +178,12 @@ def _texts(make: "_Maker", folder: Path) -> list[Format]:
 
         return parse
 
+    def lying_behind(name: str, valid: bytes, parse: Callable[[Path], object]) -> Format:
+        return Format(name, valid, parse, 1, ".json", text=True, found=(*JSON_BOMBS, *behind.JSON_BEYOND))
+
     save(folder / "annotated.h5", annotating.radar_image())
-    subject = open_picture(folder / "annotated.h5")
-    annotation = Annotation(subject, folder / "mask.h5", segmenters={"discs": annotating.Discs()})
+    subject, segmenters = open_picture(folder / "annotated.h5"), {"discs": annotating.Discs()}
+    annotation = Annotation(subject, folder / "mask.h5", segmenters=segmenters)
 
     def page(path: Path) -> None:
         try:
@@ -164,7 +202,7 @@ def _texts(make: "_Maker", folder: Path) -> list[Format]:
     recipe = (Path(__file__).parents[2] / "examples" / "training" / "segmenter.toml").read_bytes()
     return [
         Format("description", DESCRIPTION.encode(), lambda p: read_capture(p, data=folder), 0, ".toml", text=True,
-               found=TOML_BOMBS),
+               found=(*TOML_BOMBS, re.sub("axes = .*", "axes = 1.5", DESCRIPTION).encode())),
         Format("experiment info", INFO.encode(), read_info, 1, ".json", text=True, found=JSON_BOMBS),
         Format("manifest", make.manifest(), beside("manifest.jsonl", read_manifest), 0, ".jsonl", text=True,
                found=JSON_BOMBS),
@@ -176,7 +214,7 @@ def _texts(make: "_Maker", folder: Path) -> list[Format]:
         Format("calibration", CALIBRATION.encode(), lambda p: record_from_file(RadarCalibration, p, "a calibration"), 0,
                ".toml", text=True, found=TOML_BOMBS),
         Format("poses", POSES.encode(), beside("poses.toml", read_poses), 0, ".toml", text=True,
-               found=TOML_BOMBS),
+               found=(*TOML_BOMBS, POSES.replace("0.0, 1.0]", "1e200, 1.0]").encode())),
         Format("radar", preset, lambda p: record_from_file(_Preset, p, "a radar"), 0, ".toml", text=True,
                found=TOML_BOMBS),
         Format("journal", json.dumps([entry]).encode() + b"\n", beside(".journal.jsonl", lambda p: Ledger(p, {})), 1,
@@ -188,6 +226,9 @@ def _texts(make: "_Maker", folder: Path) -> list[Format]:
                found=JSON_BOMBS),
         Format("prompts", asked.encode(), _read_prompts, 1, ".json", text=True, found=JSON_BOMBS),
         Format("annotator page", asked.encode(), page, 1, ".json", text=True, found=JSON_BOMBS, rarely=3),
+        lying_behind("annotation", *behind.prompts(folder, subject, segmenters)),
+        lying_behind("rows of a scan", *behind.rows(folder)),
+        lying_behind("raw settings", *behind.settings(folder, make.chirps())),
         Format("weights' description", json.dumps(weights).encode(), lambda p: read_description(p, "cut"), 1, ".json",
                text=True, found=JSON_BOMBS),
     ]  # fmt: skip
@@ -455,18 +496,14 @@ class _Maker:
         image = ms.SarImage(grid=ms.VoxelGrid.regular((0, 0, 0), (0.03, 0.02, 0), 0.01), values=self.complex(4, 3, 1))
         return self.written(lambda p: ms.save(p, image), ".h5")
 
-    def unsealed(self, *, hangs: bool = False) -> bytes:
-        """As versions before the seal wrote it; free space of no bytes in its heap hangs the library."""
+    def unsealed(self) -> bytes:
+        """As versions before the seal wrote it. What hangs the library, for seconds, is in tests/io/test_opened.py."""
         import h5py
 
         (self.folder / "old.h5").write_bytes(self.hdf5())
         with h5py.File(self.folder / "old.h5", "r+") as file:
             file.attrs["schema_version"] = 1
-        data = (self.folder / "old.h5").read_bytes()
-        place = data.index(b"GCOL") + 16
-        while data[place]:  # up to what is free
-            place += 16 + -(-int.from_bytes(data[place + 8 : place + 16], "little") // 8) * 8
-        return data[: place + 8] + bytes(8) + data[place + 16 :] if hangs else data
+        return (self.folder / "old.h5").read_bytes()
 
     def parts(self) -> bytes:
         from millisight.perception.training._bands import BANDS, write_parts

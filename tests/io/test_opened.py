@@ -323,7 +323,7 @@ def test_a_crash_or_a_hang_of_the_library_is_an_error(saved, script, message, mo
 
 
 def test_a_file_that_the_library_walks_for_ever_ends_within_seconds_of_processor_time(saved):
-    """The heap that holds its texts ends with free space of no bytes: found by `tests/fuzz/parsers.py --plain`."""
+    """The heap that holds its texts ends with free space of no bytes: found by `tests/fuzz/parsers.py`."""
     as_schema_1(saved)
     data = bytearray(saved.read_bytes())
     place = data.index(b"GCOL") + 16

@@ -232,6 +232,15 @@ def test_an_aperture_has_half_a_wavelength_between_its_positions_or_less():
         assert np.diff(np.unique(places[:, axis].round(9))) == pytest.approx(half, abs=1e-6)
 
 
+def test_one_stray_vertex_makes_no_aperture_of_its_own_size():
+    vertices = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [100, 0, 0]])
+    mesh = ms.TriangleMesh(vertices=vertices, faces=[[0, 1, 2], [0, 3, 1]])
+    scene = ms.Scene.from_mesh(mesh, vertices=None, center=False)
+    with pytest.raises(InputError, match=r"the scene is 100 m x 0\.2 m wide .*: remove stray vertices, check the unit"):
+        ms.aperture_over(scene, RADAR, step=0.01)
+    assert len(ms.aperture_over(scene, RADAR, size=(100.0, 0.2), step=1.0)) == 101
+
+
 def test_apertures_over_a_scene():
     scene = BOX.moved((0.1, 0.0, -0.3))
     raster = ms.aperture_over(scene, RADAR, height=0.25)

@@ -24,6 +24,7 @@ from millisight.data import CameraFrame, Intrinsics, Picture, Prompts
 from millisight.io import load_extras
 from millisight.io.mito import write_published
 from millisight.perception.segmentation import segmenter
+from millisight.viz import _page_server
 from millisight.viz.annotator import Annotation, AnnotatorServer, OpenedPicture, open_picture, segmenters_for
 from millisight.viz.annotator._coarse import Coarse
 
@@ -368,6 +369,15 @@ class TestTheServer:
         status, _, content = self.get(server, root + "mask", method="POST", body="{}")
         assert status == 422
         assert "reload" in json.loads(content)["error"]
+
+    @pytest.mark.parametrize("begun", ["GET {}about HT", "POST {}mask HTTP/1.1\r\n{}\r\nContent-Length: 9\r\n\r\n1"])
+    def test_a_page_that_stops_in_the_middle_of_a_request_is_hung_up_on(self, begun, server, monkeypatch, capsys):
+        monkeypatch.setattr(_page_server._Handler, "timeout", 0.3)
+        with socket.create_connection(server.server_address, timeout=10) as page:
+            page.sendall(begun.format(urlsplit(server.address).path, "Host: 127.0.0.1").encode())
+            assert page.recv(100) == b""
+        assert capsys.readouterr().err == ""
+        assert self.get(server, urlsplit(server.address).path + "about")[0] == 200
 
     def test_a_taken_port_is_said(self, annotation, server):
         with pytest.raises(InputError, match=r"cannot bind port \d+ of 127.0.0.1: .*--port"):

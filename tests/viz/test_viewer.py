@@ -177,7 +177,9 @@ def test_the_colour_bar_dims_what_is_hidden():
     assert "width:50.0%" in colour_bar(ViewSettings(range_db=30, threshold_db=-15))
 
 
-@pytest.mark.parametrize("wrong", [{"threshold_db": 1}, {"range_db": 0}, {"share": 1.5}, {"colormap": "none"}])
+@pytest.mark.parametrize(
+    "wrong", [{"threshold_db": 1}, {"range_db": 0}, {"range_db": 1e-320}, {"share": 1.5}, {"colormap": "none"}]
+)
 def test_settings_that_cannot_be_right_are_refused(wrong):
     with pytest.raises(InputError):
         ViewSettings(**wrong)

@@ -1,6 +1,7 @@
 """Pictures of a board with the poses that they were taken from: a folder of PNG or JPEG files and a `poses.toml`."""
 
 import dataclasses
+import math
 import os
 import re
 from collections.abc import Callable
@@ -53,7 +54,7 @@ class PosedPicture:
 
     def __post_init__(self) -> None:
         orientation = checked_numbers(self.orientation, name="orientation", count=4)
-        if abs(float(np.linalg.norm(orientation)) - 1) > 1e-3:
+        if abs(math.hypot(*orientation) - 1) > 1e-3:
             raise InputError(f"orientation is {list(orientation)}; expected a unit quaternion x, y, z, w")
         put(
             self,

@@ -117,8 +117,9 @@ def see_through(
     checked_record(capture, Capture, name="capture")
     _check_no_layers(capture)
     normal = checked_array(towards, name="towards", shape=(3,))
-    if not np.linalg.norm(normal) > 0:
+    if not normal.any():
         raise InputError("towards is 0, 0, 0; expected the direction from the antennas to the scene")
+    normal = normal / np.abs(normal).max()  # so that no square of it is beyond all numbers, or 0
     normal = normal / np.linalg.norm(normal)
     index = np.sqrt(checked_number(permittivity, name="permittivity", above=0))
     if not len(layers):

@@ -14,7 +14,7 @@ from millisight.cli.sources import Source, sources
 from millisight.core import check_known, checked_colormap, colormap_in_use, make_folder, record_from_file
 from millisight.core.errors import InputError, MillisightError
 from millisight.data import SarImage
-from millisight.imaging import CLUTTER, WINDOWS
+from millisight.imaging import CLUTTER, WINDOWS, check_tolerance
 
 if TYPE_CHECKING:
     from millisight.calibration import RadarCalibration
@@ -170,6 +170,8 @@ def image(
         raise InputError("--memory writes the image alone; leave --as-published, --plot and --slices out")
     if as_published and any(one is not None for one in (method, window, tolerance)):
         raise InputError("--as-published is a method of its own; leave --method, --window and --tolerance out")
+    if tolerance is not None:
+        check_tolerance(tolerance)
     settings = ImageSettings(
         grid=grid,
         method=method,

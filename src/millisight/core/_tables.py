@@ -5,6 +5,7 @@ file holds. Ranges and units are the records' own checks; every message names th
 """
 
 import dataclasses
+import functools
 import os
 import types
 import typing
@@ -59,7 +60,7 @@ def record_from_table(cls: type[T], table: Any, source: str, place: str = "", /,
     """
     if not isinstance(table, Mapping):
         raise FormatError(f"{source}: {place}: expected a table, got {table!r}")
-    kinds, fields = typing.get_type_hints(cls), _fields(cls)
+    kinds, fields = _kinds(cls), _fields(cls)
     values = dict(hidden)
     for key, value in table.items():
         where = f"{place}.{key}" if place else key
@@ -81,6 +82,13 @@ def toml_of(record: Any) -> str:
     return "\n".join(_lines(record, "")) + "\n"
 
 
+@functools.cache
+def _kinds(cls: Any) -> dict[str, Any]:
+    """The types of the fields, which take long to resolve."""
+    return typing.get_type_hints(cls)
+
+
+@functools.cache
 def _fields(cls: Any) -> dict[str, dataclasses.Field]:
     """The fields that a file holds, by their keys."""
     named = {field.metadata.get("key", field.name): field for field in dataclasses.fields(cls)}
@@ -119,7 +127,7 @@ def _is_record(kind: Any) -> bool:
 def _lines(record: Any, place: str) -> list[str]:
     """The record's plain fields, then its tables."""
     plain, tables = [], []
-    for key, field in _fields(record).items():
+    for key, field in _fields(type(record)).items():
         value = getattr(record, field.name)
         where = f"{place}.{key}" if place else key
         if _is_record(type(value)):

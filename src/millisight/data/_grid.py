@@ -8,7 +8,7 @@ from millisight.core import box, checked_array, checked_numbers, put, record
 from millisight.core.errors import InputError
 from millisight.data._reach import check_reach
 
-_MOST_VOXELS = 1e11  # 800 GB of complex64
+_MOST_VOXELS, _MOST_ALONG = 1e11, 1e7  # 800 GB of complex64; 80 MB of an axis
 
 
 def _coordinates(value: np.ndarray, name: str) -> np.ndarray:
@@ -123,10 +123,11 @@ class VoxelGrid:
         with np.errstate(over="ignore"):  # infinitely many are refused like too many
             counts = np.floor((np.array(stops) - starts) / steps * (1 + 1e-9)) + 1
             number = counts.prod()
-        if not number <= _MOST_VOXELS:
+        if not (number <= _MOST_VOXELS and counts.max() <= _MOST_ALONG):
             raise InputError(
                 f"the grid would have {' x '.join(f'{n:.3g}' for n in counts)} = {number:.3g} voxels; expected "
-                f"{_MOST_VOXELS:.0e} at most: choose a coarser spacing or a smaller box"
+                f"{_MOST_VOXELS:.0e} at most, and {_MOST_ALONG:.0e} along an axis: choose a coarser spacing or a "
+                "smaller box"
             )
         axes = [start + step * np.arange(int(n)) for start, step, n in zip(starts, steps, counts, strict=True)]
         return cls(x=axes[0], y=axes[1], z=axes[2])

@@ -1,5 +1,7 @@
 """Plane layers between the antennas of a capture and its scene."""
 
+import math
+
 import numpy as np
 
 from millisight.core import checked_array, checked_number, put, record
@@ -36,8 +38,8 @@ class Layers:
         normal = checked_array(self.normal, name="normal", shape=(3,))
         if not len(thicknesses) or not (thicknesses > 0).all() or not (indices > 0).all():
             raise InputError("a layer has a thickness or a refractive index that is not above 0; expected both above 0")
-        if abs(np.linalg.norm(normal) - 1) > 1e-9:
-            raise InputError(f"normal has length {np.linalg.norm(normal):.6g}; expected 1")
+        if abs(math.hypot(*normal) - 1) > 1e-9:
+            raise InputError(f"normal has length {math.hypot(*normal):.6g}; expected 1")
         put(
             self,
             thicknesses=thicknesses,

@@ -48,7 +48,8 @@ class PointCloud:
         )
         if self.normals is not None:
             normals = _some(self.normals, "normals", count, 3)
-            lengths = np.linalg.norm(normals, axis=1)
+            with np.errstate(over="ignore"):
+                lengths = np.linalg.norm(normals, axis=1)
             if count and np.abs(lengths - 1).max() > _UNIT:
                 raise InputError(
                     f"normals have lengths of {lengths.min():.3g} to {lengths.max():.3g}; expected unit vectors: "

@@ -49,7 +49,8 @@ class Trajectory:
         put(self, times=times, positions=positions)
         if self.orientations is not None:
             quaternions = checked_array(self.orientations, name="orientations", shape=(len(positions), 4))
-            lengths = np.linalg.norm(quaternions, axis=1)
+            with np.errstate(over="ignore"):
+                lengths = np.linalg.norm(quaternions, axis=1)
             if abs(lengths - 1).max() > 1e-3:
                 raise InputError(
                     f"orientations have lengths {lengths.min():.3g} to {lengths.max():.3g}; "
@@ -94,7 +95,7 @@ class Trajectory:
         extents = checked_numbers(size, name="size", count=2, repeat=True, unit="m", minimum=0)
         middle = checked_numbers(center, name="center", count=3, unit="m")
         interval = checked_number(interval, name="interval", unit="s", above=0)
-        counts = [np.floor(e / s * (1 + 1e-9)) + 1 for e, s in zip(extents, steps, strict=True)]
+        counts = [float(np.floor(e / s * (1 + 1e-9))) + 1 for e, s in zip(extents, steps, strict=True)]
         if not counts[0] * counts[1] <= _MOST_POSITIONS:
             raise InputError(
                 f"the raster would have {counts[0]:.3g} x {counts[1]:.3g} positions; expected {_MOST_POSITIONS:.0e} "

@@ -10,6 +10,7 @@ from ._exact import image_at as image_at
 from ._floor import FLOOR_BINS as FLOOR_BINS
 from ._floor import form_as_published as form_as_published
 from ._form import METHODS as METHODS
+from ._form import check_tolerance as check_tolerance
 from ._form import form_image as form_image
 from ._growing import GrowingImage as GrowingImage
 from ._sampling import Ghost as Ghost

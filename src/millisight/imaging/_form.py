@@ -119,7 +119,7 @@ def form_image(
             capture, grid, window=window, oversampling=settings["oversampling"], progress=progress
         )
     else:
-        wanted = TOLERANCE if tolerance is None else _checked_tolerance(tolerance)
+        wanted = TOLERANCE if tolerance is None else check_tolerance(tolerance)
         values, told = _within(
             wanted, capture, grid, method, window, None if oversampling is None else int(oversampling), device, progress
         )
@@ -128,7 +128,8 @@ def form_image(
     return SarImage(grid=grid, values=values, metadata=with_step(capture.metadata, "form_image", **settings))
 
 
-def _checked_tolerance(tolerance: float) -> float:
+def check_tolerance(tolerance: float) -> float:
+    """`tolerance` as a number; `InputError` before any work where no image can be formed with it."""
     value = checked_number(tolerance, name="tolerance")
     if not _TOLERANCES[0] <= value <= _TOLERANCES[1]:
         raise InputError(

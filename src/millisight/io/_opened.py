@@ -103,7 +103,7 @@ def judge(file: Any, path: Path, *, sealed: bool) -> None:
     try:
         ours = str(_root_attribute(file, "format", "")) == "millisight"
         version = int(_root_attribute(file, "schema_version", 0))
-    except (OSError, RuntimeError, KeyError, TypeError, ValueError) as error:
+    except (OSError, RuntimeError, KeyError, TypeError, ValueError, OverflowError) as error:
         raise DamagedFileError(f"{name} is damaged: {reason(error)}; make or copy it again") from error
     if not ours:
         raise FormatError(f"{name} is HDF5, but not written by millisight (no format attribute)")

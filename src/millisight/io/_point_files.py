@@ -111,7 +111,8 @@ def read_point_cloud(path: str | os.PathLike[str]) -> PointCloud:
         raise FormatError(f"{printable(path)}: vertices without {' and '.join(missing)}; expected x, y and z")
     normals = np.stack([columns[n] for n in _NORMALS], axis=1) if set(_NORMALS) <= columns.keys() else None
     if normals is not None and len(normals):
-        lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+        with np.errstate(over="ignore"):
+            lengths = np.linalg.norm(normals, axis=1, keepdims=True)
         normals = normals / lengths if lengths.min() > 0 else None
     return PointCloud(
         points=np.stack([columns[name] for name in "xyz"], axis=1),

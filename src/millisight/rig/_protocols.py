@@ -4,6 +4,7 @@ A scan is made by calls alone: start the radars, sweep the arm, wait, stop the r
 laboratory or on paper in between is the devices' affair; each tells time by its own clock.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -33,7 +34,7 @@ class ArmPose:
 
     def __post_init__(self) -> None:
         orientation = checked_array(self.orientation, name="orientation", shape=(4,))
-        length = float(np.linalg.norm(orientation))
+        length = math.hypot(*orientation)
         if abs(length - 1) > 1e-3:
             raise InputError(f"orientation has the length {length:.3g}; expected a unit quaternion x, y, z, w")
         put(

@@ -16,6 +16,7 @@ from millisight.core import alone, atomic_path, checked_numbers, checked_path, m
 from millisight.core.errors import DamagedFileError, FileError, InputError
 from millisight.data import CameraFrame, Trajectory
 from millisight.io import mito
+from millisight.io.arrays import array_shapes, read_arrays
 from millisight.rig._protocols import RadarDevice, Recording
 from millisight.rig._recorder import ScanPlan
 
@@ -86,7 +87,7 @@ class RowWriter(ABC):
         else:
             self._part = self._claim(self._keep, {radar.name: radar.frame_period for radar in self._radars})
         try:
-            done = _rows_listed(self._part)
+            done = _rows_listed(self._part, names)
             self.rows_done = len(done)
             self._spools = {
                 name: Spool(make_folder(self._part / "rows" / name), [row[name] for row in done]) for name in names
@@ -177,15 +178,14 @@ class RowWriter(ABC):
         return folder
 
 
-def _rows_listed(folder: Path) -> list[dict[str, tuple[int, float]]]:
+def _rows_listed(folder: Path, names: Sequence[str]) -> list[dict[str, tuple[int, float]]]:
     """Number and time of every row that is whole, by radar."""
     if not (folder / _ROWS).exists():
         return []
     try:
-        return [
-            {name: (int(number), float(time)) for name, (number, time) in row.items()} for row in _kept(folder / _ROWS)
-        ]
-    except (AttributeError, TypeError, ValueError) as error:
+        listed = [{name: row[name] for name in names} for row in _kept(folder / _ROWS)]
+        return [{name: (int(number), float(time)) for name, (number, time) in row.items()} for row in listed]
+    except (LookupError, TypeError, ValueError, OverflowError) as error:
         raise DamagedFileError(f"{printable(folder / _ROWS)} is no list of rows: {error}; remove the folder") from error
 
 
@@ -199,11 +199,12 @@ def _kept(path: Path) -> Any:
 
 def _joined(parts: Sequence[Path]) -> Trajectory:
     """The log of all rows."""
-    tables = []
-    for part in parts:
-        with np.load(part, allow_pickle=False) as table:
-            tables.append({name: table[name] for name in table.files})
-    return Trajectory(**{name: np.concatenate([table[name] for table in tables]) for name in tables[0]})
+    tables = [read_arrays(part, finite=False) for part in parts]
+    try:
+        return Trajectory(**{name: np.concatenate([table[name] for table in tables]) for name in tables[0]})
+    except (InputError, LookupError, TypeError, ValueError) as error:
+        place = printable(parts[0].parent)
+        raise DamagedFileError(f"{place} is damaged: {error}; remove the folder it is in") from error
 
 
 class Spool(Sequence):
@@ -230,7 +231,12 @@ class Spool(Sequence):
 
     def __getitem__(self, index: Any) -> Any:
         number, created = self.rows[index]
-        frames = np.load(self._path(index % len(self)), mmap_mode="r")
+        path = self._path(index % len(self))
+        array_shapes(path)  # what NumPy raises of some headers is none of the errors below
+        try:
+            frames = np.load(path, mmap_mode="r")
+        except (OSError, ValueError, TypeError, SyntaxError) as error:
+            raise DamagedFileError(f"{printable(path)} is damaged: {error}; remove the folder it is in") from error
         return mito.RecordedRow(number=number, created=created, frames=frames)
 
     def _path(self, index: int) -> Path:

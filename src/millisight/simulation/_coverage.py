@@ -3,7 +3,7 @@
 import numpy as np
 
 from millisight.core import checked_number, checked_numbers, checked_record
-from millisight.core.errors import CoverageError
+from millisight.core.errors import CoverageError, InputError
 from millisight.data import Radar, Scene, Trajectory
 from millisight.simulation._steps import needed_step
 
@@ -13,6 +13,7 @@ MARGIN = 0.05
 VIEW_MARGIN = 0.02
 """By how much an image stands out around an object on every side, where nothing is said [m]."""
 
+_WIDEST = 10.0  # that an aperture is by itself [m]: one stray vertex at 100 m made a capture of gigabytes
 _PLACES = 16  # along each side, from which a view's angles are taken
 _OFF = 1e-3  # by which a scene may stand out on one side [m]: resampling moves its middle by less
 
@@ -41,7 +42,7 @@ def aperture_over(
     Raises
     ------
     InputError
-        An argument cannot be right.
+        An argument cannot be right, or the scene is very wide and `size` is not stated.
 
     Examples
     --------
@@ -54,6 +55,11 @@ def aperture_over(
     wide = np.ptp(bounds, axis=0)[:2] + 2 * MARGIN
     height = checked_number(height, name="height", unit="m")
     x, y, z = bounds.mean(axis=0) if center is None else checked_numbers(center, name="center", count=3, unit="m")
+    if size is None and wide.max() > _WIDEST:
+        raise InputError(
+            f"the scene is {wide[0]:.3g} m x {wide[1]:.3g} m wide with its margin; expected {_WIDEST:g} m at most "
+            "for an aperture of its size: remove stray vertices, check the unit, or pass size"
+        )
     size, middle = (wide[0], wide[1]) if size is None else size, (x, y, z + height)
     if step is not None:
         return Trajectory.raster(size=size, step=step, center=middle)

@@ -115,7 +115,7 @@ class Scale(NamedTuple):
     def checked(cls, name: str, dynamic_range_db: float) -> "Scale":
         """Raises UnknownNameError, InputError."""
         check_known("scale", name, SCALES)
-        return cls(name, -checked_number(dynamic_range_db, name="dynamic_range_db", unit="dB", above=0))
+        return cls(name, -checked_number(dynamic_range_db, name="dynamic_range_db", unit="dB", minimum=1e-3))
 
     @property
     def unit(self) -> str:

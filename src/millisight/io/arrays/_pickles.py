@@ -71,7 +71,7 @@ class _Bounded:
         self.tell, self.readline = file.tell, file.readline
 
     def read(self, count: int) -> bytes:
-        return self._file.read(max(0, min(count, self.size - self._file.tell())))
+        return self._file.read(max(0, min(count, self.size)))
 
 
 class _Global:

@@ -17,7 +17,7 @@ _TWO_NUMBERS = re.compile(r"[\d.ij)]\s+[-+]?[.\d(]")
 _LIKE_A_ROW = re.compile(r"[-+(]?[.,]?\d")
 _BLANK_SIGN = re.compile(r"(?<=[\d.])\s+([-+])\s+(?=[\d.,]+([eE][-+]?\d+)?\s?[ij])")  # 1.5 + 2i
 _BINARY = re.compile(rb"[\x00-\x08\x0e-\x1f]")
-_LIKE_A_NUMBER = re.compile(r"[-+]?[\d.,]*\d[\d.,]*([eE][-+]?\d+)?")
+_LIKE_A_NUMBER = re.compile(r"[-+]?[.,]*\d[\d.,]*([eE][-+]?\d+)?")  # in one pass, however long
 
 
 class TextTable(NamedTuple):

@@ -6,6 +6,7 @@ row by row but for two ports, whose order is S11 S21 S12 S22. Noise parameters, 
 frequency.
 """
 
+import math
 import os
 import re
 from pathlib import Path
@@ -63,7 +64,7 @@ def read_touchstone(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
                 raise FormatError(f"{source}, line {number}: half a matrix is not read; expected [Matrix Format] Full")
             by_rows = by_rows or keyword == "[TWO-PORT DATA ORDER] 12_21"
         else:
-            numbers += [_number(f"{source}, line {number}", word) for word in words]
+            numbers += _numbers(f"{source}, line {number}", words)
     width = 1 + 2 * count * count
     values = np.array(numbers)
     values = values[: _without_noise(values, width)]
@@ -95,7 +96,7 @@ def read_touchstone(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
 
 def _options(place: str, words: list[str]) -> tuple[float, str]:
     unit, form = 1e9, "MA"
-    for word, after in zip(words, [*words[1:], ""], strict=True):
+    for word, after in zip(words, [*words, ""][1:], strict=True):
         if word in _UNITS:
             unit = _UNITS[word]
         elif word in _FORMS:
@@ -125,6 +126,16 @@ def _is_number(word: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+def _numbers(place: str, words: list[str]) -> list[float]:
+    try:
+        values = [float(word) for word in words]
+        if all(map(math.isfinite, values)):
+            return values
+    except ValueError:
+        pass
+    return [_number(place, word) for word in words]
 
 
 def _number(place: str, word: str) -> float:

@@ -173,7 +173,7 @@ class FrameReader:
             suffix = self.paths[0].suffix.lower()
             fitting = [*(name for name in RAW_FORMATS if suffix in RAW_FORMATS[name].suffixes), "arrays"]
             able = [name for name in fitting if all(key in RAW_FORMATS[name].keys for key in given)] or fitting
-            written = [str(axis).removeprefix("-") for axis in self._table.get("axes") or ()]
+            written = [axis.removeprefix("-") for axis in self._written_axes()] if "axes" in self._table else []
             wanted = [name for name in able if _may_have(RAW_FORMATS[name], written)]
             name = next((name for name in wanted if RAW_FORMATS[name].axes), (wanted or able)[0])
         for key in given:
@@ -183,12 +183,15 @@ class FrameReader:
                 )
         return RAW_FORMATS[name]
 
+    def _written_axes(self) -> list[str]:
+        return self._table.texts("axes", f"the array's axes in turn, from {', '.join(_AXES)}")
+
     def _read_axes(self) -> tuple[list[str], set[str]]:
         """The names of the array's axes, and those of them that run backwards."""
         known = self._format.axes
         if known is not None and "axes" not in self._table:
             return list(known), set()
-        written = self._table.texts("axes", f"the array's axes in turn, from {', '.join(_AXES)}")
+        written = self._written_axes()
         axes = [axis.removeprefix("-") for axis in written]
         for axis in axes:
             if axis not in _AXES:

@@ -84,7 +84,8 @@ def read_robot_log(
     turned = None
     if values.shape[1] == 8:
         turned = values[:, 4:]
-        lengths = np.linalg.norm(turned, axis=1)
+        with np.errstate(over="ignore"):
+            lengths = np.linalg.norm(turned, axis=1)
         if (abs(lengths - 1) > 1e-3).any():
             i = int(np.argmax(abs(lengths - 1) > 1e-3))
             raise DamagedFileError(

@@ -285,8 +285,10 @@ def _mean_power(chirps: np.ndarray, transform) -> np.ndarray:
     """(R, bins) mean power spectrum of (K, R, N) chirps, Hann window, offset of each chirp taken off."""
     window = np.hanning(chirps.shape[-1] + 1)[:-1]
     power = np.zeros(transform(chirps[0] * window).shape)
-    for chirp in chirps:
-        power += np.abs(transform((chirp - chirp.mean(axis=-1, keepdims=True)) * window)) ** 2
+    many = max(1, (1 << 16) // chirps[0].size)
+    for start in range(0, len(chirps), many):
+        some = chirps[start : start + many]
+        power += (np.abs(transform((some - some.mean(axis=-1, keepdims=True)) * window)) ** 2).sum(axis=0)
     return power / len(chirps)
 
 

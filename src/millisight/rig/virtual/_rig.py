@@ -141,7 +141,7 @@ def plan_of(world: World) -> ScanPlan:
     plan = ScanPlan(rows=rows, row_time=row_time, photo=ArmPose(position=photo + BASE_ORIGIN))
     paces = {f"the {radar.name} radar": float(radar.frame_period or 0) for radar in world.radars}
     for what, period in (*paces.items(), ("the log", 1 / world.arm.log_rate)):
-        count = len(rows) * row_time / period
+        count = float(len(rows) * row_time) / period
         if not count <= _MOST_FRAMES:
             raise InputError(
                 f"{what} would take {count:.3g} frames or poses, one every {period:g} s; expected at most "

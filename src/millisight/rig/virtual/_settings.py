@@ -185,6 +185,7 @@ class _Published(NamedTuple):
     beamwidth_deg: tuple[float, float]
 
 
+_LONGEST_PERIOD = 3600.0  # [s]
 _PUBLISHED = {
     "iwr1443": _Published("77_ghz", 0.003, 1, (0.0, 0.0, 0.0), (56.0, 28.0)),
     "position2go": _Published("24_ghz", 0.1, 16, (0.0, 0.10, 0.0), (76.0, 19.0)),
@@ -246,10 +247,13 @@ class RadarSettings:
         lost = checked_number(self.lost_packets, name="lost_packets", minimum=0)
         if lost > 1:
             raise InputError(f"lost_packets is {lost:g}; expected a share from 0 to 1")
+        period = checked_number(self.frame_period or 0, name="frame_period", unit="s", above=0)
+        if period > _LONGEST_PERIOD:
+            raise InputError(f"frame_period is {period:g} s; expected {_LONGEST_PERIOD:g} s at most")
         clock = DeviceClock(offset=self.clock_offset, drift=self.clock_drift)
         put(
             self,
-            frame_period=checked_number(self.frame_period or 0, name="frame_period", unit="s", above=0),
+            frame_period=period,
             chirps=chirps,
             mount=checked_numbers(self.mount, name="mount", count=3, unit="m"),
             path_offset=checked_number(self.path_offset or 0, name="path_offset", unit="m"),

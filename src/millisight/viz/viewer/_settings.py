@@ -62,7 +62,7 @@ class ViewSettings:
         put(
             self,
             threshold_db=checked_number(self.threshold_db, name="threshold_db", unit="dB", minimum=FLOOR_DB),
-            range_db=checked_number(self.range_db, name="range_db", unit="dB", above=0),
+            range_db=checked_number(self.range_db, name="range_db", unit="dB", minimum=1e-3),
             share=checked_number(self.share, name="share", minimum=0),
             top_db=checked_number(self.top_db, name="top_db", unit="dB", minimum=FLOOR_DB),
             opacity=checked_number(self.opacity, name="opacity", minimum=0),

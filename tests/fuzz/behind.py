@@ -1,0 +1,135 @@
+"""Formats behind others: attributes of a sealed file, what a scan keeps until it is whole, what lies beside."""
+
+import json
+import shutil
+from collections.abc import Iterator
+from contextlib import suppress
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+JSON_BEYOND = (b"[" * 100_000, b"1" * 4301, b"null", b"[null]", b'[{"24_ghz": [1e400, NaN]}]', b"\xff\xfe")
+
+
+def attributes(folder: Path) -> tuple[bytes, Any]:
+    """Every attribute of a sealed capture as a line, and what writes those lines into it, seals it and loads it."""
+    import h5py
+
+    import millisight as ms
+    from helpers import forging, solid_mirrors
+    from millisight.io import load, load_extras, provenance
+
+    capture = solid_mirrors.capture_of(solid_mirrors.ball(0.05), size=0.01, step=0.01)
+    whole, changed = folder / "whole.h5", folder / "changed.h5"
+    ms.save(whole, capture, extras={"a": {"b": [1]}, "c": np.arange(3)})
+    with h5py.File(whole) as file:
+        lines = list(_listed("/", file))
+        file.visititems(lambda name, item: lines.extend(_listed(name, item)))
+    valid = "\n".join(lines).encode()
+
+    def parse(path: Path) -> None:
+        shutil.copyfile(whole, changed)
+        told = path.read_bytes().decode("utf-8", "replace").replace("\0", "")
+        if told != valid.decode():
+            forging.forge(changed, lambda file: _write(file, lines, told.split("\n")))
+        load(changed)
+        load_extras(changed)
+        provenance(changed)
+
+    return valid, parse
+
+
+def _listed(name: str, item: Any) -> Iterator[str]:
+    for key, value in item.attrs.items():
+        yield f"{name}|{key}|{value}"
+
+
+def _write(file: Any, before: list[str], after: list[str]) -> None:
+    """Only lines that differ are written, as numbers where they are some; what HDF5 itself refuses is left out."""
+    for line in after:
+        name, _, rest = line.partition("|")
+        key, _, text = rest.partition("|")
+        if line in before or not name or name not in file:
+            continue
+        value: Any = text
+        for kind in (float, int):
+            with suppress(ValueError):
+                value = kind(text)
+        with suppress(ValueError, TypeError, OverflowError, OSError, RuntimeError):
+            file[name].attrs[key] = np.int64(value) if isinstance(value, int) else value
+
+
+def rows(folder: Path) -> tuple[bytes, Any]:
+    """The list of rows of a scan that is not whole."""
+    from millisight.rig._rows import Spool, _rows_listed
+
+    place = folder / "scan"
+    place.mkdir()
+
+    def parse(path: Path) -> None:
+        path.replace(place / "rows.json")
+        for row in _rows_listed(place, ["77_ghz", "24_ghz"]):
+            Spool(place, list(row.values()))
+
+    return json.dumps([{"77_ghz": [1700000000, 1.7e9], "24_ghz": [1700000001, 1.7e9]}] * 2).encode(), parse
+
+
+def log(folder: Path) -> tuple[bytes, Any]:
+    """The log of a row."""
+    from millisight.rig._rows import _joined
+
+    stream = BytesIO()
+    turns = np.tile([0.0, 0.0, 0.0, 1.0], (3, 1))
+    np.savez(stream, times=np.arange(3.0), positions=np.zeros((3, 3)), orientations=turns)
+    return stream.getvalue(), lambda path: _joined([path])
+
+
+def frames(folder: Path) -> tuple[bytes, Any]:
+    """The frames of a row."""
+    from millisight.rig._rows import Spool
+
+    place = folder / "spool"
+    place.mkdir()
+
+    def parse(path: Path) -> None:
+        path.replace(place / "0.npy")
+        np.array(Spool(place, [(1, 1.0)])[0].frames)
+
+    return saved_frames(), parse
+
+
+def saved_frames() -> bytes:
+    stream = BytesIO()
+    np.save(stream, np.ones((2, 1, 1, 4), np.complex64))
+    return stream.getvalue()
+
+
+def prompts(folder: Path, subject: Any, segmenters: Any) -> tuple[bytes, Any]:
+    """What an earlier session of the annotator saved beside its mask."""
+    from millisight.viz.annotator import Annotation
+
+    mask = folder / "earlier.mask.h5"
+    told = {"image": "a", "image_sha256": subject.sha256, "method": "discs", "points": [[3, 4]], "positive": [True]}
+
+    def parse(path: Path) -> None:
+        path.replace(folder / "earlier.prompts.json")
+        Annotation(subject, mask, segmenters=segmenters)
+
+    return json.dumps(told).encode(), parse
+
+
+def settings(folder: Path, recorded: bytes) -> tuple[bytes, Any]:
+    """The settings beside a recording, as other programs write them."""
+    from millisight.io.raw import describe_raw
+
+    place = folder / "beside"
+    place.mkdir()
+    (place / "raw.bin").write_bytes(recorded)
+
+    def parse(path: Path) -> None:
+        path.replace(place / "raw.json")
+        describe_raw(place / "raw.bin")
+
+    return json.dumps({"numAdcSamples": 16, "numRx": 4, "chirps": 2, "frames": 12}).encode(), parse
