@@ -153,6 +153,19 @@ class SarImage:
                 return step["frequency"]
         return None
 
+    @property
+    def steps(self) -> tuple[float, ...]:
+        """The widest gaps of the scan between neighbouring phase centres, along its rows and across them [m].
+
+        As `form_image` notes them, and files of the published layout that were written here; () where the history
+        does not tell.
+        """
+        for step in reversed(self.metadata.get("history", ())):
+            held = step.get("steps")
+            if isinstance(held, list | tuple) and held and all(isinstance(one, float) for one in held):
+                return tuple(held)
+        return ()
+
     def to_xarray(self, *, parts: bool = False) -> Any:
         """The image for xarray, with coordinates in metres; `from_xarray` reads it back.
 
