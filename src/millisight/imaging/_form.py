@@ -66,7 +66,7 @@ def form_image(
     Returns
     -------
     SarImage
-        Normalised so that a unit reflector has the value 1 at its position.
+        Normalised so that a unit reflector has the value 1 at its position. It tells the scan's `steps`.
 
     Raises
     ------
