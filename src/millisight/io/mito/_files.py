@@ -238,9 +238,7 @@ def _read_image(path: Path, values: dict[str, Any]) -> SarImage:
     if values.get(_STEPS) is not None:  # by an image of ours
         steps = _array(values, _STEPS, "f")
         told["steps"] = checked_numbers(steps, name=_STEPS, count=1 if steps.size == 1 else 2, unit="m", minimum=0)
-    return SarImage(
-        grid=VoxelGrid(**axes), values=np.conj(published), metadata=with_step({}, "read_published", **told)
-    )
+    return SarImage(grid=VoxelGrid(**axes), values=np.conj(published), metadata=with_step({}, "read_published", **told))
 
 
 def _image_values(image: SarImage) -> dict[str, Any]:

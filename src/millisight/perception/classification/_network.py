@@ -212,9 +212,10 @@ class NetworkClassifier:
     def classify(self, image: SarImage, mask: Mask, *, other_band: SarImage | None = None) -> Prediction:
         """The calibrated probability of each class, the mean over the image's eight symmetries, sheets taken off.
 
-        What was under a sheet has a calibration of its own. The prediction's novelty is the score of `_novelty`, of all
-        that is known of the image: that it shows what is of no class, a scan too sparse, or a lid. No answer is sure of a class that was learned
-        from random shapes alone: the threshold is then 1, since no object of that class has calibrated it.
+        What was under a sheet has a calibration of its own. The prediction's novelty is the score of `novelty`, of all
+        that is known of the image: that it shows what is of no class, a scan too sparse, or a lid. No answer is sure of
+        a class that was learned from random shapes alone: the threshold is then 1, since no object of that class has
+        calibrated it.
 
         Parameters
         ----------
