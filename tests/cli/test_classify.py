@@ -136,8 +136,8 @@ def test_why_an_image_is_novel_is_said(mug, run, tmp_path, monkeypatch):
     code, out, _, _ = run("mug.image.h5", "--method", "classical", "-o", "mug.json")
     assert code == 0
     assert out.splitlines()[0] == (
-        "mug: not sure, the scan is too sparse: steps of 1.9 wavelengths; unlike anything it was trained on (novelty 0.80): "
-        "box 0.50, can 0.30 (mask: classical)"
+        "mug: not sure, the scan is too sparse: steps of 1.9 wavelengths; unlike anything it was trained on "
+        "(novelty 0.80): box 0.50, can 0.30 (mask: classical)"
     )
     assert out.splitlines()[-1] == "  novelty: 0.80, at most 0.40 to be sure"
     told = json.loads((tmp_path / "mug.json").read_text())

@@ -67,9 +67,8 @@ def novelty(
     found = [Evidence(by_network, "unlike anything it was trained on")]
     steps = _steps_of(((image, HIGH_BAND), (other_band, LOW_BAND)))
     if image.steps:
-        found.append(
-            Evidence(_scaled(steps, _STEPS, limit), f"the scan is too sparse: steps of {steps:.1f} wavelengths")
-        )
+        reason = f"the scan is too sparse: steps of {steps:.1f} wavelengths"
+        found.append(Evidence(_scaled(steps, _STEPS, limit), reason))
     else:
         beside = beside_db(cleaned, mask)
         reason = "the picture is bright beside the mask, as of a scan too sparse"
