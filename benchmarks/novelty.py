@@ -4,9 +4,9 @@
         [-o novelty.md]
 
 DATASETs hold whole scenes of objects of its classes, and empty cartons; `odd`, `newer`, `third` and `sparse` are
-made as benchmarks/odd_shapes.py says. Masks are those of `wave`, as of a user's. Lids are scenes of a shut carton that is
-not told of: in the mask of all of the lid, as it is found where it is told of, and in the mask of `wave` where the two
-overlap by more than half of what both cover.
+made as benchmarks/odd_shapes.py says. Masks are those of `wave`, as of a user's. Lids are scenes of a shut carton that
+is not told of: in the mask of all of the lid, as it is found where it is told of, and in the mask of `wave` where the
+two overlap by more than half of what both cover.
 """
 
 import argparse

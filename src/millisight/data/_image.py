@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import field
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -161,9 +161,9 @@ class SarImage:
         does not tell.
         """
         for step in reversed(self.metadata.get("history", ())):
-            held = step.get("steps")
+            held = cast(Sequence[Any], step.get("steps", ()))
             if isinstance(held, list | tuple) and held and all(isinstance(one, float) for one in held):
-                return tuple(held)
+                return tuple(float(one) for one in cast(Sequence[float], held))
         return ()
 
     def to_xarray(self, *, parts: bool = False) -> Any:
