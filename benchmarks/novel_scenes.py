@@ -3,7 +3,7 @@
     python benchmarks/novel_scenes.py [--seed 5] [--count 12]
 
 Each shape is scanned once by `ms.simulate` at 77 GHz, once more 1.8 to 4 times too sparsely, and once under a lid, a
-mirror of layers in closed form; every third lid also lies over nothing. Takes some ten seconds of a core for each shape.
+mirror of layers in closed form; every third lid also lies over nothing. Some ten seconds of a core for each shape.
 """
 
 import argparse
