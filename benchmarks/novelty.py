@@ -4,8 +4,9 @@
         [-o novelty.md]
 
 DATASETs hold whole scenes of objects of its classes, and empty cartons; `odd`, `newer`, `third` and `sparse` are
-made as benchmarks/odd_shapes.py says. Masks are those of `wave`, as of a user's; lids are scenes of a shut carton, of
-which the mask is all of the lid.
+made as benchmarks/odd_shapes.py says. Masks are those of `wave`, as of a user's. Lids are scenes of a shut carton that
+is not told of: in the mask of all of the lid, as it is found where it is told of, and in the mask of `wave` where the
+two overlap by more than half of what both cover.
 """
 
 import argparse
@@ -24,6 +25,8 @@ from millisight.perception.classification import classifier, classify
 from millisight.perception.segmentation import WaveSegmenter, find_mask
 from millisight.perception.training import area_under_curve
 
+_ALIKE = 0.5
+
 
 class Answer(NamedTuple):
     """Of a scene that was answered: novelty, and the class where the answer is sure, "" where it is not."""
@@ -40,6 +43,10 @@ class Answers:
         self.nothing: dict[str, int] = {}
         self._segmenter, self._by = WaveSegmenter(), classifier()
 
+    def untold(self, scene: LabelledScene) -> ms.Mask:
+        """The mask that `wave` finds where it does not know that the scene is covered."""
+        return find_mask(self._segmenter, project(scene.images[HIGH], other_band=scene.images.get(LOW))).mask
+
     def add(self, kind: str, scene: LabelledScene, mask: ms.Mask | None = None) -> None:
         """Of a scene with both bands; in the mask that `wave` finds, or another."""
         image, other = scene.images[HIGH], scene.images.get(LOW)
@@ -52,12 +59,27 @@ class Answers:
             self.nothing[kind] = nothing + 1
             return
         given.append(Answer(found.novelty, found.label if found.sure else ""))
+        print(f"{kind}: {scene.name}: {found!r}, novelty {found.novelty:.2f} {'; '.join(found.reasons)}", flush=True)
 
 
 def scenes_of(root: Path, *, empty: bool) -> Iterator[LabelledScene]:
     dataset = datasets.open(root)
     for files in datasets.find_empties(dataset) if empty else datasets.find_scenes(dataset):
         yield files.read(truth="exact", view=False)
+
+
+def add_lids(answers: Answers, scene: LabelledScene) -> None:
+    """Of a scene in a shut carton."""
+    lid = lid_of(scene)
+    if lid is None:
+        return
+    answers.add("a lid", scene, lid)
+    try:
+        found = answers.untold(scene)
+    except InputError:  # every mask is too large
+        return
+    if (found.inside & lid.inside).sum() > _ALIKE * (found.inside | lid.inside).sum():
+        answers.add("a lid in wave's mask", scene, found)
 
 
 def lid_of(scene: LabelledScene) -> ms.Mask | None:
@@ -105,11 +127,11 @@ def main() -> None:
     for root in options.datasets:
         for scene in scenes_of(root, empty=False):
             answers.add("in sight" if scene.sight == "los" else "hidden", scene)
-            lid = None if scene.sight == "los" else lid_of(scene)
-            if lid is not None:
-                answers.add("a lid", scene, lid)
+            if scene.sight != "los":
+                add_lids(answers, scene)
         for scene in scenes_of(root, empty=True):
             answers.add("an empty carton", scene)
+            add_lids(answers, scene)
     further = {
         "shapes of no class": options.odd, "newer ones": options.newer, "a third set": options.third,
         "sparse scans": options.sparse,

@@ -4,6 +4,7 @@ import hashlib
 import json
 import re
 import shlex
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -107,6 +108,7 @@ def test_what_is_known_is_written_beside_a_picture(mug, run, tmp_path):
         "threshold": 0.6,
         "novelty": 0.0,
         "novelty_limit": 1.0,
+        "reasons": [],
         "probabilities": {"can": 0.04, "box": 0.95, "sphere": 0.01},
         "image": "mug.image.h5",
         "other_band": "mug24.h5",
@@ -117,6 +119,32 @@ def test_what_is_known_is_written_beside_a_picture(mug, run, tmp_path):
     assert run(*asked, "-o", "again.json", "--no-picture")[0] == 0
     assert (tmp_path / "again.json").read_bytes() == (tmp_path / "mug.json").read_bytes()
     assert not (tmp_path / "again.png").exists()
+
+
+class Refuses(Sizes):
+    """Instead of the network: everything is novel, with a reason or without."""
+
+    reasons: tuple[str, ...] = ("the scan is too sparse: steps of 1.9 wavelengths", "unlike anything it was trained on")
+
+    def classify(self, image, mask, *, other_band=None):
+        answer = super().classify(image, mask, other_band=other_band)
+        return replace(answer, novelty=0.8, novelty_limit=0.4, reasons=self.reasons)
+
+
+def test_why_an_image_is_novel_is_said(mug, run, tmp_path, monkeypatch):
+    network(monkeypatch, Refuses)
+    code, out, _, _ = run("mug.image.h5", "--method", "classical", "-o", "mug.json")
+    assert code == 0
+    assert out.splitlines()[0] == (
+        "mug: not sure, the scan is too sparse: steps of 1.9 wavelengths; unlike anything it was trained on "
+        "(novelty 0.80): box 0.50, can 0.30 (mask: classical)"
+    )
+    assert out.splitlines()[-1] == "  novelty: 0.80, at most 0.40 to be sure"
+    told = json.loads((tmp_path / "mug.json").read_text())
+    assert (told["novelty"], told["reasons"], told["sure"]) == (0.8, list(Refuses.reasons), False)
+    network(monkeypatch, type("Silent", (Refuses,), {"reasons": ()}))
+    out = run("mug.image.h5", "--method", "classical")[1]
+    assert out.startswith("mug: not sure, unlike the training images (novelty 0.80): box 0.50")
 
 
 def test_json_is_all_that_is_said(mug, run, tmp_path):

@@ -36,6 +36,9 @@ def test_what_is_unlike_the_training_is_no_sure_answer():
     assert novel.among(("cup", "can")).novel
     known = dataclasses.replace(novel, novelty=0.7)
     assert (known.novel, known.answer) == (False, "cup")
+    why = dataclasses.replace(novel, reasons=["a lid", "too sparse"])
+    assert why.reasons == ("a lid", "too sparse") == why.among(("cup", "can")).reasons
+    assert novel.reasons == ()
     assert not CUP.novel  # of a classifier that does not say
     for wrong in ({"novelty": 1.1}, {"novelty_limit": 2.0}):
         with pytest.raises(InputError, match="expected a probability"):

@@ -7,7 +7,9 @@ import pytest
 
 import millisight as ms
 from helpers.oracles import C, point_frames
-from millisight.core.errors import InputError, MillisightError
+from millisight.core.errors import DamagedFileError, InputError, MillisightError
+from millisight.imaging import steps_of
+from millisight.io.mito import read_published, write_published
 
 BAND = 3e9
 
@@ -214,3 +216,49 @@ def test_bad_arguments(settings, message):
     with pytest.raises(MillisightError, match=message):
         ms.sampling(**arguments)
     assert issubclass(InputError, MillisightError)
+
+
+@pytest.mark.parametrize(
+    ("receivers", "expected"),
+    [
+        ([0.0], (0.002, 0.006)),
+        ([0.0, 0.006], (0.002, 0.003)),  # phase centres 3 mm apart: half a row
+        ([0.0, 0.001], (0.002, 0.0055)),  # and so near that the rows stay apart
+        ([0.0, 0.003, 0.006, 0.009], (0.002, 0.0015)),
+        ([0.0, 0.012], (0.002, 0.006)),  # on the next row
+    ],
+)
+def test_the_widest_gap_between_phase_centres(receivers, expected):
+    of, path = radar(receivers=[(-0.005 - place, 0, 0) for place in receivers]), rows(X, Y)
+    shape = (len(path), 1, len(receivers), of.waveform.samples_per_chirp)
+    capture = ms.Capture(radar=of, trajectory=path, frames=np.zeros(shape, np.complex64))
+    assert steps_of(capture) == pytest.approx(expected, abs=1e-6)
+    backwards = dataclasses.replace(path, positions=path.positions[::-1])
+    assert steps_of(dataclasses.replace(capture, trajectory=backwards)) == pytest.approx(expected, abs=1e-6)
+
+
+def test_images_keep_the_steps_of_their_scan_unless_it_has_none(tmp_path):
+    of, path = radar(samples=4), rows(X, Y)
+    voxels = ms.VoxelGrid.regular((-0.01, -0.01, 0), (0.01, 0.01, 0), 0.01)
+    image = image_of(of, path, np.zeros(3), voxels)
+    assert image.steps == pytest.approx((0.002, 0.006), abs=1e-6)
+    ms.save(tmp_path / "one.h5", image)
+    assert ms.load(tmp_path / "one.h5").steps == image.steps
+    write_published(tmp_path / "processed_image.pkl", image)
+    assert read_published(tmp_path / "processed_image.pkl").record.steps == image.steps
+    assert ms.SarImage(grid=voxels, values=image.values).steps == ()
+    angle = np.linspace(0, 2 * np.pi, 40, endpoint=False)
+    circle = np.stack([0.2 * np.cos(angle), 0.2 * np.sin(angle), np.full(40, 0.2)], axis=1)
+    assert image_of(of, ms.Trajectory(times=np.arange(40.0), positions=circle), np.zeros(3), voxels).steps == ()
+
+
+IMPOSSIBLE = [np.array([1.0, -2.0]), np.array([np.nan]), np.zeros(3), np.array(1.0), np.array(["a"])]
+
+
+@pytest.mark.parametrize("steps", IMPOSSIBLE)
+def test_steps_that_cannot_be_are_damage(tmp_path, steps):
+    voxels = ms.VoxelGrid.regular((-0.01, -0.01, 0), (0.01, 0.01, 0), 0.01)
+    image = ms.SarImage(grid=voxels, values=np.ones(voxels.shape))
+    write_published(tmp_path / "processed_image.pkl", image, {"steps": steps})
+    with pytest.raises(DamagedFileError, match="steps"):
+        read_published(tmp_path / "processed_image.pkl")

@@ -1,5 +1,6 @@
 """The picture of a prediction: the image under its mask, and a bar for each class."""
 
+import dataclasses
 import io
 
 import numpy as np
@@ -53,6 +54,18 @@ def test_every_class_has_its_bar_and_the_answer_its_colour():
     _, unsure = plot_prediction(image(), mask(), prediction(0.35, 0.1, 0.45, 0.1))
     assert bars(unsure)["box"] == (pytest.approx(0.45), ORANGE.lower())
     assert unsure.get_title() == "not sure"
+
+
+def test_why_it_is_novel_stands_above_the_bars():
+    novel = dataclasses.replace(
+        prediction(0.1, 0.05, 0.8, 0.05), novelty=0.9, novelty_limit=0.4,
+        reasons=("the mask looks like a lid, or like the flat top of something large",),
+    )  # fmt: skip
+    title = plot_prediction(image(), mask(), novel)[1].get_title()
+    first, *others = title.splitlines()
+    assert first == "not sure: novelty 0.90"
+    assert " ".join(others) == novel.reasons[0]
+    assert len(others) == 2
 
 
 def test_the_threshold_is_a_line_where_there_is_one():

@@ -229,6 +229,7 @@ def _result(
         "threshold": prediction.threshold,
         "novelty": prediction.novelty,
         "novelty_limit": prediction.novelty_limit,
+        "reasons": list(prediction.reasons),
         "probabilities": dict(zip(prediction.class_names, prediction.probabilities.tolist(), strict=True)),
         "image": origin(source.path),
         "other_band": None if source.other is None else origin(source.other),
@@ -243,10 +244,11 @@ def _result(
 
 
 def answer_words(prediction: "Prediction") -> str:
-    """The answer: "box 0.93", "not sure: box 0.41, can 0.35", or "not sure, unlike the training images: box 0.93"."""
+    """The answer: "box 0.93", "not sure: box 0.41, can 0.35", or "not sure, the mask looks like a lid: box 0.93"."""
     best = (-prediction.probabilities).argsort(kind="stable")[: 1 if prediction.sure else 2]
     classes = ", ".join(f"{prediction.class_names[i]} {prediction.probabilities[i]:.2f}" for i in best)
-    novel = f", unlike the training images (novelty {prediction.novelty:.2f})" if prediction.novel else ""
+    why = "; ".join(prediction.reasons) or "unlike the training images"
+    novel = f", {why} (novelty {prediction.novelty:.2f})" if prediction.novel else ""
     return classes if prediction.sure else f"{prediction.answer}{novel}: {classes}"
 
 

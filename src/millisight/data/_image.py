@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import field
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -152,6 +152,19 @@ class SarImage:
             if step.get("step") == "form_image" and isinstance(step.get("frequency"), float):
                 return step["frequency"]
         return None
+
+    @property
+    def steps(self) -> tuple[float, ...]:
+        """The widest gaps of the scan between neighbouring phase centres, along its rows and across them [m].
+
+        As `form_image` notes them, and files of the published layout that were written here; () where the history
+        does not tell.
+        """
+        for step in reversed(self.metadata.get("history", ())):
+            held = cast(Sequence[Any], step.get("steps", ()))
+            if isinstance(held, list | tuple) and held and all(isinstance(one, float) for one in held):
+                return tuple(float(one) for one in cast(Sequence[float], held))
+        return ()
 
     def to_xarray(self, *, parts: bool = False) -> Any:
         """The image for xarray, with coordinates in metres; `from_xarray` reads it back.

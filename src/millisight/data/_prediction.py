@@ -20,9 +20,10 @@ class Prediction:
     probabilities : (C,) float64, not negative, of sum 1
     class_names : (C,) names
     threshold : the answer is "not sure" if no probability reaches it
-    novelty : probability that the image shows nothing that the classifier knows: an empty scene, a lid, a scan too
+    novelty : 0 to 1, how unlike the image is to those that the classifier knows: an empty scene, a lid, a scan too
         sparse; 0 by a classifier that does not say
     novelty_limit : the answer is "not sure" if the novelty is higher
+    reasons : why the image is novel, in words, the strongest first; () where it is not
     """
 
     probabilities: np.ndarray
@@ -30,6 +31,7 @@ class Prediction:
     threshold: float = 0.0
     novelty: float = 0.0
     novelty_limit: float = 1.0
+    reasons: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         names = tuple(str(name) for name in self.class_names)
@@ -46,7 +48,8 @@ class Prediction:
         for name, share in shares.items():
             if share > 1:
                 raise InputError(f"{name} is {share:g}; expected a probability, 0 to 1")
-        put(self, probabilities=probabilities, class_names=names, threshold=threshold, **shares)
+        reasons = tuple(str(reason) for reason in self.reasons)
+        put(self, probabilities=probabilities, class_names=names, threshold=threshold, reasons=reasons, **shares)
 
     def __repr__(self) -> str:
         unsure = f", novel above {self.novelty_limit:.2f}" if self.novel else f", not sure below {self.threshold:.2f}"

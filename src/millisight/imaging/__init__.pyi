@@ -17,6 +17,7 @@ from ._sampling import Ghost as Ghost
 from ._sampling import Sampling as Sampling
 from ._sampling import StepSampling as StepSampling
 from ._sampling import sampling as sampling
+from ._sampling import steps_of as steps_of
 from ._sheets import CLUTTER as CLUTTER
 from ._sheets import DetectedSheet as DetectedSheet
 from ._sheets import SheetRemoval as SheetRemoval

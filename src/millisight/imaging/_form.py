@@ -19,6 +19,7 @@ from millisight.imaging._backprojection import OVERSAMPLING, backproject, weight
 from millisight.imaging._exact import image_at
 from millisight.imaging._fast import fast
 from millisight.imaging._refraction import check_behind
+from millisight.imaging._sampling import steps_of
 from millisight.imaging._windows import Window, range_weights, window_pair
 
 Method = Literal["fast", "backprojection", "exact", "sparse"]
@@ -65,7 +66,7 @@ def form_image(
     Returns
     -------
     SarImage
-        Normalised so that a unit reflector has the value 1 at its position.
+        Normalised so that a unit reflector has the value 1 at its position. It tells the scan's `steps`.
 
     Raises
     ------
@@ -124,6 +125,9 @@ def form_image(
             wanted, capture, grid, method, window, None if oversampling is None else int(oversampling), device, progress
         )
         settings |= {"tolerance": wanted, **told}
+    steps = () if method == "sparse" else steps_of(capture)  # "sparse" leaves no ghosts to tell of
+    if steps:
+        settings["steps"] = list(steps)
     values.flags.writeable = False
     return SarImage(grid=grid, values=values, metadata=with_step(capture.metadata, "form_image", **settings))
 

@@ -238,6 +238,46 @@ Ghost(11.1 cm from the object, -11 dB))
     return Sampling(wavelength=wavelength, receivers=receivers, along=along, across=across)
 
 
+def steps_of(capture: Capture) -> tuple[float, ...]:
+    """The widest gaps between neighbouring phase centres along the rows of a scan, and across them [m].
+
+    A phase centre lies half way between a transmitter and a receiver. Receivers that fill the gap between two positions
+    or two rows count; where they do not fill it evenly, the widest of the smaller gaps is told. Images keep it as
+    `SarImage.steps`.
+
+    Parameters
+    ----------
+    capture : Capture
+
+    Returns
+    -------
+    tuple
+        Along and across; along alone where there are not three rows; nothing where there are no straight rows.
+    """
+    tx, rx = capture.tx_positions, capture.rx_positions
+    path = capture.trajectory
+    if len(path) < 2:
+        return ()
+    if capture.tx_points is not None or capture.rx_points is not None:
+        path = Trajectory(times=path.times, positions=(tx.mean(axis=1) + rx.mean(axis=1)) / 2)
+    raster = _raster(path, SPEED_OF_LIGHT / capture.radar.waveform.frequencies.max())
+    if raster is None:
+        return ()
+    centres = ((tx[0][:, None] + rx[0][None]) / 2).reshape(-1, 3)
+    gaps = [_widest_gap(centres @ raster.along, raster.step)]
+    if raster.across is not None:
+        gaps.append(_widest_gap(centres @ raster.across, raster.pitch))
+    return tuple(round(gap, 7) for gap in gaps)
+
+
+def _widest_gap(places: np.ndarray, step: float) -> float:
+    """Between neighbours of places (C,) that are repeated every `step` [m]."""
+    if step <= 0:
+        return 0.0
+    within = np.sort(places % step)
+    return float(np.diff(np.append(within, within[0] + step)).max())
+
+
 class _Raster(NamedTuple):
     """Straight rows (of the numbers of their poses, in order), their directions and steps [m]."""
 

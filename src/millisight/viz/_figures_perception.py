@@ -1,5 +1,6 @@
 """Figures of perception: segmentations and their steps, predictions, holes in a camera's depth, and tables."""
 
+import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -25,6 +26,7 @@ _ROUND = 0.25  # shown around an object, of its own size
 _LEAST = 12  # pixels around it
 _DEEPER = 0.02  # how far the colours of depth reach beyond the object [m]
 _CELL = 0.075  # width of a letter [inches]
+_WIDEST_REASON = 40  # letters of a line
 
 
 @styled
@@ -223,7 +225,10 @@ def plot_prediction(
 
 
 def _answer(prediction: Prediction) -> str:
-    return f"{prediction.answer}: novelty {prediction.novelty:.2f}" if prediction.novel else prediction.answer
+    if not prediction.novel:
+        return prediction.answer
+    words = f"{prediction.answer}: novelty {prediction.novelty:.2f}"
+    return "\n".join((words, *(textwrap.fill(reason, _WIDEST_REASON) for reason in prediction.reasons)))
 
 
 def _draw_bars(axes: Axes, prediction: Prediction) -> None:

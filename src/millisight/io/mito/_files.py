@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from millisight.core import as_array, atomic_path, check_readable, printable, with_step
+from millisight.core import as_array, atomic_path, check_readable, checked_numbers, printable, with_step
 from millisight.core.errors import DamagedFileError, FormatError, InputError
 from millisight.data import (
     CameraFrame,
@@ -128,6 +128,8 @@ def first_turn(extras: Mapping[str, Any]) -> np.ndarray | None:
     return None
 
 
+# Of the scan, see `SarImage.steps`; published files have none.
+_STEPS = "steps"
 _NUMBER = re.compile(r"_\d+$")
 # Where a tool's turns stand: in tables x, y, z, quaternion, and as quaternions in a log of ours.
 _TURNS = ("antenna_locs", "antenna_locs.tx_77_locs", "antenna_locs.tx_24_locs", "orientations")
@@ -232,17 +234,18 @@ def _blamed_on(path: Path) -> Iterator[None]:
 def _read_image(path: Path, values: dict[str, Any]) -> SarImage:
     axes = {name: _array(values, f"{name}_locs", "iuf") for name in "xyz"}
     published = _array(values, "image", "c")
-    return SarImage(
-        grid=VoxelGrid(**axes),
-        values=np.conj(published),
-        metadata=with_step({}, "read_published", file=origin(path), conjugated=True),
-    )
+    told: dict[str, Any] = {"file": origin(path), "conjugated": True}
+    if values.get(_STEPS) is not None:  # by an image of ours
+        steps = _array(values, _STEPS, "f")
+        told["steps"] = checked_numbers(steps, name=_STEPS, count=1 if steps.size == 1 else 2, unit="m", minimum=0)
+    return SarImage(grid=VoxelGrid(**axes), values=np.conj(published), metadata=with_step({}, "read_published", **told))
 
 
 def _image_values(image: SarImage) -> dict[str, Any]:
     grid = image.grid
     locs = {"x_locs": grid.x, "y_locs": grid.y, "z_locs": grid.z}
-    return {"image": np.conj(image.values), **locs, "antenna_locs": None}
+    steps = {_STEPS: np.array(image.steps)} if image.steps else {}
+    return {"image": np.conj(image.values), **locs, "antenna_locs": None, **steps}
 
 
 def _read_radar_mask(path: Path, values: dict[str, Any]) -> Mask:

@@ -12,6 +12,9 @@ from ._network import masked_channels as masked_channels
 from ._network import novelty_of as novelty_of
 from ._network import sheet_was_brightest as sheet_was_brightest
 from ._network import square_symmetries as square_symmetries
+from ._novelty import beside_db as beside_db
+from ._novelty import lid_likeness as lid_likeness
+from ._novelty import novelty as novelty
 from ._released import RELEASED_CLASSES as RELEASED_CLASSES
 from ._released import RELEASED_SIDE as RELEASED_SIDE
 from ._released import ReleasedClassifier as ReleasedClassifier

@@ -28,6 +28,7 @@ from millisight.perception import (
     without_sheets,
 )
 from millisight.perception.classification._classification import CLASSIFIERS
+from millisight.perception.classification._novelty import novelty
 
 CLASSIFIER_SIDE = 80
 """Pixels along x and y, 4 mm each: 32 cm."""
@@ -211,9 +212,10 @@ class NetworkClassifier:
     def classify(self, image: SarImage, mask: Mask, *, other_band: SarImage | None = None) -> Prediction:
         """The calibrated probability of each class, the mean over the image's eight symmetries, sheets taken off.
 
-        What was under a sheet has a calibration of its own. The prediction's novelty is the probability that the image
-        shows what is of no class: nothing, a lid, or a scan too sparse. No answer is sure of a class that was learned
-        from random shapes alone: the threshold is then 1, since no object of that class has calibrated it.
+        What was under a sheet has a calibration of its own. The prediction's novelty is the score of `novelty`, of all
+        that is known of the image: that it shows what is of no class, a scan too sparse, or a lid. No answer is sure of
+        a class that was learned from random shapes alone: the threshold is then 1, since no object of that class has
+        calibrated it.
 
         Parameters
         ----------
@@ -239,7 +241,13 @@ class NetworkClassifier:
         scaled = logits[: len(self.class_names)] / how["temperature"]
         probabilities = np.exp(scaled - scaled.max())
         unproven = self.class_names[int(scaled.argmax())] in self.description.get("never_sure", ())
-        novel = {} if self._limit is None else {"novelty": float(novelty_of(logits)), "novelty_limit": self._limit}
+        novel = {}
+        if self._limit is not None:
+            score, reasons = novelty(
+                image, mask, other_band=other_band, cleaned=cleaned, by_network=float(novelty_of(logits)),
+                limit=self._limit,
+            )  # fmt: skip
+            novel = {"novelty": score, "novelty_limit": self._limit, "reasons": reasons}
         return Prediction(
             probabilities=probabilities / probabilities.sum(),
             class_names=self.class_names,
