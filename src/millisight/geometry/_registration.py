@@ -91,8 +91,10 @@ def some_antennas(antennas: np.ndarray, count: int = _ANTENNAS) -> np.ndarray:
     return np.ascontiguousarray(flat[np.sort(np.unique(np.floor(flat / high), axis=0, return_index=True)[1])])
 
 
-def register(shape: MeshSamples, rotations: np.ndarray, seen: Seen, *, most: int = 20) -> list[Fit]:
-    """The best poses, best first, no two alike."""
+def register(
+    shape: MeshSamples, rotations: np.ndarray, seen: Seen, *, most: int = 20, climbers: int = _CLIMBERS
+) -> list[Fit]:
+    """The best poses, best first, no two alike; of all `rotations` the best `climbers` are fitted."""
     points = np.ascontiguousarray(shape.points - shape.middle)
     normals, clear = np.ascontiguousarray(shape.normals), shape.clear
     cosine = float(np.cos(np.radians(_SHINES_DEG)))
@@ -112,7 +114,7 @@ def register(shape: MeshSamples, rotations: np.ndarray, seen: Seen, *, most: int
         _CELLS,
     )
     rough = score_of(*agreements(shape, rotations, places, seen, *_ROUGH).T)
-    chosen = np.argsort(-rough, kind="stable")[:_CLIMBERS]
+    chosen = np.argsort(-rough, kind="stable")[:climbers]
     turned, moved = rotations[chosen].copy(), places[chosen].copy()
     for place, turn, steps in _STAGES:
         kernels.climb(
