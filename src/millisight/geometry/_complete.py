@@ -117,7 +117,10 @@ def _beyond(shape: Shape, agreeing: np.ndarray, found: np.ndarray, antennas: np.
     cosines = np.einsum("nai,ni->na", ways, facing) / np.linalg.norm(ways, axis=2)
     best = cosines.max(axis=1)
     shown, mirrors = np.asarray(KDTree(agreeing).query(flat)[0]) < _GAP, best > np.cos(np.radians(_MIRRORS_DEG))
-    if not mirrors.any() or shown[mirrors].mean() < _SHOWN:
+    # Places of a ball's lattice crowd at its pole.
+    area = np.sqrt(np.maximum(1 - (facing @ shape.axis) ** 2, 1e-9))
+    share = float((area * shown)[mirrors].sum() / max(area[mirrors].sum(), 1e-9))
+    if share < _SHOWN:
         return None
     away = np.asarray(KDTree(found).query(flat)[0])
     was_seen = away < _GAP
@@ -135,5 +138,5 @@ def _beyond(shape: Shape, agreeing: np.ndarray, found: np.ndarray, antennas: np.
     crosses = np.cross(vertices[faces[:, 1]] - vertices[faces[:, 0]], vertices[faces[:, 2]] - vertices[faces[:, 0]])
     inward = (crosses * outward[faces[:, 0]]).sum(axis=1) < 0
     faces[inward] = faces[inward][:, ::-1]
-    told = shape.told | {"vertices": len(vertices), "points": len(agreeing), "shown": float(shown[mirrors].mean())}
+    told = shape.told | {"vertices": len(vertices), "points": len(agreeing), "shown": share}
     return Guess(vertices, outward, faces, away[chosen], told)
