@@ -109,6 +109,29 @@ def test_which_of_several_and_none_of_them(bracket, cloud):
     assert nothing.probabilities[NONE_OF_THEM] > 0.5
 
 
+def test_among_many_meshes_only_the_likely_ones_are_searched_fully(bracket, cloud, monkeypatch):
+    """The pose is the one that is found alone, whatever else might have been there."""
+    from millisight.geometry import _locate
+
+    asked = []
+    fits = _locate._fits
+    monkeypatch.setattr(_locate, "_KEPT", 2)
+    monkeypatch.setattr(_locate, "_fits", lambda *given: asked.append(given[2:]) or fits(*given))
+    edges = ((0.05, 0.05, 0.05), (0.12, 0.02, 0.02), (0.08, 0.08, 0.01))
+    meshes = {f"box {n}": posed.block(np.zeros(3), np.array(size)) for n, size in enumerate(edges)} | {
+        "bracket": bracket
+    }
+    steps = []
+    found = located(cloud, meshes, progress=lambda done, total: steps.append((done, total)))
+    assert len(found.poses) == 4
+    assert sorted(asked) == sorted(4 * [(700, 20)] + 2 * [(1200,)])
+    assert found.best.name == "bracket"
+    assert found.probabilities["bracket"] > 0.8
+    assert off(found.best, bracket, posed.turn(11), AT) < 0.003
+    assert steps == sorted(steps)
+    assert steps[-1][0] == steps[-1][1]
+
+
 def test_an_open_mesh_counts_from_both_sides(bracket, cloud):
     """A scan without its underside, wound inside out, is no different."""
     kept = bracket.face_crosses[:, 2] > -1e-9
