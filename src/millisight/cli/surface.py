@@ -105,7 +105,7 @@ def surface(
 
     Example: millisight surface mug.capture.h5 --watertight --base=-30cm -o mug.ply
 
-    Example: millisight surface ball.capture.h5 --complete -o ball.ply
+    Example: millisight surface mug.capture.h5 --grid 2mm --complete -o mug.ply
 
     Example: millisight surface mug.image.h5 -o mug.ply
     """
