@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+import trimesh
 from PIL import Image
 
 import millisight as ms
@@ -58,8 +59,6 @@ def test_a_depth_picture_states_its_levels(ball, tmp_path, here):
 
 
 def test_a_watertight_mesh_tells_what_was_not_seen(ball, tmp_path, here):
-    import trimesh
-
     code, _, err, _ = here(str(ball), "--grid", VOXELS, "-o", "b.ply", "--watertight", "--base=-32cm", "--no-picture")
     assert code == 0, err
     solid = trimesh.load_mesh(tmp_path / "b.ply", process=False)
@@ -67,6 +66,27 @@ def test_a_watertight_mesh_tells_what_was_not_seen(ball, tmp_path, here):
     floor = np.isclose(solid.vertices[:, 2], -0.32)
     assert 0 < floor.sum() == len(floor) / 2
     assert (solid.visual.vertex_colors[floor, :3] == 128).all()
+
+
+def test_what_is_guessed_of_a_ball_is_told_from_what_was_seen(ball, tmp_path, here):
+    code, out, err, _ = here(str(ball), "--grid", VOXELS, "-o", "b.ply", "--complete", "--no-picture", "--json")
+    assert code == 0, err
+    (told,) = json.loads(out)["guessed"]
+    assert told["shape"] == "ball"
+    assert told["radius"] == pytest.approx(0.05, rel=0.15)
+    mesh = trimesh.load_mesh(tmp_path / "b.ply", process=False)
+    seen = mesh.metadata["_ply_raw"]["vertex"]["data"]["seen"].astype(bool)
+    assert 100 < (~seen).sum() == told["vertices"] == len(load_mesh(tmp_path / "b.guessed.ply").vertices)
+    assert (mesh.visual.vertex_colors[~seen, :3] == 128).all()
+    # Seen is the top, guessed what lies around it, as far down as an antenna sees.
+    assert mesh.vertices[~seen, 2].max() < mesh.vertices[seen, 2].max()
+    assert mesh.vertices[~seen, 2].min() < -0.28
+    away = np.linalg.norm(mesh.vertices[~seen] - np.array([0, 0, -0.30]), axis=1) - 0.05
+    assert np.abs(away).max() < 8e-3
+    assert "guessed: a ball" in err
+    code, _, _, refused = here(str(ball), "--grid", VOXELS, "-o", "c.ply", "--complete", "--watertight")
+    assert code != 0
+    assert "guess in two ways" in refused
 
 
 def test_an_image_will_do(ball, tmp_path, here):

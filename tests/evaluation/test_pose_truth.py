@@ -106,7 +106,10 @@ def test_the_task_scores_poses_and_a_blind_guess(tmp_path):
     assert (ours.method, blind.method) == ("locate", "upright at the brightest place")
     assert ours.scores.add < 0.01
     assert ours.success
-    assert ours.answer == "bracket"
+    assert (ours.answer, blind.answer) == ("bracket", "bracket")
+    assert ours.probability > 0.5
+    assert ours.seconds > 0
+    assert np.isnan([blind.probability, blind.seconds]).all()
     assert blind.scores.add > 2 * ours.scores.add
     assert blind.scores.degrees > 30
     tables = task.tables(planned, rows)

@@ -91,6 +91,9 @@ class _Scene(SceneSource):
     def read_shape(self, band):
         return (MESH,)
 
+    def metal(self, band):
+        return False
+
 
 class _Data:
     path = Path("balls")
@@ -111,13 +114,18 @@ def test_the_task_scores_points_and_baselines(scene, tmp_path):
     results = json.loads(json.dumps(task.run(item)))
     rows = task.rows(planned, results)
     scores = {one.method: one.scores for one in rows}
-    assert list(scores) == ["surface_points", "thresholded voxels", "maximum along z"]
+    assert list(scores) == ["surface_points", "and guessed", "thresholded voxels", "maximum along z"]
     assert scores["surface_points"].place < 2e-3
     assert scores["surface_points"].normal_deg < 8
     assert scores["surface_points"].f_shining > 0.8
     assert scores["surface_points"].f > scores["maximum along z"].f
+    # The ball goes on beyond what shines of it.
+    assert scores["and guessed"].recall > scores["surface_points"].recall + 0.2
+    assert scores["and guessed"].f > scores["surface_points"].f + 0.1
     tables = task.tables(planned, rows)
-    assert list(tables) == ["los", "scenes"]
+    assert list(tables) == ["los", "los-by-material", "scenes"]
+    assert [row[0] for row in tables["los-by-material"].rows] == 4 * ["plastics and other"]
+    assert {row[1] for row in tables["scenes"].rows} == {"no"}
     assert "mmNorm" in tables["los"].markdown()
     assert "real data of others" in tables["los"].markdown()
     figures = list(task.figures(planned, rows))

@@ -8,6 +8,7 @@ import millisight as ms
 from helpers import posed, solid_mirrors
 from millisight.core.errors import InputError, MeshError
 from millisight.data import NONE_OF_THEM
+from millisight.geometry import _locate
 from millisight.meshes import build_object
 
 AT = np.array([0.02, -0.01, posed.DEPTH])
@@ -87,7 +88,7 @@ def test_turns_that_show_nothing_are_told_and_left_open():
     np.testing.assert_allclose(pose.place, place.bounds.mean(axis=0), atol=0.008)
 
 
-def test_which_of_several_and_none_of_them(bracket, cloud):
+def test_which_of_several_and_none_of_them(bracket, cloud, monkeypatch):
     meshes = {
         "box": posed.block(np.zeros(3), np.array([0.09, 0.06, 0.03])),
         "bracket": bracket,
@@ -98,6 +99,18 @@ def test_which_of_several_and_none_of_them(bracket, cloud):
     assert found.probabilities["bracket"] > 0.9
     assert found.probabilities["needle"] == 0  # far too large: it has no pose
     assert [one.name for one in found.poses] == ["bracket", "box"]
+    # Of many meshes only the likely ones are searched for fully; their poses are those that are found anyway.
+    asked, steps, fits = [], [], _locate._fits
+    monkeypatch.setattr(_locate, "_MANY", 1)
+    monkeypatch.setattr(_locate, "_KEPT", 1)
+    monkeypatch.setattr(_locate, "_fits", lambda *given: asked.append(given[2:]) or fits(*given))
+    many = located(cloud, meshes, progress=lambda *step: steps.append(step))
+    assert asked == [(700, 20), (700, 20), (1200,)]
+    np.testing.assert_array_equal(many.best.T_world_mesh, found.best.T_world_mesh)
+    assert [one.name for one in many.poses] == ["bracket", "box"]
+    assert many.probabilities["bracket"] > 0.9
+    assert steps == sorted(steps)
+    assert steps[-1][0] == steps[-1][1]
     random = np.random.default_rng(0)
     normals = random.normal(size=(300, 3))
     noise = ms.PointCloud(

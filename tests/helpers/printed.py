@@ -31,6 +31,7 @@ LEFT_OUT = {
     r"^millisight calibrate ": "needs a board or a target: tests/cli/test_calibrate*.py have them",
     r"^millisight rig |rig\.toml": "needs emulators that run beside it: tests/cli/test_rig.py has them",
     r"(?<!--)\b(bench24|unseen|surfaces|tiny|ball-or-box|mine|data|mito|both)\b|_ghz\.image": "made by one left out",
+    r"\bgeometry24\b": "made by one left out",
     r"--method sam\b": "needs weights that a page tells how to get",
     r"\bFOLDER\b|letter_r_22ghz": "real captures: tests/imaging runs them where they are",
     r"\bhall\.": "takes minutes and gigabytes: tests/imaging/test_slabs.py has a small one",

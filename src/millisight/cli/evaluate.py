@@ -312,7 +312,7 @@ def pose(
     spacing: Spacing = "2mm",
     clutter: HiddenClutter = "lid",
     which: Annotated[
-        bool, typer.Option("--which", help="Also choose the object among all of the dataset; takes as often as long.")
+        bool, typer.Option("--which", help="Also choose the object among all of the dataset; takes some times as long.")
     ] = False,
     objects: Objects = None,
     sight: Sight = None,
@@ -325,7 +325,8 @@ def pose(
 
     For scenes of the virtual rig, whose objects' shapes are known, with captures (keep = "captures" or "raw" in the
     recipe). Meshes are handed over turned at random. A baseline puts each object upright at the brightest place. Writes
-    OUT/index.html, and each table as Markdown and CSV. Run it again to continue after an interruption.
+    OUT/index.html, and each table as Markdown and CSV. Run it again to continue after an interruption. With --which the
+    baseline chooses the object whose size is nearest to that of what was seen.
 
     Example: millisight evaluate pose bench24 -o poses
     """

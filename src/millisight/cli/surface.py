@@ -63,6 +63,14 @@ def surface(
     watertight: Annotated[
         bool, typer.Option("--watertight", help="Close the mesh by walls down to a floor, grey: they were not seen.")
     ] = False,
+    completed: Annotated[
+        bool,
+        typer.Option(
+            "--complete",
+            help="Guess what was not seen of balls, cylinders and cones: grey, and 0 in the file's property seen. "
+            "Also writes the guess alone, MESH.guessed.ply.",
+        ),
+    ] = False,
     base: Annotated[
         str | None,
         typer.Option(help="z of that floor, such as --base=-30cm. [default: just below the surface]"),
@@ -80,7 +88,7 @@ def surface(
         typer.Option(
             "--json",
             help='Print one JSON document: {"source", "output", "points", "patches", "vertices", "faces", "area", '
-            '"bounds", "sigma"}; areas and lengths in metres.',
+            '"bounds", "sigma", "guessed"}; "guessed" lists shapes, of --complete; areas and lengths in metres.',
         ),
     ] = False,
 ) -> None:
@@ -97,6 +105,8 @@ def surface(
 
     Example: millisight surface mug.capture.h5 --watertight --base=-30cm -o mug.ply
 
+    Example: millisight surface mug.capture.h5 --grid 2mm --complete -o mug.ply
+
     Example: millisight surface mug.image.h5 -o mug.ply
     """
     check_known("--clutter", clutter, CLUTTER)
@@ -105,6 +115,8 @@ def surface(
     step = None if spacing is None else length(spacing, option="--spacing", metres=SMALL)
     if base is not None and not watertight:
         raise InputError("--base is of a closed mesh; pass --watertight as well")
+    if completed and watertight:
+        raise InputError("--complete and --watertight guess in two ways; pass one of them")
     floor = None if base is None else length(base, option="--base")
     with json_only(as_json):
         opened, name = _opened(source, radar, data)
@@ -112,7 +124,10 @@ def surface(
         if to.suffix.lower() != ".ply":
             raise UnknownNameError("mesh format", to.suffix or to.name, (".ply",))
         picture = None if no_picture else to.with_name(f"{to.stem.removesuffix('.surface')}.surface.png")
-        check_outputs(to, points, depth, figures=(picture,), source=source)
+        alone = to.with_name(f"{to.stem}.guessed.ply") if completed else None
+        check_outputs(to, points, depth, alone, figures=(picture,), source=source)
+        if completed and not isinstance(opened, Capture):
+            raise InputError("--complete asks which antennas saw the object; pass a capture, not an image")
         found = _points(
             opened, grid, clutter=clutter, false_alarms=false_alarms, frequency=frequency,
             window=None if window == "none" else window,
@@ -121,10 +136,14 @@ def surface(
         from millisight.geometry import surface as surface_of
 
         made = surface_of(found, spacing=step, least=least)
+        shown = made
         if watertight:
             from millisight.geometry import closed
 
             _write(to, closed(made, base=floor))
+        elif alone is not None and isinstance(opened, Capture):
+            shown = _completed(made, found, opened, alone)
+            _write(to, shown)
         else:
             _write(to, made)
         say(
@@ -140,13 +159,14 @@ def surface(
         if picture is not None:
             from millisight.viz import plot_surface, save_figure
 
-            save_figure(plot_surface(made, title=printable(name)), picture)
+            save_figure(plot_surface(shown, title=printable(name)), picture)
             say(f"wrote {picture}")
     if as_json:
         answer_json({
             "source": str(source), "output": str(to), "points": len(found), "patches": made.metadata["patches"],
             "vertices": len(made.mesh.vertices), "faces": len(made.mesh.faces), "area": made.mesh.area,
             "bounds": made.mesh.bounds, "sigma": float(np.median(made.sigma)),
+            "guessed": list(shown.metadata.get("shapes", ())),
         })  # fmt: skip
 
 
@@ -181,10 +201,34 @@ def _write(to: Path, made: Surface) -> None:
     from millisight.viz import checked_colormap
 
     seen = made.sigma[: made.metadata.get("seen_vertices")]
-    share = np.clip(made.sigma / max(float(np.percentile(seen, 95)), 1e-9), 0, 1)
+    worst = float(np.percentile(seen, 95)) if len(seen) else 1.0
+    share = np.clip(made.sigma / max(worst, 1e-9), 0, 1)
     colours = checked_colormap(None)(share, bytes=True)[:, :3]
     colours[len(seen) :] = _UNSEEN
-    write_mesh(to, made.mesh, sigma=made.sigma, colours=colours)
+    write_mesh(to, made.mesh, sigma=made.sigma, colours=colours, seen=np.arange(len(made.sigma)) < len(seen))
+
+
+def _completed(made: Surface, found: PointCloud, capture: Capture, alone: Path) -> Surface:
+    """The surface and what is guessed of it, which is written to `alone` as well; says what it is."""
+    from millisight.data import TriangleMesh
+    from millisight.geometry import complete
+
+    antennas = (capture.tx_positions[:, :, None] + capture.rx_positions[:, None]).reshape(-1, 3) / 2
+    whole = complete(made, found, antennas)
+    count, shapes = whole.metadata["seen_vertices"], whole.metadata["shapes"]
+    if not shapes:
+        say("nothing was guessed: no ball, cylinder or cone fits what was seen")
+        return whole
+    for one in shapes:
+        say(
+            f"guessed: a {one['shape']} of radius {1e3 * one['radius']:.1f} mm; of what of it should "
+            f"shine {100 * one['shown']:.0f} % was seen"
+        )
+    faces = whole.mesh.faces[(whole.mesh.faces >= count).all(axis=1)] - count
+    guess = TriangleMesh(vertices=whole.mesh.vertices[count:], faces=faces)
+    _write(alone, Surface(mesh=guess, sigma=whole.sigma[count:], metadata={"seen_vertices": 0}))
+    say(f"wrote {alone}")
+    return whole
 
 
 def _write_points(to: Path, found: PointCloud) -> None:

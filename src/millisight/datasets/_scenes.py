@@ -8,7 +8,7 @@ import numpy as np
 
 from millisight.core import check_known, record, rotation_from_quaternion
 from millisight.core.errors import FileError, InputError
-from millisight.data import CameraFrame, CameraMask, Capture, Mask, RawScan, SarImage, TriangleMesh
+from millisight.data import CameraFrame, CameraMask, Capture, Mask, RawScan, SarImage, SceneObject, TriangleMesh
 from millisight.datasets._dataset import Item, expect, read_item
 from millisight.datasets._empty import subtract_published_empty
 from millisight.datasets._published import (
@@ -151,12 +151,22 @@ class SceneFiles(SceneSource):
         ------
         FileError, MeshError, InputError
         """
-        from millisight.rig.virtual import World, build_layout
+        world = self._world_of(band)
+        return super().read_shape(band) if world is None else tuple(part.mesh for part in _parts_of(world))
 
+    def metal(self, band: str) -> bool:
+        """Whether most of the object's surface is metal, by the area of its parts.
+
+        Raises
+        ------
+        FileError, MeshError, InputError
+        """
         world = self._world_of(band)
         if world is None:
-            return super().read_shape(band)
-        return tuple(part.mesh for thing in build_layout(World.from_toml(world)).objects for part in thing.parts)
+            return super().metal(band)
+        parts = _parts_of(world)
+        metallic = sum(part.mesh.area for part in parts if part.material.conductivity is not None)
+        return 2 * metallic > sum(part.mesh.area for part in parts)
 
     def _capture_of(self, band: str) -> Item | None:
         return next((item for item in self.turns if (item.kind, item.radar) == (mito.RAW, BANDS[band])), None)
@@ -329,3 +339,10 @@ def _physics(held: Mapping[str, Any]) -> str:
     """What a simulated file says of its physics; "simulated" where it says nothing."""
     told = held.get("physics")
     return ("" if told is None else str(told).strip()) or "simulated"
+
+
+def _parts_of(world: Path) -> tuple[SceneObject, ...]:
+    """The parts of the objects of a world of the virtual rig, in their places."""
+    from millisight.rig.virtual import World, build_layout
+
+    return tuple(part for thing in build_layout(World.from_toml(world)).objects for part in thing.parts)

@@ -111,6 +111,10 @@ class SceneSource(ABC):
         """Meshes of the object's parts, in the frame of its capture."""
         raise InputError(f"{self.name} has no object of known shape at {band}")
 
+    def metal(self, band: str) -> bool:
+        """Whether most of the surface of the object that `read_shape` reads is metal."""
+        raise InputError(f"{self.name} has no object of known material at {band}")
+
     def published_mask(self, band: str) -> Mask | None:
         """The mask that the dataset has beside an image; None: there is none."""
         return None

@@ -1,4 +1,5 @@
 from ._closed import closed as closed
+from ._complete import complete as complete
 from ._locate import locate as locate
 from ._match import Match as Match
 from ._match import range_match as range_match

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from functools import lru_cache
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,7 +12,7 @@ from millisight.core.errors import InputError, MeshError
 from millisight.data import NONE_OF_THEM, Capture, Located, PointCloud, Pose, TriangleMesh, VoxelGrid
 from millisight.geometry._moments import channel_middles
 from millisight.geometry._points import FALSE_ALARMS, surface_points
-from millisight.geometry._registration import Fit, Seen, curvature, register, seen_by
+from millisight.geometry._registration import CLIMBERS, Fit, Seen, curvature, register, rescored, seen_by
 from millisight.geometry._samples import MeshSamples, samples_of
 from millisight.geometry._symmetries import Symmetry, symmetries
 from millisight.geometry._turns import reduced_rotations
@@ -21,6 +21,9 @@ _LEAST = 12  # points
 _SAMPLES = 350
 _THINNED, _MOST = 0.004, 300  # spacing [m] and number of the points that are compared
 _TURNS = 3000
+_MANY, _KEPT = 3, 4  # of more meshes all are tried roughly, and so many of them are searched for fully
+_ROUGHLY = (0.006, 100, 700, 20)  # then: spacing [m] and number of points, turns, and poses that are fitted
+_DENSE = 1200  # samples by which meshes are compared: those of large ones are not coarser
 _LARGER = 12.0  # than the points' extent, or smaller: what no object of that size shows
 _UNITS = {"millimetres": 0.001, "centimetres": 0.01, "inches": 0.0254}
 
@@ -119,17 +122,29 @@ def locate(
     odd = {name: why for name, mesh in named.items() if (why := _odd_size(name, mesh, seen.points))}
     if len(odd) == len(named):
         raise MeshError("; ".join(odd.values()))
-    poses: list[Pose] = []
-    for number, (name, mesh) in enumerate(named.items(), 2):
-        if name not in odd:
-            poses.append(_pose(name, mesh, seen, turns))
+    there = {name: mesh for name, mesh in named.items() if name not in odd}
+    done, fits = 1 + len(odd), dict[str, list[Fit]]()
+    if len(there) > _MANY:
+        spacing, most, rough_turns, climbers = _ROUGHLY
+        few = seen_by(points, normals, seen_from, spacing=spacing, most=most)
+        for name, mesh in there.items():
+            found = _fits(mesh, few, min(rough_turns, turns), climbers)
+            fits[name] = rescored(_shape_of(mesh).samples, found, seen)
+            if progress is not None:
+                progress(done := done + 1, total + _KEPT)
+        total += _KEPT
+    for name in sorted(there, key=lambda one: -fits[one][0].score if fits else 0.0)[: _KEPT if fits else None]:
+        fits[name] = _fits(there[name], seen, turns)
         if progress is not None:
-            progress(number, total)
-    shares = _softmax(np.array([*(one.score for one in poses), _NOTHING]) / _WHICH)
-    probabilities = dict.fromkeys(named, 0.0)
-    probabilities |= dict(zip([*(one.name for one in poses), NONE_OF_THEM], shares.tolist(), strict=True))
+            progress(done := done + 1, total)
+    if progress is not None:
+        progress(total, total)
+    poses = {name: _pose(name, mesh, fits[name], seen) for name, mesh in there.items()}
+    evidence = {name: rescored(_shape_of(mesh).dense, fits[name], seen)[0].score for name, mesh in there.items()}
+    shares = _softmax(np.array([*evidence.values(), _NOTHING]) / _WHICH)
+    probabilities = dict.fromkeys(named, 0.0) | dict(zip([*evidence, NONE_OF_THEM], shares.tolist(), strict=True))
     metadata = with_step(points.metadata, "locate", meshes=list(named), turns=turns)
-    ordered = sorted(poses, key=lambda one: -one.score)
+    ordered = [poses[name] for name in sorted(evidence, key=lambda one: -evidence[one])]
     return Located(poses=tuple(ordered), probabilities=probabilities, points=points, metadata=metadata)
 
 
@@ -155,10 +170,30 @@ def _odd_size(name: str, mesh: TriangleMesh, points: np.ndarray) -> str:
     return f"{name} is {size:.3g} m large, but what was seen {seen:.2g} m; {advice}"
 
 
-def _pose(name: str, mesh: TriangleMesh, seen: Seen, turns: int) -> Pose:
-    """The best pose of a mesh."""
-    shape, symmetry = _shape_of(mesh)
-    fits = register(shape, reduced_rotations(turns, symmetry.rotations, symmetry.axes), seen)
+class _Known(NamedTuple):
+    """What of a mesh is the same for all captures: half of the time of a search."""
+
+    samples: MeshSamples
+    dense: MeshSamples
+    symmetry: Symmetry
+
+
+@lru_cache(maxsize=64)
+def _shape_of(mesh: TriangleMesh) -> _Known:
+    samples = samples_of(mesh, _SAMPLES)
+    # Poses are about the middle of the samples that they were found by.
+    return _Known(samples, samples_of(mesh, _DENSE)._replace(middle=samples.middle), symmetries(mesh))
+
+
+def _fits(mesh: TriangleMesh, seen: Seen, turns: int, climbers: int = CLIMBERS) -> list[Fit]:
+    shape = _shape_of(mesh)
+    rotations = reduced_rotations(turns, shape.symmetry.rotations, shape.symmetry.axes)
+    return register(shape.samples, rotations, seen, climbers=climbers)
+
+
+def _pose(name: str, mesh: TriangleMesh, fits: list[Fit], seen: Seen) -> Pose:
+    """The best pose of a mesh, of those that were found."""
+    shape, _, symmetry = _shape_of(mesh)
     best = fits[0]
     weights = _softmax(np.array([one.score for one in fits]) / _WEIGHT)
     free = (best.rotation @ symmetry.axes.T).T
@@ -175,12 +210,6 @@ def _pose(name: str, mesh: TriangleMesh, seen: Seen, turns: int) -> Pose:
         weight=float(weights[0]),
         symmetry=symmetry.about,
     )
-
-
-@lru_cache(maxsize=8)
-def _shape_of(mesh: TriangleMesh) -> tuple[MeshSamples, Symmetry]:
-    """What of a mesh is the same for all captures: half of the time of a search."""
-    return samples_of(mesh, _SAMPLES), symmetries(mesh)
 
 
 def _covariance(

@@ -135,6 +135,7 @@ def _vote(points, normals, clear, rotation, middle, antennas, cosine, found, fac
     votes = np.zeros((cells, cells, cells))
     alike = np.cos(turn)
     half = 0.5 * cells
+    low, high = np.full(3, cells), np.zeros(3, np.int64)  # of the cubes with votes
     for k in range(count):
         if not lit[k]:
             continue
@@ -145,11 +146,13 @@ def _vote(points, normals, clear, rotation, middle, antennas, cosine, found, fac
                 c = int(np.floor((found[i, 2] - at[k, 2]) / cell + half))
                 if 0 <= a < cells and 0 <= b < cells and 0 <= c < cells:
                     votes[a, b, c] += weights[i]
+                    low[0], low[1], low[2] = min(low[0], a), min(low[1], b), min(low[2], c)
+                    high[0], high[1], high[2] = max(high[0], a), max(high[1], b), max(high[2], c)
     # Of pairs of neighbouring cubes along each axis, so that no peak is cut in two.
     best, top = 0.0, (cells // 2, cells // 2, cells // 2)
-    for a in range(cells - 1):
-        for b in range(cells - 1):
-            for c in range(cells - 1):
+    for a in range(max(low[0] - 1, 0), min(high[0] + 1, cells - 1)):
+        for b in range(max(low[1] - 1, 0), min(high[1] + 1, cells - 1)):
+            for c in range(max(low[2] - 1, 0), min(high[2] + 1, cells - 1)):
                 sum_ = 0.0
                 for i in range(2):
                     for j in range(2):

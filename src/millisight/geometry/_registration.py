@@ -19,7 +19,8 @@ _ROUGH = (0.008, np.radians(20.0))  # standard deviations of place [m] and turn
 _STAGES = ((0.008, np.radians(18.0), 12), (0.005, np.radians(12.0), 12), (0.0035, np.radians(9.0), 14))
 FINE = (0.004, np.radians(10.0))
 """Standard deviations of place [m] and turn [rad] by which poses are compared."""
-_CLIMBERS = 80
+CLIMBERS = 80
+"""Poses that are fitted."""
 _STEP = (0.004, np.radians(5.0))  # of the differences that tell the curvature [m], [rad]
 _ALIKE = (0.01, 12.0)  # [m], [degrees]
 
@@ -91,8 +92,10 @@ def some_antennas(antennas: np.ndarray, count: int = _ANTENNAS) -> np.ndarray:
     return np.ascontiguousarray(flat[np.sort(np.unique(np.floor(flat / high), axis=0, return_index=True)[1])])
 
 
-def register(shape: MeshSamples, rotations: np.ndarray, seen: Seen, *, most: int = 20) -> list[Fit]:
-    """The best poses, best first, no two alike."""
+def register(
+    shape: MeshSamples, rotations: np.ndarray, seen: Seen, *, most: int = 20, climbers: int = CLIMBERS
+) -> list[Fit]:
+    """The best poses, best first, no two alike; of all `rotations` the best `climbers` are fitted."""
     points = np.ascontiguousarray(shape.points - shape.middle)
     normals, clear = np.ascontiguousarray(shape.normals), shape.clear
     cosine = float(np.cos(np.radians(_SHINES_DEG)))
@@ -112,7 +115,7 @@ def register(shape: MeshSamples, rotations: np.ndarray, seen: Seen, *, most: int
         _CELLS,
     )
     rough = score_of(*agreements(shape, rotations, places, seen, *_ROUGH).T)
-    chosen = np.argsort(-rough, kind="stable")[:_CLIMBERS]
+    chosen = np.argsort(-rough, kind="stable")[:climbers]
     turned, moved = rotations[chosen].copy(), places[chosen].copy()
     for place, turn, steps in _STAGES:
         kernels.climb(
@@ -141,6 +144,14 @@ def register(shape: MeshSamples, rotations: np.ndarray, seen: Seen, *, most: int
             if len(fits) == most:
                 break
     return fits
+
+
+def rescored(shape: MeshSamples, fits: list[Fit], seen: Seen) -> list[Fit]:
+    """Poses by their agreement with other points, or of other samples about the same middle, best first."""
+    turned, moved = np.stack([one.rotation for one in fits]), np.stack([one.translation for one in fits])
+    shares = agreements(shape, turned, moved, seen, *FINE)
+    made = [Fit(one.rotation, one.translation, float(e), float(s)) for one, (e, s) in zip(fits, shares, strict=True)]
+    return sorted(made, key=lambda one: -one.score)
 
 
 def agreements(

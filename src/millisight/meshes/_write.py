@@ -17,6 +17,7 @@ def write_mesh(
     *,
     sigma: np.ndarray | None = None,
     colours: np.ndarray | None = None,
+    seen: np.ndarray | None = None,
 ) -> None:
     """Write a mesh as a binary PLY file in metres.
 
@@ -26,13 +27,14 @@ def write_mesh(
     mesh : TriangleMesh
     sigma : (V,) standard deviation of each vertex [m], written as `place_sigma`, with the normals nx, ny, nz
     colours : (V, 3) red, green and blue of each vertex, 0 to 255
+    seen : (V,) bool, whether each vertex was seen, or guessed; written as `seen`, 1 or 0
 
     Raises
     ------
     UnknownNameError
         The suffix is not .ply.
     InputError
-        `sigma` or `colours` is not of the vertices.
+        `sigma`, `colours` or `seen` is not of the vertices.
     FileError
         The file cannot be written.
     """
@@ -50,6 +52,8 @@ def write_mesh(
     if colours is not None:
         rgb = checked_array(colours, name="colours", shape=(count, 3), dtype=np.uint8)
         columns |= {name: ("uchar", rgb[:, i]) for i, name in enumerate(("red", "green", "blue"))}
+    if seen is not None:
+        columns["seen"] = "uchar", checked_array(seen, name="seen", shape=(count,), dtype=bool).astype(np.uint8)
     corners = np.empty(count, dtype=[(name, _CODES[kind]) for name, (kind, _) in columns.items()])
     for name, (_, values) in columns.items():
         corners[name] = values

@@ -15,6 +15,7 @@ from millisight.viz._panels import checked_colormap, styled
 
 _VIEWS = ((0, 1, 2, 1), (0, 2, 1, -1), (1, 2, 0, 1))  # right, up, towards the viewer, and from which end
 _TRUTH = "#b8bec4"
+_GUESSED = 0.55  # grey of what was not seen
 _POINT = "#D55E00"
 _LIGHT = np.array([0.3, 0.2, 0.93])
 _WIDTH, _TALLEST = 3.4, 4.5  # of a panel [inches]
@@ -35,7 +36,7 @@ def plot_surface(
 
     Parameters
     ----------
-    surface : Surface
+    surface : Surface; what of it was not seen (`metadata["seen_vertices"]`) is grey
     points : of which it was made, drawn as dots; None: none
     truth : true mesh, drawn in grey behind; None: none
     title : written above
@@ -49,13 +50,15 @@ def plot_surface(
     """
     mesh = checked_record(surface, Surface, name="surface").mesh
     colours = checked_colormap(colormap)
-    most = float(np.percentile(surface.sigma, 95)) if worst is None else worst
+    count = surface.metadata.get("seen_vertices", len(mesh.vertices))
+    most = float(np.percentile(surface.sigma[:count], 95)) if worst is None else worst
     norm = Normalize(0, max(1e3 * most, 1e-6))
     boxes = [mesh.bounds] + ([] if truth is None else [truth.bounds])
     lower, upper = np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
     figure, panels = _views(lower, upper)
     shade = 0.35 + 0.65 * np.clip(mesh.face_normals @ _LIGHT, 0, 1)
     rgb = np.asarray(colours(norm(1e3 * surface.sigma[mesh.faces].mean(axis=1))))
+    rgb[(mesh.faces >= count).any(axis=1), :3] = _GUESSED
     rgb[:, :3] *= shade[:, None]
     for axes, (right, up, towards, end) in zip(panels, _VIEWS, strict=True):
         if truth is not None:

@@ -7,7 +7,8 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from millisight.core import record
-from millisight.data import PointCloud, SarImage, VoxelGrid
+from millisight.core.errors import InputError
+from millisight.data import Capture, PointCloud, SarImage, VoxelGrid
 from millisight.evaluation._point_cloud import point_cloud
 from millisight.evaluation._scenes import HIGH, SIGHTS
 from millisight.evaluation._shape_scenes import (
@@ -22,15 +23,16 @@ from millisight.evaluation._statistics import bootstrap_interval
 from millisight.evaluation._surface_truth import SurfaceScores, score_surface, true_surface
 from millisight.evaluation._tables import Table, table_of
 from millisight.evaluation._task import TASKS, EvaluationItem, EvaluationSet, ReportFigure, Task
-from millisight.geometry import FALSE_ALARMS, surface_points
+from millisight.geometry import FALSE_ALARMS, LEAST_POINTS, complete, surface, surface_points
 from millisight.imaging import form_image, remove_sheets
 
-_FORMAT = 1
+_FORMAT = 2
 _MARGIN = 0.02  # of the voxels around the object [m]
 _THRESHOLD = 0.3  # of the baselines, a share of the image's maximum: as in the evaluation of the simulator
-OURS, THRESHOLDED, DEEPEST = "surface_points", "thresholded voxels", "maximum along z"
-METHODS = (OURS, THRESHOLDED, DEEPEST)
-"""What is compared: `surface_points`; the paper's points, voxels above 0.3 of the maximum; and of each column of voxels
+OURS, COMPLETED, THRESHOLDED, DEEPEST = "surface_points", "and guessed", "thresholded voxels", "maximum along z"
+METHODS = (OURS, COMPLETED, THRESHOLDED, DEEPEST)
+"""What is compared: `surface_points`; these and what `complete` guesses of what was not seen; the paper's points,
+voxels above 0.3 of the maximum; and of each column of voxels
 that one where |I| is largest, if it is above 0.3 of the maximum."""
 
 
@@ -41,6 +43,7 @@ class SurfaceTrial:
     Attributes
     ----------
     scene, object, sight : of the scene
+    metal : whether most of the object's surface is metal
     method : one of METHODS
     scores : SurfaceScores
     points : (n, 3) some of the points, for a picture [m]
@@ -49,6 +52,7 @@ class SurfaceTrial:
     scene: str
     object: str
     sight: str
+    metal: bool
     method: str
     scores: SurfaceScores
     points: np.ndarray
@@ -108,15 +112,17 @@ class SurfaceTask(Task):
         grid = VoxelGrid.regular(lower, upper, source.spacing)
         truth = true_surface(meshes, capture)
         capture = remove_sheets(capture, clutter=source.clutter[scene.sight], grid=grid).result
-        found = {OURS: surface_points(capture, grid, false_alarms=source.false_alarms)}
+        points = surface_points(capture, grid, false_alarms=source.false_alarms)
+        found = {OURS: points, COMPLETED: _with_guesses(points, capture)}
         image = form_image(capture, grid)
         found[THRESHOLDED], found[DEEPEST] = point_cloud(image, _THRESHOLD), _deepest(image)
+        metal = scene.metal(HIGH)
         (part,) = item.parts
         return {
             part: [
                 {
-                    "scene": scene.name, "object": scene.object, "sight": scene.sight, "method": method,
-                    "scores": [None if math.isnan(one) else one for one in score_surface(cloud, truth)],
+                    "scene": scene.name, "object": scene.object, "sight": scene.sight, "metal": metal, "method": method,
+                    "scores": [_known(one) for one in score_surface(cloud, truth)],
                     "points": drawn_points(cloud.points),
                 }
                 for method, cloud in found.items()
@@ -145,10 +151,11 @@ class SurfaceTask(Task):
         there = [sight for sight in SIGHTS if any(one.sight == sight for one in rows)]
         return {
             **{sight: _medians(rows, sight, planned.data) for sight in there},
+            **{f"{sight}-by-material": _by_material(rows, sight, planned.data) for sight in there},
             "scenes": table_of(
                 f"Every scene, {planned.data}",
-                ["scene", "method", *SurfaceScores._fields],
-                [(one.scene, one.method, *(None if math.isnan(s) else s for s in one.scores)) for one in rows],
+                ["scene", "metal", "method", *SurfaceScores._fields],
+                [(one.scene, "yes" if one.metal else "no", one.method, *map(_known, one.scores)) for one in rows],
                 place="file",
             ),
         }
@@ -166,10 +173,32 @@ class SurfaceTask(Task):
             yield worst_scene(number, one, told, "the object", truth, {"points": one.scores.points})
 
 
+def _known(value: float) -> float | None:
+    return None if math.isnan(value) else value
+
+
 def _scores(values: Sequence[float | None]) -> SurfaceScores:
     """The scores of what JSON holds, which has no NaN."""
     points, *rest = (math.nan if value is None else value for value in values)
     return SurfaceScores(int(points), *rest)
+
+
+def _with_guesses(points: PointCloud, capture: Capture) -> PointCloud:
+    """The points, and vertices of what is guessed of round things."""
+    if len(points) < LEAST_POINTS:
+        return points
+    antennas = (capture.tx_positions[:, :, None] + capture.rx_positions[:, None]).reshape(-1, 3) / 2
+    try:
+        made = complete(surface(points), points, antennas)
+    except InputError:  # no points hang together
+        return points
+    count = made.metadata["seen_vertices"]
+    if len(made.mesh.vertices) == count:
+        return points
+    return PointCloud(
+        points=np.concatenate([points.points, made.mesh.vertices[count:]]),
+        normals=np.concatenate([np.asarray(points.normals), made.mesh.vertex_normals[count:]]),
+    )
 
 
 def _deepest(image: SarImage) -> PointCloud:
@@ -187,24 +216,43 @@ _COLUMNS = (
     ("F 10 mm, shining", "f_shining", 100), ("recall, shining", "recall_shining", 100),
     ("place [mm]", "place", 1000), ("normal [°]", "normal_deg", 1),
 )  # fmt: skip
+_HEAD = ["method", "scenes", *(f"{name} [%]" if scale == 100 else name for name, _, scale in _COLUMNS)]
+
+
+def _cells(method: str, trials: Sequence[SurfaceTrial]) -> list[Any]:
+    """A row of medians and their intervals."""
+    cells: list[Any] = [method, len(trials)]
+    for _, name, scale in _COLUMNS:
+        values = [scale * value for one in trials if not math.isnan(value := getattr(one.scores, name))]
+        if not values:
+            cells.append(None)
+            continue
+        low, high = bootstrap_interval(values)
+        cells.append(f"{np.median(values):.1f} ({low:.1f} to {high:.1f})")
+    return cells
+
+
+def _by_material(rows: Sequence[SurfaceTrial], sight: str, data: str) -> Table:
+    body = []
+    for metal, material in ((True, "metal"), (False, "plastics and other")):
+        for method in METHODS:
+            trials = [one for one in rows if (one.sight, one.method, one.metal) == (sight, method, metal)]
+            if trials:
+                body.append([material, *_cells(method, trials)])
+    return table_of(
+        f"{SIGHTS[sight].capitalize()}, by the material of most of the surface: medians over scenes (95 % bootstrap "
+        f"interval), {data}",
+        ["material", *_HEAD],
+        body,
+        place="page",
+    )
 
 
 def _medians(rows: Sequence[SurfaceTrial], sight: str, data: str) -> Table:
-    body = []
-    for method in METHODS:
-        trials = [one for one in rows if one.sight == sight and one.method == method]
-        cells: list[Any] = [method, len(trials)]
-        for _, name, scale in _COLUMNS:
-            values = [scale * value for one in trials if not math.isnan(value := getattr(one.scores, name))]
-            if not values:
-                cells.append(None)
-                continue
-            low, high = bootstrap_interval(values)
-            cells.append(f"{np.median(values):.1f} ({low:.1f} to {high:.1f})")
-        body.append(cells)
+    body = [_cells(method, [one for one in rows if (one.sight, one.method) == (sight, method)]) for method in METHODS]
     return table_of(
         f"{SIGHTS[sight].capitalize()}: medians over scenes (95 % bootstrap interval), {data}",
-        ["method", "scenes", *(f"{name} [%]" if scale == 100 else name for name, _, scale in _COLUMNS)],
+        _HEAD,
         body,
         'Precision and recall within 10 mm, of all that some antenna sees of the object; "shining": recall of what '
         "reflects towards the aperture. Places and normals: median distance, and median angle of points within 10 mm.",
