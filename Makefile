@@ -52,7 +52,8 @@ demo: setup
 
 # Threads that wait give way: several processes share the cores, and waiting busily would cost them more than half.
 # OpenBLAS uses one thread: beside another process, a second one makes fits of small matrices take half as long again.
-TEST := OMP_WAIT_POLICY=passive OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest
+SHARED := OMP_WAIT_POLICY=passive OPENBLAS_NUM_THREADS=1
+TEST := $(SHARED) $(BIN)/python -m pytest
 
 test: setup
 	$(TEST) -n $(WORKERS) --dist worksteal $(TESTS)
@@ -103,7 +104,7 @@ layers: setup
 	$(BIN)/lint-imports
 
 docs: setup
-	$(BIN)/python -m sphinx --jobs $(WORKERS) --quiet --fresh-env --fail-on-warning --keep-going -d build/docs/doctrees docs build/docs/html
+	$(SHARED) $(BIN)/python -m sphinx --jobs $(WORKERS) --quiet --fresh-env --fail-on-warning --keep-going -d build/docs/doctrees docs build/docs/html
 
 bench: setup
 	$(BIN)/python -m pytest benchmarks --benchmark-disable-gc --benchmark-columns=median,iqr,rounds -q -s $(TESTS)
