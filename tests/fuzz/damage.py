@@ -137,13 +137,17 @@ def _lines(data: bytearray, first: int, rng: random.Random) -> None:
     data[:] = b"\n".join(lines) or b"\n"
 
 
+_LONG = 20_000  # bytes of a word
+
+
 def _words(data: bytearray, first: int, rng: random.Random) -> None:
     """A word or a number in another's place, or an extreme number."""
     one = WORD.search(data, _place(data, first, 1, rng))
     other = WORD.search(data, _place(data, 0, 1, rng))
     if one and other:
         word, which = other.group(), _below(5, rng)
-        data[slice(*one.span())] = word if which < 3 else word * 40 if which < 4 else _extreme(rng)
+        long = word * 40 if len(word) < _LONG else word  # or a few of these in turn would take all memory
+        data[slice(*one.span())] = word if which < 3 else long if which < 4 else _extreme(rng)
 
 
 def _numbers(data: bytearray, first: int, rng: random.Random) -> None:

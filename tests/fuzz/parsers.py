@@ -132,13 +132,14 @@ def _tried(form: Format, count: int, seconds: float, number: int, folder: Path) 
         signal.signal(kind, too_long)
     warnings.simplefilter("error", RuntimeWarning)  # NumPy's, of a reader that goes on with nonsense
     tried, began = Tried(form, folder), _processor_seconds()
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     try:
         tried(form.valid)  # what is loaded with the first file is not the file's doing
         before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         resource.setrlimit(resource.RLIMIT_AS, (_address_space() + MEMORY, resource.getrlimit(resource.RLIMIT_AS)[1]))
         failures = _check(form, count, began + seconds, number, tried) if tried.read else ["the valid file is refused"]
     except BaseException:
-        failures, before = [traceback.format_exc()[-4000:]], sys.maxsize
+        failures = [traceback.format_exc()[-4000:]]
     grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
     took = _processor_seconds() - began
     return Result(form.name, tried.files, tried.past_header, tried.read, took, tried.slowest, grown, failures)
