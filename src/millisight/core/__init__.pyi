@@ -48,6 +48,7 @@ from ._records import checked_number as checked_number
 from ._records import checked_numbers as checked_numbers
 from ._records import checked_record as checked_record
 from ._records import for_kernel as for_kernel
+from ._records import lengths_of as lengths_of
 from ._records import put as put
 from ._records import record as record
 from ._records import with_step as with_step

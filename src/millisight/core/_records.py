@@ -69,6 +69,12 @@ def _writeable(array: Any) -> bool:
     return False
 
 
+def lengths_of(vectors: np.ndarray) -> np.ndarray:
+    """(n,) lengths of vectors (n, k); infinite, and without NumPy's warning, where their squares overflow."""
+    with np.errstate(over="ignore"):
+        return np.linalg.norm(vectors, axis=1)
+
+
 def for_kernel(array: np.ndarray) -> np.ndarray:
     """The array in C's order, not to be written to: a kernel is compiled anew for each order, and for what may be."""
     same = np.ascontiguousarray(array).view()

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from millisight.core import Metadata, checked_array, checked_metadata, put, record
+from millisight.core import Metadata, checked_array, checked_metadata, lengths_of, put, record
 from millisight.core.errors import InputError
 
 _UNIT = 1e-3  # by which the length of a unit normal may differ from 1
@@ -48,8 +48,7 @@ class PointCloud:
         )
         if self.normals is not None:
             normals = _some(self.normals, "normals", count, 3)
-            with np.errstate(over="ignore"):
-                lengths = np.linalg.norm(normals, axis=1)
+            lengths = lengths_of(normals)
             if count and np.abs(lengths - 1).max() > _UNIT:
                 raise InputError(
                     f"normals have lengths of {lengths.min():.3g} to {lengths.max():.3g}; expected unit vectors: "

@@ -12,6 +12,7 @@ from millisight.core import (
     checked_number,
     checked_numbers,
     interpolate_poses,
+    lengths_of,
     put,
     record,
     rotation_from_quaternion,
@@ -49,8 +50,7 @@ class Trajectory:
         put(self, times=times, positions=positions)
         if self.orientations is not None:
             quaternions = checked_array(self.orientations, name="orientations", shape=(len(positions), 4))
-            with np.errstate(over="ignore"):
-                lengths = np.linalg.norm(quaternions, axis=1)
+            lengths = lengths_of(quaternions)
             if abs(lengths - 1).max() > 1e-3:
                 raise InputError(
                     f"orientations have lengths {lengths.min():.3g} to {lengths.max():.3g}; "

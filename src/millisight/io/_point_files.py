@@ -7,7 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from millisight.core import atomic_path, check_known, check_readable, checked_path, checked_record, printable
+from millisight.core import (
+    atomic_path,
+    check_known,
+    check_readable,
+    checked_path,
+    checked_record,
+    lengths_of,
+    printable,
+)
 from millisight.core.errors import FormatError, UnknownNameError
 from millisight.data import PointCloud
 
@@ -111,8 +119,7 @@ def read_point_cloud(path: str | os.PathLike[str]) -> PointCloud:
         raise FormatError(f"{printable(path)}: vertices without {' and '.join(missing)}; expected x, y and z")
     normals = np.stack([columns[n] for n in _NORMALS], axis=1) if set(_NORMALS) <= columns.keys() else None
     if normals is not None and len(normals):
-        with np.errstate(over="ignore"):
-            lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+        lengths = lengths_of(normals)[:, None]
         normals = normals / lengths if lengths.min() > 0 else None
     return PointCloud(
         points=np.stack([columns[name] for name in "xyz"], axis=1),

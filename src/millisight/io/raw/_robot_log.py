@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from millisight.core import check_readable, checked_record, printable, write_text
+from millisight.core import check_readable, checked_record, lengths_of, printable, write_text
 from millisight.core.errors import DamagedFileError, FormatError, InputError, UnknownNameError
 from millisight.data import Trajectory, check_log
 from millisight.io.arrays import TextTable, read_arrays, read_table
@@ -84,8 +84,7 @@ def read_robot_log(
     turned = None
     if values.shape[1] == 8:
         turned = values[:, 4:]
-        with np.errstate(over="ignore"):
-            lengths = np.linalg.norm(turned, axis=1)
+        lengths = lengths_of(turned)
         if (abs(lengths - 1) > 1e-3).any():
             i = int(np.argmax(abs(lengths - 1) > 1e-3))
             raise DamagedFileError(
