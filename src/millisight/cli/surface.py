@@ -211,9 +211,9 @@ def _write(to: Path, made: Surface) -> None:
 def _completed(made: Surface, found: PointCloud, capture: Capture, alone: Path) -> Surface:
     """The surface and what is guessed of it, which is written to `alone` as well; says what it is."""
     from millisight.data import TriangleMesh
-    from millisight.geometry import complete
+    from millisight.geometry import channel_middles, complete
 
-    antennas = (capture.tx_positions[:, :, None] + capture.rx_positions[:, None]).reshape(-1, 3) / 2
+    antennas = channel_middles(capture).reshape(-1, 3)
     whole = complete(made, found, antennas)
     count, shapes = whole.metadata["seen_vertices"], whole.metadata["shapes"]
     if not shapes:

@@ -3,6 +3,7 @@ from ._complete import complete as complete
 from ._locate import locate as locate
 from ._match import Match as Match
 from ._match import range_match as range_match
+from ._moments import channel_middles as channel_middles
 from ._points import FALSE_ALARMS as FALSE_ALARMS
 from ._points import surface_points as surface_points
 from ._surface import LEAST_POINTS as LEAST_POINTS

@@ -212,7 +212,17 @@ def _unpulled(along: np.ndarray, power: np.ndarray, noise: np.ndarray, grid: Vox
 
 
 def channel_middles(capture: Capture) -> np.ndarray:
-    """(P, T, R, 3) middles between transmitter and receiver of each channel [m]."""
+    """Middles between transmitter and receiver of each channel, the antennas that `locate` and `complete` ask for.
+
+    Parameters
+    ----------
+    capture : Capture
+
+    Returns
+    -------
+    array
+        (P, T, R, 3) [m], in the frame of the trajectory.
+    """
     return (capture.tx_positions[:, :, None] + capture.rx_positions[:, None]) / 2
 
 

@@ -28,7 +28,7 @@ from millisight.evaluation._sources import EvaluationData, SceneSource
 from millisight.evaluation._statistics import bootstrap_interval, wilson_interval
 from millisight.evaluation._tables import Table, table_of
 from millisight.evaluation._task import TASKS, EvaluationItem, EvaluationSet, ReportFigure, Task
-from millisight.geometry import Symmetry, locate, surface_points, symmetries
+from millisight.geometry import Symmetry, channel_middles, locate, surface_points, symmetries
 
 _FORMAT = 2
 _MARGIN = 0.03  # of the voxels around the object [m]
@@ -140,7 +140,7 @@ class PoseTask(Task):
         grid = VoxelGrid.regular(world.bounds[0] - _MARGIN + off, world.bounds[1] + _MARGIN + off, source.spacing)
         start = time.process_time()
         points = surface_points(capture, grid, clutter=source.clutter[scene.sight])
-        eyes = (capture.tx_positions[:, :, None] + capture.rx_positions[:, None]).reshape(-1, 3) / 2
+        eyes = channel_middles(capture).reshape(-1, 3)
         found = locate(points, {scene.object: known.mesh}, antennas=eyes)
         seconds = time.process_time() - start
         ours, answer, size, probability = found.poses[0], "", "", None

@@ -23,7 +23,7 @@ from millisight.evaluation._statistics import bootstrap_interval
 from millisight.evaluation._surface_truth import SurfaceScores, score_surface, true_surface
 from millisight.evaluation._tables import Table, table_of
 from millisight.evaluation._task import TASKS, EvaluationItem, EvaluationSet, ReportFigure, Task
-from millisight.geometry import FALSE_ALARMS, LEAST_POINTS, complete, surface, surface_points
+from millisight.geometry import FALSE_ALARMS, LEAST_POINTS, channel_middles, complete, surface, surface_points
 from millisight.imaging import form_image, remove_sheets
 
 _FORMAT = 2
@@ -187,7 +187,7 @@ def _with_guesses(points: PointCloud, capture: Capture) -> PointCloud:
     """The points, and vertices of what is guessed of round things."""
     if len(points) < LEAST_POINTS:
         return points
-    antennas = (capture.tx_positions[:, :, None] + capture.rx_positions[:, None]).reshape(-1, 3) / 2
+    antennas = channel_middles(capture).reshape(-1, 3)
     try:
         made = complete(surface(points), points, antennas)
     except InputError:  # no points hang together
