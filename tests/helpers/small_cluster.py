@@ -13,14 +13,18 @@ from millisight.datasets.generation import engine_of
 class Cluster:
     """A Dask cluster of processes on this machine, its workers of one thread each."""
 
-    def __init__(self, folder):
-        self._file = folder / "scheduler.json"
+    def __init__(self, folder, *, options=(), environment=None):
+        self._file, self._options = folder / "scheduler.json", options
         self._settings = {
             "stdout": subprocess.DEVNULL,
             "stderr": subprocess.DEVNULL,
             "cwd": folder,
             # One thread each in BLAS as well, as a nanny would see to.
-            "env": {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1]), "OPENBLAS_NUM_THREADS": "1"},
+            "env": {
+                **(environment or os.environ),
+                "PYTHONPATH": str(Path(__file__).parents[1]),
+                "OPENBLAS_NUM_THREADS": "1",
+            },
         }
         self._scheduler = self._started("dask_scheduler", "--port", "0")
         self.workers = []
@@ -29,12 +33,15 @@ class Cluster:
 
     def _started(self, name, *arguments):
         command = [sys.executable, "-m", f"distributed.cli.{name}", "--scheduler-file", self._file, "--no-dashboard"]
-        return subprocess.Popen([*command, *arguments], **self._settings)
+        return subprocess.Popen([*command, *self._options, *arguments], **self._settings)
+
+    def start_worker(self):
+        self.workers.append(self._started("dask_worker", "--nthreads", "1", "--no-nanny"))
 
     def of(self, workers):
         """The address of the cluster, which has so many workers now."""
         while len(self.workers) < workers:
-            self.workers.append(self._started("dask_worker", "--nthreads", "1", "--no-nanny"))
+            self.start_worker()
         wait_for(lambda: engine_of(self.address).workers == workers)
         return self.address
 

@@ -149,11 +149,18 @@ def _on_cluster(address: str, function: Callable[[T], Any], things: Sequence[T])
 def _client(address: str) -> Iterator[Any]:
     try:
         from distributed import Client
+        from distributed.security import Security
     except ImportError as error:
         raise DeviceError('a Dask cluster needs Dask: pip install "millisight[cluster]"') from error
+    # Dask would fail here as well, and leave a client behind whose end blocks the next one's start for ever.
+    if address.startswith(("tls://", "wss://")) and Security().get_connection_args("client")["ssl_context"] is None:
+        raise DeviceError(
+            f"{address} asks for certificates, and Dask's settings name none: set DASK_DISTRIBUTED__COMM__TLS__CA_FILE, "
+            "__CLIENT__CERT and __CLIENT__KEY as the page on scaling out shows"
+        )
     try:
         client = Client(address, timeout=_CONNECT, set_as_default=False)
-    except (OSError, ValueError, TypeError, RuntimeError, TimeoutError) as error:  # TypeError: TLS without certificates
+    except (OSError, ValueError, TypeError, RuntimeError, TimeoutError) as error:
         raise DeviceError(
             f"no Dask scheduler answers at {address}: {error}; start one, or check the address"
         ) from error

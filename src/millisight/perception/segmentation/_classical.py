@@ -98,53 +98,12 @@ def _conductances(values: np.ndarray, span: float) -> list[np.ndarray]:
 
 
 def _walked(conductances: list[np.ndarray], labels: np.ndarray, prior: np.ndarray) -> np.ndarray:
-    """(A, B) probabilities; prompts have theirs.
+    """(A, B) probabilities; prompts have theirs."""
+    from millisight.perception.segmentation._walk_kernels import walk  # Numba: not for --help
 
-    By conjugate gradients with the diagonal as preconditioner. The Laplacian is applied along the axes of the picture,
-    which needs no matrix.
-    """
-    down, across = conductances
     free, fixed = labels < 0, np.maximum(labels, 0).astype(float)
-    diagonal = np.full(labels.shape, _PULL)
-    diagonal[1:] += down
-    diagonal[:-1] += down
-    diagonal[:, 1:] += across
-    diagonal[:, :-1] += across
-
-    def of_neighbours(x: np.ndarray) -> np.ndarray:
-        total = np.zeros_like(x)
-        total[1:] += down * x[:-1]
-        total[:-1] += down * x[1:]
-        total[:, 1:] += across * x[:, :-1]
-        total[:, :-1] += across * x[:, 1:]
-        return total
-
-    right = (of_neighbours(fixed) + _PULL * prior) * free
-    x = prior * free
-    rest = right - (diagonal * x - of_neighbours(x)) * free
-    goal, before = _ACCURACY**2 * _dot(right, right), 1.0
-    direction, tiny = np.zeros_like(x), np.finfo(float).tiny
-    for _ in range(_MOST_STEPS):
-        if _dot(rest, rest) <= goal:
-            break
-        scaled = rest / diagonal
-        now = _dot(rest, scaled)
-        direction = scaled + now / before * direction
-        moved = (diagonal * direction - of_neighbours(direction)) * free
-        step = now / max(_dot(direction, moved), tiny)
-        x += step * direction
-        rest -= step * moved
-        before = max(now, tiny)
-    return np.where(free, x, fixed)
-
-
-def _dot(a: np.ndarray, b: np.ndarray) -> float:
-    """The product of two pictures (A, B).
-
-    Without BLAS: on arrays this small its threads wait for each other many times longer than they work where other
-    processes want the cores.
-    """
-    return float(np.einsum("ab,ab->", a, b))
+    down, across = np.pad(conductances[0], ((1, 1), (0, 0))), np.pad(conductances[1], ((0, 0), (1, 1)))
+    return walk(down, across, free, fixed, prior, _PULL, _ACCURACY, _MOST_STEPS)
 
 
 def _filled(mask: np.ndarray, beside: np.ndarray) -> np.ndarray:
