@@ -45,38 +45,64 @@ def _place(points, normals, clear, rotation, translation, antennas, cosine, at, 
 
 
 @subroutine
-def _apart(found, facing, at, out, lit, place, turn, spacing):
-    """Squared distance of two oriented points, in standard deviations; `_MOST` at most.
+def _columns(at, out, lit, count, columns):
+    """Write places, normals, and what it costs that a surface does not shine into rows of `columns` (7, K)."""
+    for k in range(count):
+        for i in range(3):
+            columns[i, k], columns[3 + i, k] = at[k, i], out[k, i]
+        columns[6, k] = 0.0 if lit[k] else _DARK
+
+
+@subroutine
+def _apart(found, facing, columns, count, place, turn, spacing, squares):
+    """Squared distances of an oriented point and `count` others, in standard deviations, into `squares`; `_MOST` where
+    they are no pair.
 
     Along the normal it is counted by `place`, across by the samples' spacing as well. What does not shine may be seen
-    by its edges: it counts as a pair, but a worse one, and so does a pair whose normals differ.
+    by its edges: it counts as a pair, but a worse one, and so does a pair whose normals differ. The loop has no branch,
+    and no index that might be negative, so that it becomes vector code.
     """
-    square, along, cos = 0.0, 0.0, 0.0
-    for i in range(3):
-        way = found[i] - at[i]
-        square += way * way
-        along += way * out[i]
-        cos += facing[i] * out[i]
-    along *= along
     reach = place * place
-    apart = along / reach + (square - along) / (reach + 0.36 * spacing * spacing)
-    if apart >= _MOST:
-        return _MOST
-    apart += min(2 * (1 - cos) / (turn * turn), _ASKEW)
-    return apart if lit else apart + _DARK
+    straight, across, askew = 1 / reach, 1 / (reach + 0.36 * spacing * spacing), 2 / (turn * turn)
+    a, b, c, u, v, w = found[0], found[1], found[2], facing[0], facing[1], facing[2]
+    x, y, z, nx, ny, nz, dark = columns[0], columns[1], columns[2], columns[3], columns[4], columns[5], columns[6]
+    for k in range(np.uint64(count)):
+        dx, dy, dz = a - x[k], b - y[k], c - z[k]
+        along = dx * nx[k] + dy * ny[k] + dz * nz[k]
+        along *= along
+        apart = along * straight + (dx * dx + dy * dy + dz * dz - along) * across
+        unlike = (1 - (u * nx[k] + v * ny[k] + w * nz[k])) * askew
+        worse = (unlike if unlike < _ASKEW else _ASKEW) + dark[k]
+        squares[k] = apart + worse if apart < _MOST else _MOST
+
+
+@subroutine
+def _fours(count):
+    """The next multiple of four."""
+    return (count + 3) // 4 * 4
+
+
+@subroutine
+def _least(squares):
+    """The least of them, by four at a time: one after the other each waits for the one before."""
+    a = b = c = d = _MOST
+    for k in range(0, len(squares), 4):
+        a, b = min(a, squares[k]), min(b, squares[k + 1])
+        c, d = min(c, squares[k + 2]), min(d, squares[k + 3])
+    return min(min(a, b), min(c, d))
 
 
 @subroutine
 def _agreement(found, facing, weights, at, out, lit, count, place, turn, spacing):
     """Shares of the found points that the mesh explains, and of what shines that was found, each 0 to 1."""
-    best = np.full(count, _MOST)
+    columns, squares, best = np.empty((7, count)), np.full(_fours(count), _MOST), np.full(count, _MOST)
+    _columns(at, out, lit, count, columns)
     explained, total = 0.0, 0.0
     for i in range(found.shape[0]):
-        least = _MOST
-        for k in range(count):
-            apart = _apart(found[i], facing[i], at[k], out[k], lit[k], place, turn, spacing)
-            least, best[k] = min(least, apart), min(best[k], apart)
-        explained += weights[i] * np.exp(-0.5 * least)
+        _apart(found[i], facing[i], columns, count, place, turn, spacing, squares)
+        for k in range(np.uint64(count)):
+            best[k] = min(best[k], squares[k])
+        explained += weights[i] * np.exp(-0.5 * _least(squares))
         total += weights[i]
     shown, bright = 0.0, 0
     for k in range(count):
@@ -200,6 +226,7 @@ def _climb(
 ):
     """One pose of `climb`."""
     at, out, lit = np.empty(points.shape), np.empty(points.shape), np.empty(len(points), np.bool_)
+    columns = np.empty((7, len(points)))
     for _ in range(steps):
         count = _place(points, normals, clear, rotation, translation, antennas, cosine, at, out, lit)
         if count == 0:
@@ -208,15 +235,18 @@ def _climb(
         for i in range(6):
             matrix[i, i] = 1e-9
         back, least = np.full(count, -1), np.full(count, _MOST)
+        _columns(at, out, lit, count, columns)
+        squares = np.full(_fours(count), _MOST)
         for i in range(len(found)):
-            nearest, lowest = -1, _MOST
+            _apart(found[i], facing[i], columns, count, place, turn, spacing, squares)
             for k in range(count):
-                apart = _apart(found[i], facing[i], at[k], out[k], lit[k], place, turn, spacing)
-                if apart < lowest:
-                    nearest, lowest = k, apart
-                if apart < least[k]:
-                    back[k], least[k] = i, apart
-            if nearest >= 0:
+                if squares[k] < least[k]:
+                    back[k], least[k] = i, squares[k]
+            lowest = _least(squares)
+            if lowest < _MOST:
+                nearest = 0
+                while squares[nearest] != lowest:
+                    nearest += 1
                 weight = weights[i] * np.exp(-0.5 * lowest)
                 _pull(
                     found[i], facing[i], at[nearest], out[nearest], translation, weight, place, turn, spacing, matrix,
