@@ -65,7 +65,7 @@ def _arrays(make: "_Maker") -> list[Format]:
     return [
         Format("npy", make.npy(), arrays, 10, ".npy"),
         Format("npz", make.npz(), arrays, 30, ".npz", found=(make.overlapping(),)),
-        Format("mat", make.mat(), arrays, 128, ".mat", rarely=20),
+        Format("mat", make.mat(), arrays, 128, ".mat", rarely=4),
         Format("image pickle", make.pickled(2), read_pickle, 2, found=make.bombs()),
         Format("camera pickle", make.pickled(4), read_pickle, 2),
         Format("old pickle", make.pickled(0), read_pickle, 1),
@@ -90,7 +90,7 @@ def _arrays(make: "_Maker") -> list[Format]:
             rarely=5,
             found=(b"/|schema_version|inf",),
         ),
-        Format("hdf5 unsealed", make.unsealed(), record, 8, ".h5", rarely=40),
+        Format("hdf5 unsealed", make.unsealed(), record, 8, ".h5", rarely=20),
         Format("scene to train on", make.parts(), lambda p: read_parts(p, "weights"), 30, ".npz"),
         Format("photo", make.photo(), read_photo, 8, ".png"),
     ]
@@ -225,7 +225,7 @@ def _texts(make: "_Maker", folder: Path) -> list[Format]:
         Format("card facts", b'{"simulated": true, "physics": "points"}', _info, 1, ".json", text=True,
                found=JSON_BOMBS),
         Format("prompts", asked.encode(), _read_prompts, 1, ".json", text=True, found=JSON_BOMBS),
-        Format("annotator page", asked.encode(), page, 1, ".json", text=True, found=JSON_BOMBS, rarely=3),
+        Format("annotator page", asked.encode(), page, 1, ".json", text=True, found=JSON_BOMBS),
         lying_behind("annotation", *behind.prompts(folder, subject, segmenters)),
         lying_behind("rows of a scan", *behind.rows(folder)),
         lying_behind("raw settings", *behind.settings(folder, make.chirps())),

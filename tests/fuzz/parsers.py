@@ -1,12 +1,13 @@
-"""Damaged files against every reader: 100 000 of them with `make fuzz`, 2 000 in the test suite.
+"""Damaged files against every reader: 100 000 of them with `make fuzz`, 2 000 of each format in the test suite.
 
-    python tests/fuzz/parsers.py --count 100000     the same number for each format
+    python tests/fuzz/parsers.py --count 100000     so many in all
+    python tests/fuzz/parsers.py --each 2000        so many of each format
     python tests/fuzz/parsers.py --minutes 30       the same processor time for each format
 
 A small valid file of each format is damaged (`damage.py`) and read. Whatever comes, a reader returns or raises one of
 millisight's own errors, in bounded time and memory. Most damage falls behind the header, so that it is not refused at
-the door. Files that did harm once are read first. Readers that start a process get fewer files than others. Files lie
-in memory where the system has such a place. What fails is kept in build/fuzz.
+the door. Files that did harm once are read first. Readers that start a process fork here, and get fewer files than
+others. Files lie in memory where the system has such a place. What fails is kept in build/fuzz.
 """
 
 import argparse
@@ -29,6 +30,7 @@ from typing import NamedTuple
 
 from damage import damaged
 from formats import Format, formats
+from forks import forked
 
 from millisight.core.errors import MillisightError
 
@@ -76,7 +78,8 @@ class Tried:
         signal.setitimer(signal.ITIMER_PROF, SECONDS)
         signal.setitimer(signal.ITIMER_REAL, WAIT)
         try:
-            self.form.parse(self.path)
+            with forked():
+                self.form.parse(self.path)
             self.read += 1
         except MillisightError:
             pass
@@ -88,15 +91,16 @@ class Tried:
             raise TimeoutError(f"a process that a reader started took {took:.0f} s")
 
 
-def run(count: int, number: int, only: str | None = None, *, minutes: float = 0) -> Iterator[Result]:
-    """Read `count` damaged files in all, or for so many minutes of processor time that all formats share equally.
+def run(count: int, number: int, only: str | None = None, *, each: int = 0, minutes: float = 0) -> Iterator[Result]:
+    """Read `count` damaged files in all, or `each` of every format, or for so many minutes of processor time that all
+    formats share equally.
 
     Those that did harm before come first. Each format is read in a process of its own.
     """
     place = IN_MEMORY if os.access(IN_MEMORY, os.W_OK) else None
     with tempfile.TemporaryDirectory(dir=place) as text:
         every = [form for form in formats(Path(text)) if only in (None, form.name)]
-        share = count / sum(1 / form.rarely for form in every)
+        share = each or count / sum(1 / form.rarely for form in every)
         gc.freeze()  # no process collects, and so copies, what all were started with
         for form in every:
             if minutes:
@@ -187,13 +191,14 @@ def _address_space() -> int:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--count", type=int, default=2000)
+    parser.add_argument("--each", type=int, default=0, help="instead: of each format, of slow ones fewer")
     parser.add_argument("--minutes", type=float, default=0, help="instead: of processor time, shared by all formats")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", help="the name of one format, which gets all files")
     arguments = parser.parse_args()
     logging.disable()  # what was repaired
     results = []
-    for result in run(arguments.count, arguments.seed, arguments.only, minutes=arguments.minutes):
+    for result in run(arguments.count, arguments.seed, arguments.only, each=arguments.each, minutes=arguments.minutes):
         results.append(result)
         sys.stdout.write("\n".join([str(result), *result.failures]) + "\n")
         sys.stdout.flush()

@@ -4,6 +4,7 @@ import json
 import os
 import secrets
 import shutil
+import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -234,8 +235,10 @@ class Spool(Sequence):
         path = self._path(index % len(self))
         array_shapes(path)  # what NumPy raises of some headers is none of the errors below
         try:
-            frames = np.load(path, mmap_mode="r")
-        except (OSError, ValueError, TypeError, SyntaxError) as error:
+            with warnings.catch_warnings():  # of a header by Python 2, which is none of ours
+                warnings.simplefilter("error", UserWarning)
+                frames = np.load(path, mmap_mode="r")
+        except (OSError, ValueError, TypeError, SyntaxError, UserWarning) as error:
             raise DamagedFileError(f"{printable(path)} is damaged: {error}; remove the folder it is in") from error
         return mito.RecordedRow(number=number, created=created, frames=frames)
 
