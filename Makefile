@@ -95,8 +95,9 @@ format-check: setup
 style: setup
 	$(BIN)/ruff check .
 
-# torch's classes are among the types.
+# torch's classes are among the types. ty checks all, pyright what is to be strict, and that every public name has a type.
 types: setup-train
+	$(BIN)/ty check --python $(BIN)/python
 	$(BIN)/pyright --pythonpath $(BIN)/python
 	PATH="$(abspath $(BIN)):$$PATH" pyright --verifytypes millisight --ignoreexternal
 

@@ -39,7 +39,8 @@ def _with_parameters(function: Any) -> Any:
         for name, field in fields.items():
             option, about = f"--{name.replace('_', '-')}", field.metadata.get("about", f"For the model {model}.")
             default = "" if isinstance(field.default, bool) else f" [default: {field.default:g}]"
-            kind = Annotated[type(field.default) | None, typer.Option(option, help=about + default)]
+            of: Any = type(field.default)
+            kind = Annotated[of | None, typer.Option(option, help=about + default)]
             options.setdefault(
                 name, inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=kind)
             )

@@ -22,7 +22,7 @@ T = TypeVar("T")
 def record(cls: type[T]) -> type[T]:
     """Make `cls` a record: a frozen, keyword-only dataclass with slots and identity equality."""
     made = dataclass(frozen=True, slots=True, kw_only=True, eq=False)(cls)
-    made.__reduce__ = _reduced  # pyright: ignore[reportAttributeAccessIssue]
+    made.__reduce__ = _reduced
     return made
 
 

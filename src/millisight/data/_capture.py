@@ -125,7 +125,7 @@ class Capture:
     @property
     def in_memory(self) -> bool:
         """Whether the frames are a NumPy array (or what becomes one), rather than a dataset on disk."""
-        kind = cast(type[Any], type(self.frames))  # asked of the type: a closed dataset answers nothing
+        kind = cast(type[object], type(self.frames))  # asked of the type: a closed dataset answers nothing
         return not (hasattr(kind, "id") and hasattr(kind, "chunks"))
 
     @property

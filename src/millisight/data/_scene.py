@@ -1,7 +1,7 @@
 """Scenes: what the radar looks at."""
 
 from collections.abc import Iterable
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -56,7 +56,8 @@ class Scene:
     objects: tuple[SceneObject, ...]
 
     def __post_init__(self) -> None:
-        objects = tuple(cast(Iterable[Any], checked_record(self.objects, Iterable, name="objects")))
+        checked_record(self.objects, Iterable, name="objects")
+        objects = tuple(self.objects)
         if not objects:
             raise InputError("a scene without objects; expected at least one")
         put(self, objects=tuple(checked_record(o, SceneObject, name="a scene's object") for o in objects))

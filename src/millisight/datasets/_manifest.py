@@ -176,7 +176,8 @@ def manifest_entry(value: Any, place: str) -> ManifestEntry:
     """
     try:
         sources = tuple(ManifestSource(**source) for source in value["sources"])
-        entry = ManifestEntry(**{**value, "notes": tuple(value.get("notes", ())), "sources": sources})
+        stated: dict[str, Any] = {**value, "notes": tuple(value.get("notes", ())), "sources": sources}
+        entry = ManifestEntry(**stated)
         inside = not PurePosixPath(entry.path).is_absolute() and ".." not in PurePosixPath(entry.path).parts
     except (KeyError, TypeError, AttributeError) as error:
         raise DamagedFileError(f"{place}: {error}; convert again") from error

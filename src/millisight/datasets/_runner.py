@@ -8,7 +8,7 @@ from contextlib import closing
 from dataclasses import fields, replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 from millisight.core import make_folder, printable, write_text
 from millisight.core.errors import InputError
@@ -103,7 +103,7 @@ def _task(task: str | Task, options: Mapping[str, Any]) -> Task:
             raise InputError(f"{', '.join(options)}: give options to {type(task).__name__}, or the name of a task here")
         return task
     kind = TASKS[task]
-    known = [one.name for one in fields(kind)]  # pyright: ignore[reportArgumentType]
+    known = [one.name for one in fields(cast(Any, kind))]
     unknown = [name for name in options if name not in known]
     if unknown:
         raise InputError(f"task {task!r} has no option {', '.join(unknown)}; expected some of {', '.join(known)}")

@@ -191,7 +191,7 @@ class SceneFiles(SceneSource):
         """
         return read_item(self.masks[band], Mask) if band in self.masks else None
 
-    def read(
+    def read(  # ty: ignore[incompatible-method-override]: each source has its own ways of reading
         self,
         *,
         truth: str = "camera",

@@ -41,7 +41,7 @@ def on_threads(function: Callable[[T], Any], threads: int, thing: T) -> Any:
     import numba
 
     before = numba.get_num_threads()
-    numba.set_num_threads(min(threads, numba.config.NUMBA_NUM_THREADS))  # type: ignore[attr-defined]
+    numba.set_num_threads(min(threads, numba.config.NUMBA_NUM_THREADS))  # ty: ignore[missing-attribute]: set as numba loads
     try:
         return function(thing)
     finally:

@@ -198,7 +198,8 @@ class _Cells(NamedTuple):
                 f"a mesh with a spacing of {1e3 * step:.3g} mm would have {np.prod(counts, dtype=float):.3g} cells; "
                 f"expected at most {_MOST_CELLS:.0e}: pass a larger spacing"
             )
-        places = lower + step * np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1)
+        cells: np.ndarray = np.stack(np.meshgrid(*(np.arange(n) for n in counts), indexing="ij"), axis=-1)
+        places = lower + step * cells
         there = (KDTree(local[:, :2]).query(places.reshape(-1, 2))[0] <= reach).reshape(counts)
         if there.sum() < 3:
             return None

@@ -18,7 +18,7 @@ def combine(specular: SarImage, edge: SarImage, alpha: tuple[float, float]) -> S
 def combine(specular: Capture, edge: Capture, alpha: tuple[float, float]) -> Capture: ...
 
 
-def combine(specular, edge, alpha):
+def combine(specular: SarImage | Capture, edge: SarImage | Capture, alpha: tuple[float, float]) -> SarImage | Capture:
     """(a1 specular + a2 edge) / (a1 + a2) (paper Eq. 8, primer 14), for two images or for two captures.
 
     Imaging is linear, so combining the frames and imaging once gives the same as combining two images.

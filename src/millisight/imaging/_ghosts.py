@@ -101,7 +101,7 @@ def _lattice(line: Line, reflector: np.ndarray, shift: float, box: np.ndarray) -
 
 
 def _within(points: np.ndarray, box: np.ndarray) -> np.ndarray:
-    return ((points >= box[0] - 1e-9) & (points <= box[1] + 1e-9)).all(axis=1)
+    return np.all((points >= box[0] - 1e-9) & (points <= box[1] + 1e-9), axis=1)
 
 
 def _frequencies(radar: Radar, size: float) -> np.ndarray:

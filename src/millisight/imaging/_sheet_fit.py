@@ -177,7 +177,7 @@ def lid_window(cells: Cells, wave_number: float) -> tuple[slice, slice] | None:
     strength = np.linalg.norm(_local(flat, looked_at.astype(np.float32), cells, zone), axis=2)
     # An object that shines through it is smaller, and does not move the median.
     seen = strength[strength > _SUPPORT * np.quantile(strength, _LID_LEVEL)]
-    parts, count = label(strength > _LID_EDGE * np.median(seen))  # pyright: ignore[reportGeneralTypeIssues]
+    parts, count = label(strength > _LID_EDGE * np.median(seen))
     if not count:
         return None
     largest = int(np.bincount(parts.ravel())[1:].argmax())

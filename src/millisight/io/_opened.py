@@ -144,7 +144,7 @@ def _check_tree(file: Any, name: str, size: int) -> None:
     Nothing is compressed, so arrays and texts that are larger than the file together share bytes.
     """
     import h5py
-    from h5py import h5o  # pyright: ignore[reportAttributeAccessIssue]
+    from h5py import h5o  # ty: ignore[missing-module-member]: compiled, without stubs
 
     limits = limits_of(size)
     seen, groups = {h5o.get_info(file.id).addr}, [(file, 0)]

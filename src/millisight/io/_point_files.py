@@ -169,7 +169,7 @@ def _vertices(path: Path, head: bytes, body: bytes) -> dict[str, np.ndarray]:
         except ValueError as error:
             raise FormatError(f"{printable(path)} has a vertex that is no row of numbers: {error}") from error
         return dict(zip(names, table.T, strict=True))
-    dtype = np.dtype([(f"{i}", _ORDERS[kind] + _TYPES[line[1]]) for i, line in enumerate(properties)])
+    dtype: np.dtype[Any] = np.dtype([(f"{i}", _ORDERS[kind] + _TYPES[line[1]]) for i, line in enumerate(properties)])
     if len(body) < count * dtype.itemsize:
         raise FormatError(short)
     found = np.frombuffer(body, dtype=dtype, count=count)

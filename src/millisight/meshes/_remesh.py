@@ -366,7 +366,7 @@ def _placed(surface: _Surface, labels: np.ndarray) -> np.ndarray:
 
 def _merge_close(labels: np.ndarray, points: np.ndarray, triangles: np.ndarray) -> bool:
     """Join clusters (in `labels`) whose vertices nearly coincide, two and two; True if there were any."""
-    pairs = np.unique(np.sort(triangles[:, SIDES].reshape(-1, 2), axis=1), axis=0)
+    pairs: np.ndarray = np.unique(np.sort(triangles[:, SIDES].reshape(-1, 2), axis=1), axis=0)
     lengths = np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1)
     order = np.argsort(lengths, kind="stable")[: len(points) // 300]
     close = pairs[order[lengths[order] < CLOSEST]]

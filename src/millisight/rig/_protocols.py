@@ -30,7 +30,7 @@ class ArmPose:
     """
 
     position: np.ndarray
-    orientation: np.ndarray = NOT_TURNED  # type: ignore[assignment]
+    orientation: np.ndarray = NOT_TURNED  # ty: ignore[invalid-assignment]: an array once it is checked
 
     def __post_init__(self) -> None:
         orientation = checked_array(self.orientation, name="orientation", shape=(4,))

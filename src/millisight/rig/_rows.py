@@ -7,7 +7,7 @@ import shutil
 import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -63,8 +63,7 @@ class RowWriter(ABC):
         """Where a scan that failed is kept, if `keep` was given."""
         return self.path.with_name(f".{self.path.name}.unfinished")
 
-    @contextmanager
-    def recording(self, radars: Sequence[RadarDevice]) -> Iterator[None]:
+    def recording(self, radars: Sequence[RadarDevice]) -> AbstractContextManager[None]:
         """Keep what is not whole yet in a folder beside `out`, gone in the end.
 
         Raises
@@ -74,6 +73,10 @@ class RowWriter(ABC):
         FileError
             Something cannot be written.
         """
+        return self._alone(radars)
+
+    @contextmanager
+    def _alone(self, radars: Sequence[RadarDevice]) -> Iterator[None]:
         self._radars = radars
         self._check()
         with alone(self.path.parent, printable(self.path.parent)):

@@ -28,7 +28,7 @@ def add_noise(capture: Capture, *, snr_db: float, rng: int | np.random.Generator
     power = sum(float(np.sum(f.real**2 + f.imag**2, dtype=np.float64)) for f in capture.frames) / capture.frames.size
     if not power > 0:
         raise InputError("snr_db sets noise relative to the signal, but there is none: no vertex is lit")
-    seed = int(rng.integers(2**63) if isinstance(rng, np.random.Generator) else rng)  # type: ignore[arg-type]
+    seed = int(rng.integers(2**63) if isinstance(rng, np.random.Generator) else rng)  # ty: ignore[invalid-argument-type]: None was refused
     generator = np.random.default_rng(seed)
     scale = np.float32(np.sqrt(power / 10 ** (snr_db / 10) / 2))
     frames = np.empty(capture.frames.shape, dtype=np.complex64)

@@ -251,7 +251,7 @@ def plot_aperture(
             low, size = grid.bounds[0, plane], np.ptp(grid.bounds, axis=0)[plane]
             axes.add_patch(Rectangle(tuple(low), *size, fill=False, linestyle="--", linewidth=0.9, edgecolor="tab:red"))
             if axis == "y":
-                note = {"xytext": (0, -3), "textcoords": "offset points", "va": "top", "fontsize": 7.5}
+                note: dict[str, Any] = {"xytext": (0, -3), "textcoords": "offset points", "va": "top", "fontsize": 7.5}
                 axes.annotate("image grid", tuple(low), color="tab:red", **note)
         axes.set(title=seen_from, aspect="equal")
     figure.colorbar(dots, cax=bar).set_label("pose")

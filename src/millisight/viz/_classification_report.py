@@ -66,8 +66,8 @@ def _draw_bar(
     if true is not None:
         axes.plot([100 * true.share], [at], "D", mfc="white", mec="black", markersize=4.5, label=named("true masks"))
     if variant.parts in evaluation.PAPER and evaluation.of_papers_classes(answers):
-        style = {"color": "#D55E00", "markersize": 9, "markeredgewidth": 2.4}
-        axes.plot([evaluation.PAPER[variant.parts][sight][0]], [at], "|", label=named("paper, real data"), **style)
+        share, told = evaluation.PAPER[variant.parts][sight][0], named("paper, real data")
+        axes.plot([share], [at], "|", color="#D55E00", markersize=9, markeredgewidth=2.4, label=told)
 
 
 def _axes(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:

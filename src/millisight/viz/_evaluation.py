@@ -82,7 +82,7 @@ def plot_sensitivity(pairs: Sequence[ImagePair], *, settings: CloudSettings, tit
         median = 100 * np.median(maps, axis=0)
         axes.imshow(median, origin="lower", cmap=checked_colormap(ORDER), vmin=0, vmax=100, aspect="auto")
         for (i, j), value in np.ndenumerate(median):
-            axes.text(j, i, f"{value:.0f}", ha="center", va="center", color="white" if value < 60 else "black")
+            axes.text(j, i, f"{value:.0f}", ha="center", va="center", color="white" if float(value) < 60 else "black")
         axes.set_xticks(range(len(DISTANCES)), [f"{1000 * distance:g}" for distance in DISTANCES])
         axes.set_yticks(range(len(THRESHOLDS)), [f"{threshold:g}" for threshold in THRESHOLDS])
         axes.set(xlabel="tau_F [mm]", ylabel="tau_P, share of the maximum" if number == 0 else "")

@@ -169,11 +169,11 @@ def _show_masks(places: Sequence[Axes], scene: SceneParts, band: str, rng: np.ra
 
 def _power_of(scene: SceneParts, band: str) -> np.ndarray:
     """(A, B, Z) power of the object alone."""
-    return np.square(abs(training.object_image(scene, band, _WEIGHTS))).astype(np.float32)
+    return np.square(np.abs(training.object_image(scene, band, _WEIGHTS))).astype(np.float32)
 
 
 def _levels(image: np.ndarray) -> np.ndarray:
-    return projected_levels(np.square(abs(image)))
+    return projected_levels(np.square(np.abs(image)))
 
 
 def _show(place: Axes, picture: np.ndarray, title: str) -> None:

@@ -89,7 +89,7 @@ class PageServer(ThreadingHTTPServer):
         self._thread.start()
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, exc_type: object, exc_val: object, exc_tb: object) -> None:
         self.ending.set()
         self.finish()
         self.shutdown()
@@ -120,7 +120,7 @@ class PageServer(ThreadingHTTPServer):
 
 
 class _Handler(BaseHTTPRequestHandler):
-    server: PageServer  # pyright: ignore[reportIncompatibleVariableOverride]
+    server: PageServer  # ty: ignore[incompatible-mutable-override]
     protocol_version = "HTTP/1.1"
     server_version, sys_version = "millisight", ""
     timeout = 60
@@ -222,7 +222,7 @@ class _Handler(BaseHTTPRequestHandler):
         if self.close_connection:
             self.send_header("Connection", "close")
 
-    def log_message(self, *_: object) -> None:
+    def log_message(self, format: str, *args: object) -> None:
         """Print nothing."""
 
     def handle(self) -> None:

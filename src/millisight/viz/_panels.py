@@ -98,7 +98,7 @@ def save_figure(figure: Figure, path: str | os.PathLike[str], *, dpi: float = 15
     suffix = Path(path).suffix.lower()
     if suffix not in _METADATA:
         raise UnknownNameError("figure format", suffix or Path(path).name, _METADATA)
-    look = {**_STYLE, "svg.hashsalt": "millisight"}
+    look: dict[Any, Any] = {**_STYLE, "svg.hashsalt": "millisight"}
     with atomic_path(path) as temporary, matplotlib.rc_context(look), warnings.catch_warnings():
         # Names in scripts that the letters have not: boxes stand for them, and a warning for each helps nobody.
         warnings.filterwarnings("ignore", message="Glyph .* missing from", category=UserWarning)

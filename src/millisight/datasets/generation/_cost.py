@@ -81,7 +81,7 @@ def rig_cost(stage: WorldLayout, grids: Mapping[str, VoxelGrid], *, keep: str, c
         seconds += rows * row_seconds(stage, radar.radar, moving)
         seconds += rows * _written(moving, radar.name, keep) * _FRAME[radar.name]
         seconds += _imaging_seconds(frames * receivers, grid)
-        kept += grid.size * _IMAGE_BYTES + np.prod(grid.shape[:2]) + frames * _PLACE_BYTES
+        kept += grid.size * _IMAGE_BYTES + math.prod(grid.shape[:2]) + frames * _PLACE_BYTES
         if keep == "captures":
             kept += frames * (receivers * radar.radar.waveform.samples_per_chirp * 8 + 2 * _PLACE_BYTES)
     raw = rig.estimated_bytes()
@@ -113,7 +113,7 @@ def simulator_cost(scene: Scene, trajectory: Trajectory, grid: VoxelGrid, settin
     vertices = settings.vertices * len(scene.objects)
     seconds = _JOB + vertices * _VERTEX
     seconds += models * (positions * vertices * _VERTEX_PAIR + _imaging_seconds(positions, grid))
-    kept = models * (grid.size * _IMAGE_BYTES + np.prod(grid.shape[:2]))
+    kept = models * (grid.size * _IMAGE_BYTES + math.prod(grid.shape[:2]))
     return Cost(seconds, float(kept), 0.0)
 
 

@@ -34,7 +34,7 @@ def main(path: str, limit: int, names: list[str] | None) -> None:
         start = raw.read(10)
     matlab = start.startswith(b"MATLAB")
     found = list(_hdf5(path, matlab) if start == b"MATLAB 7.3" or not matlab else _matlab(path, limit, names))
-    told = []
+    told: list[dict[str, Any]] = []
     for one in found:
         size = 0 if one.refusal else int(np.prod(one.shape, dtype=object)) * np.dtype(one.dtype).itemsize
         refusal = one.refusal

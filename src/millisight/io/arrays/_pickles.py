@@ -107,7 +107,7 @@ class _Machine:
     def run(self, file: _Bounded) -> Any:
         """The value that the pickle leaves at its end."""
         most = self.limits.items  # so a pickle of empty sets, 216 bytes each, ends at a quarter of a gigabyte
-        for number, (step, argument, position) in enumerate(pickletools.genops(file)):  # type: ignore[arg-type]
+        for number, (step, argument, position) in enumerate(pickletools.genops(file)):  # ty: ignore[invalid-argument-type]
             self.position = position or 0
             if number == most:
                 raise Refused(f"the pickle has more than {most} steps; save long lists as NumPy arrays")

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -53,7 +54,7 @@ def read_log(table: TomlTable) -> Trajectory | None:
     else:
         about = table.table("log", _LOG_KEYS)
         path = about.file()
-        names = {key: about.text(key) for key in ("times", "positions", "orientations") if key in about}
+        names: dict[str, Any] = {key: about.text(key) for key in ("times", "positions", "orientations") if key in about}
         if names and path.suffix.lower() in TEXT_SUFFIXES:
             raise about.error(
                 next(iter(names)), "this key only for arrays; for a text file, columns selects time, x, y, z"

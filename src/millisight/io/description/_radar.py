@@ -123,7 +123,8 @@ def _waveform(
         start += delay * table.number("slope", "Hz/s", stated.get("slope"))
     ways = [key for key in ("stop_frequency", "step", "slope") if key in table]
     if not ways and stated:
-        return Waveform(**stated | {"start_frequency": start, "samples_per_chirp": samples})
+        stated.update(start_frequency=start, samples_per_chirp=samples)
+        return Waveform(**stated)
     if not ways and samples == 1:
         return Waveform.stepped(start, 0.0, 1)
     way = table.only_one("stop_frequency", "step", "slope")

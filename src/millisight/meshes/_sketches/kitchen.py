@@ -105,7 +105,8 @@ def mug(x: float, y: float, z: float) -> "Manifold":
 def cup(x: float, y: float, z: float) -> "Manifold":
     """A stacking cup, open side up: a foot, a straight wall 2 mm thick, a rim turned outwards."""
     outer, inner = x / 2, 0.85 * x / 2
-    wall = [(0, 7), (inner - 4, 7), (inner - 4, 1), (inner - 4, 7), (inner, 8)]  # down the foot, and back
+    # Down the foot, and back.
+    wall: list[tuple[float, float]] = [(0, 7), (inner - 4, 7), (inner - 4, 1), (inner - 4, 7), (inner, 8)]
     wall += [(inner + 0.5, z - 3), (outer - 1, z - 3), (outer - 1, z - 1), (inner, z - 1)]
     return stretched(shell(wall, 2), (x, y, z))
 

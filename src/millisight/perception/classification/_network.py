@@ -241,7 +241,7 @@ class NetworkClassifier:
         scaled = logits[: len(self.class_names)] / how["temperature"]
         probabilities = np.exp(scaled - scaled.max())
         unproven = self.class_names[int(scaled.argmax())] in self.description.get("never_sure", ())
-        novel = {}
+        novel: dict[str, Any] = {}
         if self._limit is not None:
             score, reasons = novelty(
                 image, mask, other_band=other_band, cleaned=cleaned, by_network=float(novelty_of(logits)),

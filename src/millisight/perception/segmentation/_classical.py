@@ -110,7 +110,7 @@ def _filled(mask: np.ndarray, beside: np.ndarray) -> np.ndarray:
     """The mask without its holes, but for those that hold a pixel known to lie `beside` the object."""
     from scipy.ndimage import binary_fill_holes, label
 
-    holes = np.asarray(label(np.asarray(binary_fill_holes(mask)) & ~mask)[0])  # pyright: ignore[reportIndexIssue]
+    holes = np.asarray(label(np.asarray(binary_fill_holes(mask)) & ~mask)[0])
     return mask | ((holes > 0) & ~np.isin(holes, holes[beside]))
 
 

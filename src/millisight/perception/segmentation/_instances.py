@@ -163,7 +163,7 @@ def _around_peak(inside: np.ndarray, heights: np.ndarray) -> np.ndarray:
 
     if not inside.any():
         return inside
-    parts: Any = label(inside, structure=np.ones((3, 3)))[0]  # pyright: ignore[reportIndexIssue]
+    parts: Any = label(inside, structure=np.ones((3, 3)))[0]
     return parts == parts.flat[np.where(inside, heights, -np.inf).argmax()]
 
 

@@ -93,7 +93,7 @@ def extend_mask(mask: Mask, image: SarImage, *, settings: VolumeSettings | None 
         return VolumeMask(grid=grid, inside=np.zeros(grid.shape, bool))
     seen = (strongest > 0) & (strongest >= strongest[inside].mean() * 10 ** (-settings.dimmest_db / 10))
     found = seen[..., None] & _around_maximum(power, strongest * 10 ** (-settings.drop_db / 10))
-    parts, count = label(found, structure=np.ones((3, 3, 3)))  # pyright: ignore[reportGeneralTypeIssues]
+    parts, count = label(found, structure=np.ones((3, 3, 3)))
     held = np.bincount(parts.ravel(), weights=(power * found).ravel(), minlength=count + 1)
     kept = held >= settings.smallest * held.max()
     return VolumeMask(grid=grid, inside=found & kept[parts])

@@ -114,7 +114,7 @@ class GrblGantry:
         self._thread = threading.Thread(target=self._run, name="millisight GRBL", daemon=True)
         self._thread.start()
         until = time.monotonic() + _PATIENCE
-        while not self._times and time.monotonic() < until and not self._error:
+        while not self._times and time.monotonic() < until and not self._error:  # ty: ignore[redundant-condition]: its thread sets it
             time.sleep(_POLL)
         if not self._times:
             self.close()

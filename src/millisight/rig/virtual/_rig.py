@@ -85,7 +85,7 @@ class VirtualRig:
     @property
     def photo_pose(self) -> np.ndarray:
         """(4, 4) camera frame to radar frame, where the picture is to be taken."""
-        return self.world.camera.pose(self.plan.photo.position - BASE_ORIGIN)  # type: ignore[union-attr]
+        return self.world.camera.pose(self.plan.photo.position - BASE_ORIGIN)  # ty: ignore[missing-union-attribute]
 
     def estimated_seconds(self) -> float:
         """Estimated time to compute the echoes of the whole plan on this machine [s], from a part of its middle row."""
@@ -194,7 +194,7 @@ def write_object_masks(rig: VirtualRig, folder: Path) -> None:
         masks[f"{item.number}_{item.name}.amodal"] = object_pixels(rig.layout, rig.camera.pose, item.number)
         masks[f"{item.number}_{item.name}.visible"] = visible_pixels(rig.layout, rig.camera.pose, item.number)
     with atomic_path(folder / "camera.masks.npz") as temporary, open(temporary, "wb") as file:
-        np.savez_compressed(file, **masks)
+        np.savez_compressed(file, allow_pickle=False, **masks)
 
 
 def write_truth(rig: VirtualRig, folder: str | os.PathLike[str]) -> Path:

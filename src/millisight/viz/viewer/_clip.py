@@ -9,7 +9,7 @@ _WITHIN = 1e-6  # of a limit, which the page's address rounds [m]
 
 def inside(points: np.ndarray, limits: np.ndarray) -> np.ndarray:
     """(n,) bool: which of (n, 3) points lie within `limits` (2, 3) [m], their ends included."""
-    return ((points >= limits[0] - _WITHIN) & (points <= limits[1] + _WITHIN)).all(axis=1)
+    return np.all((points >= limits[0] - _WITHIN) & (points <= limits[1] + _WITHIN), axis=1)
 
 
 def kept_voxels(grid: VoxelGrid, limits: np.ndarray) -> tuple[slice, slice, slice]:

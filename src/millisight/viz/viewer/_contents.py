@@ -143,14 +143,13 @@ def gather(
     exhibits = []
     for group in groups:
         first = group[0]
-        pair = (group[0].image, group[1].image) if len(group) == 2 else None
+        images = [one.image for one in group if one.image is not None]
+        pair = (images[0], images[1]) if len(group) == 2 else None
         exhibits.append(
             Exhibit(
                 title=next(titles),
-                levels=mixed_levels(*pair, share)  # pyright: ignore[reportArgumentType]
-                if pair
-                else first.levels or levels_of(first.grid, first.image.values),  # pyright: ignore
-                pair=pair,  # pyright: ignore[reportArgumentType]
+                levels=mixed_levels(*pair, share) if pair else first.levels or levels_of(first.grid, images[0].values),
+                pair=pair,
                 share=share if pair else 0.0,
                 masks=tuple(masks.get(first.path, ())),
                 meshes=(*found.meshes, *(_placed(path, first.metadata, unit) for path in found.mesh_files)),
