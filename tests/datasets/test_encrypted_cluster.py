@@ -1,4 +1,4 @@
-"""A Dask cluster with TLS, by the lines that docs/how-to/scale-out.md prints: who has no certificate does not get in."""
+"""A Dask cluster with TLS, by the lines that docs/how-to/scale-out.md prints: who has no certificate stays outside."""
 
 import json
 import re

@@ -4,7 +4,6 @@ A start takes a quarter of a second, so that few files would be read; a fork tak
 """
 
 import contextlib
-import io
 import os
 import runpy
 import signal
@@ -57,21 +56,27 @@ def _work(module: str, words: list[str], ends: list[int]) -> None:
         os.dup2(ends[0], 1)
         os.dup2(ends[1], 2)
         # Whatever the fuzzer or pytest put in their place stays behind.
-        with open(1, "w", closefd=False) as out, io.TextIOWrapper(open(2, "wb", 0, closefd=False)) as error:
-            with (
-                contextlib.redirect_stdout(out),
-                contextlib.redirect_stderr(error),
-                mock.patch("sys.argv", [module, *words]),
-            ):
-                try:
-                    runpy.run_module(module, run_name="__main__")
-                    code = 0
-                except SystemExit as end:
-                    code = 1 if isinstance(end.code, str) else int(end.code or 0)
-                    if isinstance(end.code, str):
-                        sys.stderr.write(end.code)
+        with (
+            open(1, "w", closefd=False) as out,
+            open(2, "w", closefd=False) as error,
+            contextlib.redirect_stdout(out),
+            contextlib.redirect_stderr(error),
+            mock.patch("sys.argv", [module, *words]),
+        ):
+            code = _code_of(module)
     finally:
         os._exit(code)
+
+
+def _code_of(module: str) -> int:
+    """Run a module as a program; what it ends with, as Python would end."""
+    try:
+        runpy.run_module(module, run_name="__main__")
+    except SystemExit as end:
+        if isinstance(end.code, str):
+            sys.stderr.write(end.code)
+        return int(isinstance(end.code, str)) or int(end.code or 0)
+    return 0
 
 
 def forked() -> Any:

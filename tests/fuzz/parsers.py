@@ -29,8 +29,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from damage import damaged
-from formats import Format, formats
 from forks import forked
+from formats import Format, formats
 
 from millisight.core.errors import MillisightError
 

@@ -155,8 +155,8 @@ def _client(address: str) -> Iterator[Any]:
     # Dask would fail here as well, and leave a client behind whose end blocks the next one's start for ever.
     if address.startswith(("tls://", "wss://")) and Security().get_connection_args("client")["ssl_context"] is None:
         raise DeviceError(
-            f"{address} asks for certificates, and Dask's settings name none: set DASK_DISTRIBUTED__COMM__TLS__CA_FILE, "
-            "__CLIENT__CERT and __CLIENT__KEY as the page on scaling out shows"
+            f"{address} asks for certificates, and Dask's settings name none: set "
+            "DASK_DISTRIBUTED__COMM__TLS__CA_FILE, __CLIENT__CERT and __CLIENT__KEY as the page on scaling out shows"
         )
     try:
         client = Client(address, timeout=_CONNECT, set_as_default=False)
