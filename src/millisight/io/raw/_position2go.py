@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Iterator
+from functools import lru_cache
 from pathlib import Path
 from typing import BinaryIO
 
@@ -106,13 +107,17 @@ def write_position2go(path: str | os.PathLike[str], samples: ArrayLike) -> None:
 
 
 def _rows(file: BinaryIO, name: str, samples: int) -> Iterator[bytes]:
-    """The rows of `samples` cells each; empty lines count only at the end."""
+    """The rows of `samples` cells each; empty lines count only at the end. All rows of zeros are one object."""
     empty = 0
-    longest = samples * _MAX_CELL
+    longest, zeros = samples * _MAX_CELL, _zeros(samples)
+    line_of_zeros = zeros + b"\n"
     for i in range(1, 1 << 62):
         line = file.readline(longest + 1)
         if not line:
             return
+        if line == line_of_zeros and not empty:
+            yield zeros
+            continue
         row = line.strip().removeprefix(b"\xef\xbb\xbf").removesuffix(b",")
         if not row:
             empty = empty or i
@@ -129,12 +134,25 @@ def _rows(file: BinaryIO, name: str, samples: int) -> Iterator[bytes]:
         yield row
 
 
+@lru_cache(16)
+def _zeros(samples: int) -> bytes:
+    """A row of zeros, of which files that were filled up have many."""
+    return b",".join([b"0"] * samples)
+
+
 def _numbers(rows: list[bytes], name: str, before: int) -> np.ndarray:
     """(rows, N) float32 of rows that have the right number of cells; `before` rows precede them in the file."""
+    samples = rows[0].count(b",") + 1
+    filled = np.array([row is not _zeros(samples) for row in rows])
+    values = np.zeros((len(rows), samples), np.float32)
+    if not filled.any():
+        return values
+    told = [row for row, one in zip(rows, filled, strict=True) if one]
     try:
         with np.errstate(over="ignore"):
-            values = np.loadtxt(rows, delimiter=",", dtype=np.float32, comments=None, ndmin=2, encoding="latin-1")
-        if values.shape[0] == len(rows) and np.isfinite(values).all():
+            read = np.loadtxt(told, delimiter=",", dtype=np.float32, comments=None, ndmin=2, encoding="latin-1")
+        if read.shape[0] == len(told) and np.isfinite(read).all():
+            values[filled] = read
             return values
     except (ValueError, OverflowError):
         pass
