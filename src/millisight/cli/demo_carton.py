@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 from millisight.calibration import read_capture
 from millisight.cli.classify import answer_words
-from millisight.cli.console import progress, say
 from millisight.cli.grids import parse_grid
 from millisight.data import Mask, Prediction, SarImage
 from millisight.imaging import form_image
@@ -26,7 +25,8 @@ FOLDER = "shut_carton"  # in the demo's own
 def look_into_carton(output: Path) -> "PageItem":
     """Image, segment and classify the scan; write its files below `output`; returns what the page shows.
 
-    The description of each band and its frames are copied as well, to try commands on.
+    It prints nothing: the demo runs it in another process. The description of each band and its frames are copied as
+    well, to try commands on.
     """
     from matplotlib.image import imread
 
@@ -37,8 +37,7 @@ def look_into_carton(output: Path) -> "PageItem":
     images, captures = {}, {}
     for band, stem in BANDS.items():
         captures[band] = read_capture(output / FOLDER / f"{stem}.toml")
-        with progress(f"scissors in a shut carton, {band}: image") as report:
-            images[band] = form_image(captures[band], parse_grid(None, captures[band]), progress=report)
+        images[band] = form_image(captures[band], parse_grid(None, captures[band]))
         save(output / f"carton-{band.split()[0]}ghz.image.h5", images[band])
     high, low = images.values()
     mask, prediction, missing = _perceived(high, low)
@@ -49,7 +48,6 @@ def look_into_carton(output: Path) -> "PageItem":
     panels = plot_hidden(opened, shut, seen, mask=mask, scale="db", dynamic_range_db=30)
     save_figure(panels[0].figure, output / "carton.png")
     answer = missing if prediction is None else answer_words(prediction)
-    say(f"scissors in a shut carton: {answer}")
     caption = (
         "Scissors in a carton whose lid is shut. Left: what a camera sees without the carton. Middle: with it. Right: "
         "the 77 GHz image through the lid, in decibels, the echo of the lid taken off, and the outline of the mask "

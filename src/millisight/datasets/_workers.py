@@ -109,6 +109,30 @@ def _pooled(
 
 
 @contextmanager
+def beside(function: Callable[[T], Any], thing: T) -> Iterator[Callable[[], Any]]:
+    """Within the block, `function` of `thing` is at work in a process of its own; yields what waits for its result.
+
+    If the process dies, what waits does the work here. A block that is left before, by Ctrl-C perhaps, ends it.
+    """
+    pool = ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn"), initializer=_watch_parent)
+    with _ctrl_c_held():
+        future = pool.submit(function, thing)
+
+    def result() -> Any:
+        try:
+            return future.result()
+        except BrokenProcessPool:
+            return function(thing)
+
+    try:
+        yield result
+    finally:
+        for process in [] if future.done() else list((pool._processes or {}).values()):
+            process.terminate()
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+@contextmanager
 def _ctrl_c_held() -> Iterator[None]:
     """Ctrl-C comes after this block, and never to a process started in it: it is the caller's to handle."""
     if not hasattr(signal, "pthread_sigmask"):  # Windows
