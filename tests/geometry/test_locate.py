@@ -76,6 +76,26 @@ def test_another_object_beside_does_not_matter(bracket, cloud, found):
     assert pose.explained < found.poses[0].explained
 
 
+def test_a_floor_whose_height_is_told_is_left_out_and_stood_upon(bracket, cloud, found):
+    true = bracket.moved(rotation=posed.turn(11), translation=AT)
+    lowest = true.bounds[0, 2]
+    middle = true.bounds.mean(axis=0)[:2]
+    # A plate under it, which shines more than it does.
+    plate = posed.block([*(middle - 0.07), lowest - 0.003], [*(middle + 0.07), lowest])
+    floor = posed.points_of(plate, count=3000, rng=1)
+    both = posed.merged(cloud, floor.chosen(floor.normals[:, 2] > 0))
+    told = located(both, bracket, support=lowest)
+    assert len(told.points) < len(both)
+    assert told.points.points[:, 2].min() > lowest
+    assert off(told.poses[0], bracket, posed.turn(11), AT) < 0.004
+    assert told.poses[0].score > located(both, bracket).poses[0].score + 0.05
+    for height in (lowest, lowest - 0.02):
+        stands = located(cloud, bracket, support=height).poses[0].placed(bracket).bounds[0, 2]
+        assert -0.0025 < stands - height < 0.0065
+    with pytest.raises(InputError, match=r"support is .*nan"):
+        located(cloud, bracket, support=float("nan"))
+
+
 def test_turns_that_show_nothing_are_told_and_left_open():
     can = build_object("tomato_soup_can")
     place = can.moved(rotation=posed.turn(2), translation=AT)

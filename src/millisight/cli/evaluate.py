@@ -25,6 +25,7 @@ from millisight.cli.options import (
     Objects,
     SamDevice,
     Sight,
+    SupportHeight,
     Workers,
     checked_sight,
 )
@@ -285,6 +286,7 @@ def surface(
     objects: Objects = None,
     sight: Sight = None,
     experiment: ExperimentNumber = None,
+    support: SupportHeight = None,
     failures: Failures = 4,
     workers: Workers = None,
     as_json: AsJson = False,
@@ -300,6 +302,7 @@ def surface(
     """
     step = length(spacing, option="--spacing", metres=SMALL)
     options = {"spacing": (step, 2 * step), "clutter": clutter, "false_alarms": false_alarms, "failures": failures}
+    options["support"] = None if support is None else length(support, option="--support")
     _evaluate(
         "surface", root, output, objects, sight, experiment, workers, as_json=as_json, label="surfaces", **options
     )
@@ -317,6 +320,7 @@ def pose(
     objects: Objects = None,
     sight: Sight = None,
     experiment: ExperimentNumber = None,
+    support: SupportHeight = None,
     failures: Failures = 4,
     workers: Workers = None,
     as_json: AsJson = False,
@@ -332,6 +336,7 @@ def pose(
     """
     step = length(spacing, option="--spacing", metres=SMALL)
     options = {"spacing": (step, 2 * step), "clutter": clutter, "which": which, "failures": failures}
+    options["support"] = None if support is None else length(support, option="--support")
     _evaluate("pose", root, output, objects, sight, experiment, workers, as_json=as_json, label="poses", **options)
 
 

@@ -5,10 +5,10 @@ from typing import Annotated
 
 import typer
 
-from millisight.cli.console import answer_json, answer_table, check_outputs, json_only, progress, say
+from millisight.cli.console import answer_json, answer_table, check_outputs, json_only, length, progress, say
 from millisight.cli.grids import parse_grid
 from millisight.cli.image_steps import one_capture
-from millisight.cli.options import DataFolder, FalseAlarms, RadarChoice, SheetClutter
+from millisight.cli.options import DataFolder, FalseAlarms, RadarChoice, SheetClutter, SupportHeight
 from millisight.core import check_known, printable, write_text
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.data import Located, TriangleMesh
@@ -50,6 +50,7 @@ def locate(
     ] = None,
     clutter: SheetClutter = "none",
     false_alarms: FalseAlarms = 1e-6,
+    support: SupportHeight = None,
     plot: Annotated[
         Path | None, typer.Option(help="Also plot the points over the mesh where it was found, from three sides.")
     ] = None,
@@ -68,7 +69,8 @@ def locate(
     """Find the pose of an object of known shape: place and turn with their uncertainty, and which of several it is.
 
     Points on the object's surface are compared with what of the mesh would shine, turned all ways. Where the mesh looks
-    the same after a turn, that is told, and the turn is left open.
+    the same after a turn, that is told, and the turn is left open. Tell the height of the floor by --support, if you
+    know it: the object is taken to lie on it.
 
     Example: millisight locate mug.capture.h5 --mesh mug.stl --unit mm --grid 2mm --plot mug.pose.png
 
@@ -77,6 +79,7 @@ def locate(
     check_known("--clutter", clutter, CLUTTER)
     if placed is not None and placed.suffix.lower() != ".ply":
         raise UnknownNameError("mesh format", placed.suffix or placed.name, (".ply",))
+    floor = None if support is None else length(support, option="--support")
     with json_only(as_json):
         meshes = _meshes(mesh, unit)
         capture, name = one_capture(source, radar, data)
@@ -87,7 +90,9 @@ def locate(
         from millisight.geometry import locate as locate_in
 
         with progress("locate") as report:
-            found = locate_in(capture, meshes, voxels, clutter=clutter, false_alarms=false_alarms, progress=report)
+            found = locate_in(
+                capture, meshes, voxels, clutter=clutter, false_alarms=false_alarms, support=floor, progress=report
+            )
         say(f"{len(found.points)} oriented points")
         for pose in found.poses:
             say(f"{pose.name}: {pose.symmetry}")

@@ -22,6 +22,13 @@ DataFolder = Annotated[
     Path | None, typer.Option("--data", help="Folder of the files named in a description. [default: its own folder]")
 ]
 SheetClutter = Annotated[str, typer.Option(help="lid or auto: take lids and cloths over the object off before; none.")]
+SupportHeight = Annotated[
+    str | None,
+    typer.Option(
+        "--support",
+        help="Height of what the object lies on, in the frame of the capture, such as -30cm. [default: unknown]",
+    ),
+]
 FalseAlarms = Annotated[float, typer.Option(help="Probability that a voxel of noise alone is taken for a surface.")]
 RadarChoice = Annotated[str | None, typer.Option(help="Use only this radar of each experiment: 77_ghz or 24_ghz.")]
 Multispectral = Annotated[

@@ -10,7 +10,7 @@ from millisight.cli.console import SMALL, answer_json, check_outputs, json_only,
 from millisight.cli.grids import check_memory, parse_grid
 from millisight.cli.image_sources import read_as
 from millisight.cli.image_steps import one_capture
-from millisight.cli.options import DataFolder, FalseAlarms, RadarChoice, SheetClutter
+from millisight.cli.options import DataFolder, FalseAlarms, RadarChoice, SheetClutter, SupportHeight
 from millisight.core import atomic_path, check_known, printable
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.data import Capture, PointCloud, SarImage, Surface
@@ -53,6 +53,7 @@ def surface(
     ] = None,
     clutter: SheetClutter = "none",
     false_alarms: FalseAlarms = 1e-6,
+    support: SupportHeight = None,
     spacing: Annotated[
         str | None, typer.Option(help="Spacing of the mesh, such as 1mm. [default: that of the points]")
     ] = None,
@@ -118,6 +119,7 @@ def surface(
     if completed and watertight:
         raise InputError("--complete and --watertight guess in two ways; pass one of them")
     floor = None if base is None else length(base, option="--base")
+    rests_on = None if support is None else length(support, option="--support")
     with json_only(as_json):
         opened, name = _opened(source, radar, data)
         to = output or source.parent / f"{name}.surface.ply"
@@ -130,7 +132,7 @@ def surface(
             raise InputError("--complete asks which antennas saw the object; pass a capture, not an image")
         found = _points(
             opened, grid, clutter=clutter, false_alarms=false_alarms, frequency=frequency,
-            window=None if window == "none" else window,
+            window=None if window == "none" else window, support=rests_on,
         )  # fmt: skip
         say(f"{len(found)} oriented points")
         from millisight.geometry import surface as surface_of

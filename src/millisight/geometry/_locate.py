@@ -7,11 +7,11 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from millisight.core import checked_array, checked_integer, checked_record, rotation_vector, with_step
+from millisight.core import checked_array, checked_integer, checked_number, checked_record, rotation_vector, with_step
 from millisight.core.errors import InputError, MeshError
 from millisight.data import NONE_OF_THEM, Capture, Located, PointCloud, Pose, TriangleMesh, VoxelGrid
 from millisight.geometry._moments import channel_middles
-from millisight.geometry._points import FALSE_ALARMS, surface_points
+from millisight.geometry._points import FALSE_ALARMS, above, surface_points
 from millisight.geometry._registration import CLIMBERS, Fit, Seen, curvature, register, rescored, seen_by
 from millisight.geometry._samples import MeshSamples, samples_of
 from millisight.geometry._symmetries import Symmetry, symmetries
@@ -42,6 +42,7 @@ def locate(
     antennas: ArrayLike | None = None,
     clutter: Literal["none", "lid", "auto"] | str = "none",
     false_alarms: float = FALSE_ALARMS,
+    support: float | None = None,
     turns: int = _TURNS,
     progress: Callable[[int, int], None] | None = None,
 ) -> Located:
@@ -62,6 +63,8 @@ def locate(
     antennas : (n, 3) antennas that saw the points [m]; of a capture its own
     clutter : "lid" or "auto" to take lids and other sheets off before; of a capture
     false_alarms : see `surface_points`; of a capture
+    support : height of what the object lies on [m]: points under 2 mm above it are left out, and poses rest on it: the
+        lowest point of the mesh lies from 2 mm below to 6 mm above; None: unknown
     turns : rotations that are tried of a mesh without symmetry; 3000 are 15 degrees apart
     progress : called with (done, total)
 
@@ -108,6 +111,8 @@ def locate(
             raise InputError("a capture states its own antennas; leave antennas out")
         points = surface_points(capture, grid, clutter=clutter, false_alarms=false_alarms)
         seen_from = channel_middles(capture).reshape(-1, 3)
+    if support is not None:
+        points = above(points, support := checked_number(support, name="support", unit="m"))
     normals = points.normals
     if normals is None:
         raise InputError("the points have no normals, by which poses are found; pass those of surface_points")
@@ -118,7 +123,7 @@ def locate(
         )
     if progress is not None:
         progress(1, total)
-    seen = seen_by(points, normals, seen_from, spacing=_THINNED, most=_MOST)
+    seen = seen_by(points, normals, seen_from, spacing=_THINNED, most=_MOST, support=support)
     odd = {name: why for name, mesh in named.items() if (why := _odd_size(name, mesh, seen.points))}
     if len(odd) == len(named):
         raise MeshError("; ".join(odd.values()))
@@ -126,7 +131,7 @@ def locate(
     done, fits = 1 + len(odd), dict[str, list[Fit]]()
     if len(there) > _MANY:
         spacing, most, rough_turns, climbers = _ROUGHLY
-        few = seen_by(points, normals, seen_from, spacing=spacing, most=most)
+        few = seen_by(points, normals, seen_from, spacing=spacing, most=most, support=support)
         for name, mesh in there.items():
             found = _fits(mesh, few, min(rough_turns, turns), climbers)
             fits[name] = rescored(_shape_of(mesh).samples, found, seen)

@@ -15,6 +15,7 @@ from millisight.imaging import CLUTTER, grid_around, remove_sheets, window_pair
 FALSE_ALARMS = 1e-6
 """Probability that a voxel of noise alone is taken for a surface, where none is stated."""
 
+_ABOVE = 0.002  # what lies no higher above the support is its own [m]
 _NEIGHBOURS = 0.006  # radius in which scatter is measured [m]
 
 
@@ -28,6 +29,7 @@ def surface_points(
     method: str = "fast",
     tolerance: float | None = None,
     frequency: float | None = None,
+    support: float | None = None,
     device: Literal["cpu", "cuda"] | str = "cpu",
     progress: Callable[[int, int], None] | None = None,
 ) -> PointCloud:
@@ -57,6 +59,7 @@ def surface_points(
         towards the aperture's inner half, and loses its rim; None has sidelobes that are taken for surfaces
     method, tolerance, device : of the images, as for `form_image`; of a capture
     frequency : centre of the band of an image whose history does not tell [Hz]
+    support : height of what the objects lie on [m]: points under 2 mm above it are left out; None: unknown
     progress : called with (done, total); of a capture
 
     Returns
@@ -88,6 +91,8 @@ def surface_points(
     if not chance < 1:
         raise InputError(f"false_alarms is {chance:g}; expected a probability under 1, such as 1e-6")
     settings: dict[str, Any] = {"clutter": clutter, "false_alarms": chance}
+    if support is not None:
+        settings["support"] = support = checked_number(support, name="support", unit="m")
     if isinstance(source, SarImage):
         if grid is not None:
             raise InputError("an image has its own grid; leave grid out")
@@ -104,7 +109,13 @@ def surface_points(
             cleaned, voxels, method=method, window=tapers, tolerance=tolerance, device=device, progress=progress
         )
         settings["window"] = list(tapers)
-    return points_of(moments, chance, with_step(cleaned.metadata, "surface_points", **settings))
+    found = points_of(moments, chance, with_step(cleaned.metadata, "surface_points", **settings))
+    return found if support is None else above(found, support)
+
+
+def above(points: PointCloud, support: float) -> PointCloud:
+    """The points that lie over a support's height [m], along z."""
+    return points.chosen(points.points[:, 2] > support + _ABOVE)
 
 
 def points_of(moments: Moments, false_alarms: float, metadata: dict[str, Any]) -> PointCloud:

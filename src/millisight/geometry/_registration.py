@@ -23,6 +23,7 @@ CLIMBERS = 80
 """Poses that are fitted."""
 _STEP = (0.004, np.radians(5.0))  # of the differences that tell the curvature [m], [rad]
 _ALIKE = (0.01, 12.0)  # [m], [degrees]
+_RESTS = (-0.002, 0.006)  # how far the lowest corner may lie above the support: its height is told roughly [m]
 
 
 class Seen(NamedTuple):
@@ -33,12 +34,14 @@ class Seen(NamedTuple):
     points, normals : (M, 3), (M, 3)
     weights : (M,)
     antennas : (A, 3) some of the antennas, and their middle at last [m]
+    support : height of what the object lies on [m]; None: unknown
     """
 
     points: np.ndarray
     normals: np.ndarray
     weights: np.ndarray
     antennas: np.ndarray
+    support: float | None = None
 
 
 class Fit(NamedTuple):
@@ -66,7 +69,15 @@ def score_of(explained, shown):
     return 2 * explained * shown / np.maximum(explained + shown, 1e-9)
 
 
-def seen_by(cloud: PointCloud, normals: np.ndarray, antennas: np.ndarray, *, spacing: float, most: int) -> Seen:
+def seen_by(
+    cloud: PointCloud,
+    normals: np.ndarray,
+    antennas: np.ndarray,
+    *,
+    spacing: float,
+    most: int,
+    support: float | None = None,
+) -> Seen:
     """The surest point of each cube of side `spacing`, the surest `most` of all."""
     cells = np.floor(cloud.points / spacing).astype(np.int64)
     sigma = np.zeros(len(cloud)) if cloud.place_sigma is None else cloud.place_sigma
@@ -77,7 +88,7 @@ def seen_by(cloud: PointCloud, normals: np.ndarray, antennas: np.ndarray, *, spa
     some = some_antennas(antennas)
     return Seen(
         np.ascontiguousarray(cloud.points[chosen]), np.ascontiguousarray(normals[chosen]),
-        np.ascontiguousarray(weights[chosen]), np.concatenate([some, some.mean(axis=0, keepdims=True)]),
+        np.ascontiguousarray(weights[chosen]), np.concatenate([some, some.mean(axis=0, keepdims=True)]), support,
     )  # fmt: skip
 
 
@@ -114,6 +125,7 @@ def register(
         _CELL,
         _CELLS,
     )
+    _rest(shape, rotations, places, seen)
     rough = score_of(*agreements(shape, rotations, places, seen, *_ROUGH).T)
     chosen = np.argsort(-rough, kind="stable")[:climbers]
     turned, moved = rotations[chosen].copy(), places[chosen].copy()
@@ -132,6 +144,7 @@ def register(
             shape.spacing,
             steps,
         )
+        _rest(shape, turned, moved, seen)
     shares = agreements(shape, turned, moved, seen, *FINE)
     scores = score_of(*shares.T)
     fits: list[Fit] = []
@@ -144,6 +157,15 @@ def register(
             if len(fits) == most:
                 break
     return fits
+
+
+def _rest(shape: MeshSamples, rotations: np.ndarray, translations: np.ndarray, seen: Seen) -> None:
+    """Raise or lower poses in place so that they rest on the support, where its height is known."""
+    if seen.support is None:
+        return
+    lowest = ((shape.corners - shape.middle) @ rotations[:, 2].T).min(axis=0)
+    above = translations[:, 2] + lowest - seen.support
+    translations[:, 2] += np.clip(above, *_RESTS) - above
 
 
 def rescored(shape: MeshSamples, fits: list[Fit], seen: Seen) -> list[Fit]:

@@ -25,6 +25,7 @@ class MeshSamples(NamedTuple):
     radius : of the ball around `middle` that holds the mesh [m]
     closed : whether no edge is open
     spacing : of neighbouring samples [m]
+    corners : (H, 3) of the convex hull, on which the mesh can lie [m]
     """
 
     points: np.ndarray
@@ -34,6 +35,7 @@ class MeshSamples(NamedTuple):
     radius: float
     closed: bool
     spacing: float
+    corners: np.ndarray
 
 
 def samples_of(mesh: TriangleMesh, count: int) -> MeshSamples:
@@ -73,7 +75,19 @@ def samples_of(mesh: TriangleMesh, count: int) -> MeshSamples:
         points, smooth = np.concatenate([points, points]), np.concatenate([smooth, -smooth])
     lifted = points + max(20 * LIFT, 1e-3 * radius) * smooth
     clear = RayCaster.of([mesh]).first(lifted, smooth)[0] < 0
-    return MeshSamples(points, smooth, clear, middle, radius, closed, apart)
+    return MeshSamples(
+        points, smooth, clear, middle, radius, closed, apart, _corners(mesh.vertices[np.unique(mesh.faces)])
+    )
+
+
+def _corners(places: np.ndarray) -> np.ndarray:
+    """Corners of the convex hull of places; of flat ones all places."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        return places[ConvexHull(places).vertices]
+    except QhullError:
+        return places
 
 
 def _even(places: np.ndarray, facing: np.ndarray, spacing: float) -> np.ndarray:

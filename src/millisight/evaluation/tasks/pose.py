@@ -10,6 +10,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from millisight.core import (
+    checked_number,
     checked_record,
     record,
     rotation_from_euler_deg,
@@ -80,6 +81,7 @@ class _Source(NamedTuple):
     others: Mapping[str, SceneSource]
     spacing: tuple[float, float, float]
     clutter: Mapping[str, str]
+    support: float | None
 
 
 @TASKS.add("pose")
@@ -96,6 +98,7 @@ class PoseTask(Task):
     clutter : taken off the captures out of sight: "auto", "lid" or "none"; those in line of sight are left as they are
     which : whether the object is also chosen among all of the dataset
     failures : number of worst scenes to plot
+    support : see `locate`; of all scenes [m]
     """
 
     name: ClassVar[str] = "pose"
@@ -106,10 +109,13 @@ class PoseTask(Task):
     clutter: str = "lid"
     which: bool = False
     failures: int = 4
+    support: float | None = None
 
     def __post_init__(self) -> None:
         check_shape_settings(self.spacing, self.clutter, self.failures)
         checked_record(self.which, bool, name="which")
+        if self.support is not None:
+            checked_number(self.support, name="support", unit="m")
 
     def plan(self, data: EvaluationData) -> EvaluationSet:
         """One item for each scene with a 77 GHz capture and a known shape."""
@@ -121,9 +127,11 @@ class PoseTask(Task):
         settings = {
             "format": _FORMAT, "spacing": [across, deep], "clutter": clutter, "others": list(others),
         }  # fmt: skip
+        if self.support is not None:
+            settings["support"] = self.support
 
         def source_of(scene: SceneSource) -> _Source:
-            return _Source(scene, first[scene.object], others, (across, across, deep), clutter)
+            return _Source(scene, first[scene.object], others, (across, across, deep), clutter, self.support)
 
         return plan_of_shapes(data, there, source_of, settings)
 
@@ -139,14 +147,14 @@ class PoseTask(Task):
         off = np.random.default_rng(zlib.crc32(scene.name.encode())).uniform(-_OFF, _OFF, 3)
         grid = VoxelGrid.regular(world.bounds[0] - _MARGIN + off, world.bounds[1] + _MARGIN + off, source.spacing)
         start = time.process_time()
-        points = surface_points(capture, grid, clutter=source.clutter[scene.sight])
+        points = surface_points(capture, grid, clutter=source.clutter[scene.sight], support=source.support)
         eyes = channel_middles(capture).reshape(-1, 3)
-        found = locate(points, {scene.object: known.mesh}, antennas=eyes)
+        found = locate(points, {scene.object: known.mesh}, antennas=eyes, support=source.support)
         seconds = time.process_time() - start
         ours, answer, size, probability = found.poses[0], "", "", None
         if source.others:
             meshes = {name: _known(_Key(other)).mesh for name, other in source.others.items()}
-            which = locate(points, meshes, antennas=eyes)
+            which = locate(points, meshes, antennas=eyes, support=source.support)
             answer, probability = which.ranking[0][0], which.probabilities[scene.object]
             size = _nearest_size(points.points, meshes)
         blind = _blind(found, ours, known.mesh, known.turn)

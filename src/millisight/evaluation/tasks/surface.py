@@ -6,7 +6,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from millisight.core import record
+from millisight.core import checked_number, record
 from millisight.core.errors import InputError
 from millisight.data import Capture, PointCloud, SarImage, VoxelGrid
 from millisight.evaluation._point_cloud import point_cloud
@@ -63,6 +63,7 @@ class _Source(NamedTuple):
     spacing: tuple[float, float, float]
     clutter: Mapping[str, str]
     false_alarms: float
+    support: float | None
 
 
 @TASKS.add("surface")
@@ -76,6 +77,7 @@ class SurfaceTask(Task):
     clutter : taken off the captures out of sight: "auto", "lid" or "none"; those in line of sight are left as they are
     false_alarms : see `surface_points`
     failures : number of worst scenes to plot
+    support : see `surface_points`; of all scenes [m]. The baselines are not told
     """
 
     name: ClassVar[str] = "surface"
@@ -86,18 +88,23 @@ class SurfaceTask(Task):
     clutter: str = "auto"
     false_alarms: float = FALSE_ALARMS
     failures: int = 4
+    support: float | None = None
 
     def __post_init__(self) -> None:
         check_shape_settings(self.spacing, self.clutter, self.failures)
+        if self.support is not None:
+            checked_number(self.support, name="support", unit="m")
 
     def plan(self, data: EvaluationData) -> EvaluationSet:
         """One item for each scene with a 77 GHz capture and a known shape."""
         across, deep = self.spacing
         clutter = {"los": "none", "nlos": self.clutter}
         settings = {"format": _FORMAT, "spacing": [across, deep], "clutter": clutter, "false_alarms": self.false_alarms}
+        if self.support is not None:
+            settings["support"] = self.support
 
         def source_of(scene: SceneSource) -> _Source:
-            return _Source(scene, (across, across, deep), clutter, self.false_alarms)
+            return _Source(scene, (across, across, deep), clutter, self.false_alarms, self.support)
 
         return plan_of_shapes(data, scenes_of_shapes(data), source_of, settings)
 
@@ -112,7 +119,7 @@ class SurfaceTask(Task):
         grid = VoxelGrid.regular(lower, upper, source.spacing)
         truth = true_surface(meshes, capture)
         capture = remove_sheets(capture, clutter=source.clutter[scene.sight], grid=grid).result
-        points = surface_points(capture, grid, false_alarms=source.false_alarms)
+        points = surface_points(capture, grid, false_alarms=source.false_alarms, support=source.support)
         found = {OURS: points, COMPLETED: _with_guesses(points, capture)}
         image = form_image(capture, grid)
         found[THRESHOLDED], found[DEEPEST] = point_cloud(image, _THRESHOLD), _deepest(image)
