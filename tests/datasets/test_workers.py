@@ -7,7 +7,7 @@ from contextlib import closing
 import pytest
 
 from millisight.core.errors import InputError
-from millisight.datasets import each
+from millisight.datasets import beside, each
 
 WRONG = "__import__('millisight.core.errors').errors.FileError"
 
@@ -43,3 +43,18 @@ def test_impossible_numbers_of_workers_are_refused():
     with pytest.raises(InputError, match="workers is 0"):
         list(each(eval, ["1"], workers=0))
     assert list(each(eval, [], workers=3)) == []
+
+
+def test_work_beside_ends_with_the_block_and_is_done_here_if_its_process_dies():
+    with beside(eval, "6 * 7") as result:
+        assert result() == 42
+    with beside(eval, "1 / 0") as result, pytest.raises(ZeroDivisionError):
+        result()
+    begun = time.monotonic()
+    with pytest.raises(KeyboardInterrupt), beside(eval, "__import__('time').sleep(60)"):
+        raise KeyboardInterrupt
+    assert time.monotonic() - begun < 30
+    died = "__import__('multiprocessing').parent_process() and __import__('os')._exit(7)"
+    with beside(eval, died) as result:
+        assert result() is None
+    assert multiprocessing.active_children() == []

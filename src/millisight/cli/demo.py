@@ -53,7 +53,7 @@ def demo(
     """
     from millisight.cli.demo_carton import look_into_carton
     from millisight.core import make_folder
-    from millisight.datasets._workers import beside
+    from millisight.datasets import beside
     from millisight.viz import PageItem, write_page
 
     started = time.monotonic()

@@ -110,9 +110,19 @@ def _pooled(
 
 @contextmanager
 def beside(function: Callable[[T], Any], thing: T) -> Iterator[Callable[[], Any]]:
-    """Within the block, `function` of `thing` is at work in a process of its own; yields what waits for its result.
+    """Within the block, `function` of `thing` is at work in a process of its own.
 
-    If the process dies, what waits does the work here. A block that is left before, by Ctrl-C perhaps, ends it.
+    A block that is left before, by Ctrl-C perhaps, ends the process.
+
+    Parameters
+    ----------
+    function, thing : what a new process can import and unpickle
+
+    Yields
+    ------
+    callable
+        Waits for the result and returns it, or raises what the function raised. If the process died, it does the work
+        here.
     """
     pool = ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn"), initializer=_watch_parent)
     with _ctrl_c_held():
