@@ -19,6 +19,7 @@ import trimesh
 import millisight as ms
 from helpers.commands import COMMANDS, refused, run, run_here, run_inside
 from millisight.cli.main import GO_ON
+from millisight.core import claimed
 
 COARSE = ["--vertices", "800", "--radar", "mito-sim-24ghz"]
 
@@ -35,6 +36,15 @@ def capture(cube, tmp_path):
     """A small capture file."""
     ms.save(tmp_path / "cube.capture.h5", cube)
     return tmp_path / "cube.capture.h5"
+
+
+def test_what_another_run_is_to_write_is_refused_by_name(capture, tmp_path):
+    with claimed(tmp_path / "taken.image.h5"):
+        refusal = run_here("image", str(capture), "-o", str(tmp_path / "taken.image.h5"))
+        assert refusal[0] == 1
+        assert "is using taken.image.h5; wait for it, or stop it" in refusal[3]
+        assert not (tmp_path / "taken.image.h5").exists()
+    assert run_here("image", str(capture), "-o", str(tmp_path / "taken.image.h5"))[0] == 0
 
 
 def test_from_a_mesh_file_to_an_image_and_pictures(tmp_path):

@@ -5,11 +5,12 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
 from helpers.processes import wait_for
-from millisight.core import alone, atomic_path, write_text
+from millisight.core import alone, atomic_path, claimed, write_text
 from millisight.core.errors import FileError
 
 HOLD = """
@@ -73,3 +74,27 @@ def test_what_a_killed_writer_left_is_removed_by_the_next(tmp_path):
         written.write_text("this one")
     assert (tmp_path / "notes.txt").read_text() == "this one"
     assert {path.name for path in tmp_path.iterdir()} == {*others, ".notes.aaaaaaaa.part.txt", "notes.txt"}
+
+
+def test_a_name_that_another_run_is_to_write_is_refused_and_free_again(tmp_path):
+    path = tmp_path / "out.h5"
+    for _ in range(2):
+        with claimed(path):
+            told = rf"another run \(process {os.getpid()}\) is using out.h5; wait for it, or stop it"
+            with pytest.raises(FileError, match=told), claimed(tmp_path / "." / "out.h5"):
+                pass
+            with claimed(tmp_path / "other.h5"):
+                pass
+    assert not list(tmp_path.iterdir())
+    with claimed(Path(os.devnull)), claimed(Path(os.devnull)):  # which many may write
+        pass
+
+
+def test_where_the_temporary_folder_is_somebody_elses_nobody_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    with claimed(tmp_path / "a"):
+        pass
+    (folder,) = tmp_path.glob("millisight-locks*")
+    folder.chmod(0o777)
+    with claimed(tmp_path / "a"), claimed(tmp_path / "a"):
+        assert not list(folder.iterdir())

@@ -8,7 +8,7 @@ import re
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 import typer
 
 from millisight.cli import interrupts
-from millisight.core import FIGURE_SUFFIXES, check_record_suffix, check_writable, printable, same_file
+from millisight.core import FIGURE_SUFFIXES, check_record_suffix, check_writable, claimed, printable, same_file
 from millisight.core.errors import InputError, UnknownNameError
 
 if TYPE_CHECKING:
@@ -42,6 +42,7 @@ class _Talk:
 
 
 _talk = _Talk()
+_claims = ExitStack()  # on the outputs of the command that runs now: another run may not write them as well
 
 
 class Commands(typer.Typer):
@@ -69,6 +70,7 @@ def _with_quiet(function: Any) -> Any:
             return function(*arguments, **options)
         finally:
             _talk.quiet = False
+            _claims.close()
 
     signature, command = inspect.signature(function), cast("Any", run)
     added = inspect.Parameter("quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=kind)
@@ -175,7 +177,7 @@ def check_outputs(
     """Check before the work that its outputs can be written.
 
     Refused are: the `source` itself, one file twice, a missing folder, an unknown format of figures or
-    records.
+    records, and what another run is to write.
 
     Raises
     ------
@@ -191,8 +193,10 @@ def check_outputs(
     for one, other in combinations(outputs, 2):
         if same_file(one, other):
             raise InputError(f"{one} is given for two outputs; choose two names")
+    _claims.close()  # of the source before, where a command has many
     for path in outputs:
         check_writable(path)
+        _claims.enter_context(claimed(path))
     for figure in figures:
         if figure is not None and figure.suffix.lower() not in FIGURE_SUFFIXES:
             raise UnknownNameError("figure format", figure.suffix or figure.name, FIGURE_SUFFIXES)

@@ -34,6 +34,7 @@ from ._late import late as late
 from ._limits import Limits as Limits
 from ._limits import limits_of as limits_of
 from ._locks import alone as alone
+from ._locks import claimed as claimed
 from ._matrix import product as product
 from ._peaks import peak_place as peak_place
 from ._progress import share_of as share_of

@@ -10,9 +10,6 @@ package's folder nor the user's cache can be written to, a temporary folder of t
 """
 
 import hashlib
-import os
-import stat
-import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from io import BytesIO
@@ -21,6 +18,8 @@ from typing import Any
 
 from numba import config, njit
 from numba.core.caching import IndexDataCacheFile
+
+from millisight.core._locks import private_folder
 
 
 def kernel(**options: Any) -> Callable[[Callable[..., Any]], Any]:
@@ -37,7 +36,7 @@ def serial(**options: Any) -> Callable[[Callable[..., Any]], Any]:
         except RuntimeError:  # neither the package's folder nor the user's cache can be written to
             pass
         try:
-            with _cache_in(_temporary_folder()):
+            with _cache_in(str(private_folder("millisight-kernels"))):
                 return _as_kept(njit(cache=True, **options)(function))
         except (RuntimeError, OSError):  # nor a temporary one: compile in every process
             return _as_kept(njit(**options)(function))
@@ -54,24 +53,6 @@ def _cache_in(folder: str) -> Iterator[None]:
         yield
     finally:
         settings.CACHE_DIR = before
-
-
-def _temporary_folder() -> str:
-    """A temporary folder that stays from process to process, and into which nobody else can put code.
-
-    Raises
-    ------
-    OSError
-        There is none, or somebody else's is in its place.
-    """
-    user = os.getuid() if hasattr(os, "getuid") else None
-    folder = Path(tempfile.gettempdir(), "millisight-kernels" if user is None else f"millisight-kernels-{user}")
-    folder.mkdir(mode=0o700, exist_ok=True)
-    found = folder.lstat()
-    private = user is None or (found.st_uid == user and not found.st_mode & 0o077)
-    if not stat.S_ISDIR(found.st_mode) or not private:
-        raise PermissionError(f"{folder} is not a folder of this user alone")
-    return str(folder)
 
 
 class _CheckedFiles(IndexDataCacheFile):

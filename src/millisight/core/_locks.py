@@ -1,6 +1,9 @@
 """Locks that go with the process that holds them, so that none is ever left behind."""
 
+import hashlib
 import os
+import stat
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -9,6 +12,24 @@ from typing import IO
 from millisight.core.errors import FileError
 
 LOCK_NAME = ".lock"
+
+
+def private_folder(name: str) -> Path:
+    """A temporary folder that stays from process to process, and into which nobody else can put files.
+
+    Raises
+    ------
+    OSError
+        There is none, or somebody else's is in its place.
+    """
+    user = os.getuid() if hasattr(os, "getuid") else None
+    folder = Path(tempfile.gettempdir(), name if user is None else f"{name}-{user}")
+    folder.mkdir(mode=0o700, exist_ok=True)
+    found = folder.lstat()
+    private = user is None or (found.st_uid == user and not found.st_mode & 0o077)
+    if not stat.S_ISDIR(found.st_mode) or not private:
+        raise PermissionError(f"{folder} is not a folder of this user alone")
+    return folder
 
 
 @contextmanager
@@ -28,7 +49,37 @@ def alone(folder: Path, name: str) -> Iterator[None]:
     FileError
         Another run holds it, or no file can be written there.
     """
-    path = folder / LOCK_NAME
+    with _locked(folder / LOCK_NAME, name):
+        yield
+
+
+@contextmanager
+def claimed(path: Path) -> Iterator[None]:
+    """Hold the name of a file for a `with` block: another run of this user that asks for it is refused.
+
+    The lock lies in a temporary folder: beside the file, a run that was killed would leave it behind. Where there is no
+    such folder, and of what is no regular file, nobody is refused.
+
+    Raises
+    ------
+    FileError
+        Another run holds it.
+    """
+    try:
+        folder = private_folder("millisight-locks") if path.is_file() or not path.exists() else None
+    except OSError:
+        folder = None
+    if folder is None:
+        yield
+        return
+    number = hashlib.sha256(os.fsencode(path.resolve())).hexdigest()[:32]
+    with _locked(folder / number, path.name):
+        yield
+
+
+@contextmanager
+def _locked(path: Path, name: str) -> Iterator[None]:
+    """Hold the lock at `path`, of what is called `name`, for a `with` block."""
     while True:
         try:
             file = open(path, "a+", encoding="utf-8")  # noqa: SIM115, held for the block
