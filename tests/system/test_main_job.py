@@ -78,7 +78,7 @@ def test_real_scans_run_through_the_main_job(scan):
     Nearer or wider, the image of a ball peaks deeper: its echo has the range of its top but the curvature of its
     centre. A smooth ball has no edges: then, and only then, may the edge model stay dark.
     """
-    scene = ms.Scene.from_mesh(shared("ycb", scan))
+    scene = ms.Scene.from_mesh(shared("ycb", scan), vertices=7000)
     trajectory = ms.Trajectory.raster(size=(0.105, 0.105), step=0.0019, center=(0, 0, 0.35))
     lower, upper = scene.mesh.bounds
     grid = ms.VoxelGrid.regular(lower - 0.01, upper + 0.01, (0.003, 0.003, 0.004))
