@@ -65,7 +65,7 @@ def _arrays(make: "_Maker") -> list[Format]:
     return [
         Format("npy", make.npy(), arrays, 10, ".npy"),
         Format("npz", make.npz(), arrays, 30, ".npz", found=(make.overlapping(),)),
-        Format("mat", make.mat(), arrays, 128, ".mat", rarely=4),
+        Format("mat", make.mat(), arrays, 128, ".mat", rarely=8),
         Format("image pickle", make.pickled(2), read_pickle, 2, found=make.bombs()),
         Format("camera pickle", make.pickled(4), read_pickle, 2),
         Format("old pickle", make.pickled(0), read_pickle, 1),
@@ -87,7 +87,7 @@ def _arrays(make: "_Maker") -> list[Format]:
             0,
             ".txt",
             text=True,
-            rarely=5,
+            rarely=10,
             found=(b"/|schema_version|inf",),
         ),
         Format("hdf5 unsealed", make.unsealed(), record, 8, ".h5", rarely=20),

@@ -1,6 +1,6 @@
 """Damaged files against every reader, 2 000 of each format, and all that did harm before.
 
-Of the three formats whose files take longest it is 100 to 500. `make fuzz` tries as many as one likes.
+Of the three formats whose files take longest it is 100 to 250. `make fuzz` tries as many as one likes.
 """
 
 import re

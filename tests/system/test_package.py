@@ -185,7 +185,7 @@ def test_kernels_are_compiled_and_kept_in_a_clean_environment(clean, tmp_path):
 
 
 def test_the_wheel_runs_the_demo_without_extras(clean, tmp_path):
-    """With one of its three objects, which need nothing of their own: all three are imaged by test_main_job.py."""
+    """With one of its three objects, which need nothing of their own: `make demo` images all three."""
     code = "import sys; from millisight.cli import demo, main; demo.OBJECTS = ('mug',)"
     code += "; sys.argv[1:] = ['demo']; main.run()"
     done = subprocess.run(
