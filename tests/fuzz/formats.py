@@ -311,6 +311,7 @@ LONG = "1" * 4301
 TOML_BOMBS = (
     b"a." * 40_000 + b"a = 1",
     b"[" + b"a." * 40_000 + b"a]",
+    rb'"\"".' * 26_000 + b"a = 1",
     b"a = " + b"[" * 100_000,
     f"seed = {1 << 64}".encode(),
     f"seed = {LONG}".encode(),
