@@ -402,3 +402,11 @@ def test_an_obj_file_of_two_materials_gives_the_faces_of_both(tmp_path):
     (tmp_path / "two.obj").write_text("\n".join(made))
     one, two = load_mesh(tmp_path / "plain.obj"), load_mesh(tmp_path / "two.obj")
     assert np.array_equal(sorted_corners(one.vertices, one.faces), sorted_corners(two.vertices, two.faces))
+
+
+def test_a_mesh_of_which_no_face_is_left_is_refused(tmp_path):
+    """Pages that share a back branch at one edge in hundreds, and all of them end in the open."""
+    points = "v 0 0 0\nv 1 0 0\n" + "".join(f"v 0 1 {i}\n" for i in range(100))
+    (tmp_path / "book.obj").write_text(points + "".join(f"f 1 2 {3 + i}\n" for i in range(100)))
+    with pytest.raises(MeshError, match=r"no face of book\.obj is left .* repair the mesh"):
+        load_mesh(tmp_path / "book.obj", unit="m")

@@ -280,6 +280,11 @@ def _unbranched(vertices: np.ndarray, faces: np.ndarray, name: str) -> tuple[np.
     """
     before = len(faces)
     while True:
+        if not len(faces):
+            raise MeshError(
+                f"no face of {name} is left without those on edges that three or more share; expected at most two "
+                "faces on an edge: repair the mesh, for example in Blender or MeshLab ('non-manifold edges')"
+            )
         edge, _, count = _sides(faces)
         branching = count > 2
         if not branching.any():
