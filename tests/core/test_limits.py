@@ -25,8 +25,10 @@ def test_limits_follow_the_size_of_the_file():
         '"x".' * 20_000 + "a = 1",
         "[" + "a . " * 20_000 + "a]",
         "t = {" + "a." * 40_000 + "a = 1}",
+        r'"\"".' * 26_000 + "a = 1",
+        r'"\\" . ' * 20_000 + "a = 1",
     ],
-    ids=["key", "quoted", "table", "inline"],
+    ids=["key", "quoted", "table", "inline", "escaped", "backslash"],
 )
 def test_a_deep_key_is_refused_before_it_is_parsed(text):
     """80 kB took 6 GB and a minute."""
@@ -39,7 +41,19 @@ def test_a_deep_key_is_refused_before_it_is_parsed(text):
     tracemalloc.stop()
 
 
-@pytest.mark.parametrize("text", ["a" * 1_000_000, '"' * 1_000_000, "a " * 500_000, "a. " * 50, "'a'" * 300_000])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a" * 1_000_000,
+        '"' * 1_000_000,
+        "a " * 500_000,
+        "a. " * 50,
+        "'a'" * 300_000,
+        '"' + r"\"" * 500_000,
+        '"' + "\\" * 1_000_001,
+        "'a'.\"" + r"\"'a'." * 150_000,
+    ],
+)
 def test_the_search_for_deep_keys_takes_no_time_of_its_own(text):
     began = time.perf_counter()
     try:

@@ -14,9 +14,11 @@ import zipfile
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from io import BytesIO
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import numpy as np
 
@@ -258,7 +260,7 @@ def _scenes(make: "_Maker") -> list[Format]:
 
 
 def _networks(make: "_Maker", folder: Path) -> list[Format]:
-    """Weights and checkpoints, where what reads them is installed."""
+    """Weights and checkpoints, where what reads them is installed: onnx, or torch."""
     from millisight.perception import open_network, run_network
     from millisight.perception._onnx_nodes import operators
 
@@ -271,26 +273,45 @@ def _networks(make: "_Maker", folder: Path) -> list[Format]:
             session = open_network(path, hashlib.sha256(content).hexdigest(), needed_by="this", channels=3)
             run_network(session, np.zeros((2, 3), np.float32))
 
-        form = Format("network", make.network(onnx), network, 8, ".onnx", rarely=4)
-        operators(form.valid)
-        found.append(form)
+        valid = make.network(onnx)
+        operators(valid)
+        bad = valid.replace(b"\n\x03\x12\x01n", b"\n\x03\x12\x01\xff")  # a dimension's name, no UTF-8
+        found.append(Format("network", valid, network, 8, ".onnx", rarely=4, found=(bad,)))
     with suppress(ImportError):
         import torch
 
-        from millisight.perception.training._loop import read_checkpoint, write_checkpoint
-
-        layer = torch.nn.Linear(3, 2)
-        optimizer = torch.optim.AdamW(layer.parameters())
-        weights = {f"network/{name}": value for name, value in layer.state_dict().items()}
-        write_checkpoint(folder / "valid.safetensors", weights, {"made_of": "this"})
-
-        def checkpoint(path: Path) -> None:
-            read_checkpoint(path, "this", layer, optimizer, lambda tensors, state: len(tensors))
-
-        found.append(
-            Format("checkpoint", (folder / "valid.safetensors").read_bytes(), checkpoint, 8, ".safetensors", rarely=2)
-        )
+        found += _torch_files(make, folder, torch)
     return found
+
+
+def _torch_files(make: "_Maker", folder: Path, torch: Any) -> list[Format]:
+    """A checkpoint, and weights as torch itself saves them, now and before its files were archives."""
+    from millisight.perception.training._loop import read_checkpoint, write_checkpoint
+    from millisight.perception.training.networks import read_released
+
+    layer = torch.nn.Linear(3, 2)
+    optimizer = torch.optim.AdamW(layer.parameters())
+    weights = {f"network/{name}": value for name, value in layer.state_dict().items()}
+    checkpoints = []
+    for losses in ([0.5, 0.25], [10**400]):
+        write_checkpoint(folder / "valid.safetensors", weights, {"made_of": "this", "losses": losses})
+        checkpoints.append((folder / "valid.safetensors").read_bytes())
+
+    def checkpoint(path: Path) -> None:
+        read_checkpoint(path, "this", layer, optimizer, lambda _, state: [float(one) for one in state["losses"]])
+
+    def released(path: Path) -> None:
+        small = mock.patch(
+            "millisight.perception.training.networks._released.ReleasedNetwork", partial(torch.nn.Linear, 3)
+        )
+        with small:  # the network itself takes seconds to make
+            read_released(path, 2)
+
+    return [
+        Format("checkpoint", checkpoints[0], checkpoint, 8, ".safetensors", rarely=2, found=(checkpoints[1],)),
+        Format("released", make.weights(torch, zipped=True), released, 4, ".pth"),
+        Format("released before", make.weights(torch, zipped=False), released, 2, ".pth", found=(make.endless(torch),)),
+    ]
 
 
 POSES = """\
@@ -311,6 +332,7 @@ LONG = "1" * 4301
 TOML_BOMBS = (
     b"a." * 40_000 + b"a = 1",
     b"[" + b"a." * 40_000 + b"a]",
+    rb'"\"".' * 26_000 + b"a = 1",
     b"a = " + b"[" * 100_000,
     f"seed = {1 << 64}".encode(),
     f"seed = {LONG}".encode(),
@@ -588,6 +610,15 @@ class _Maker:
         )  # fmt: skip
         opset = [onnx.helper.make_opsetid("", 17)]
         return onnx.helper.make_model(graph, ir_version=8, opset_imports=opset).SerializeToString()
+
+    def weights(self, torch: Any, *, zipped: bool) -> bytes:
+        stream = BytesIO()
+        torch.save(torch.nn.Linear(3, 2).state_dict(), stream, _use_new_zipfile_serialization=zipped)
+        return stream.getvalue()
+
+    def endless(self, torch: Any) -> bytes:
+        """A name of 40 kB, in which torch searched for 16 s."""
+        return self.weights(torch, zipped=False).replace(b"_rebuild_tensor_v2", b"_r" + b"a." * 20_000)
 
     def written(self, write: Callable[[Path], None], suffix: str) -> bytes:
         path = self.folder / f"valid{suffix}"

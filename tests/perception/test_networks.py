@@ -203,3 +203,40 @@ def test_a_network_that_fails_as_it_runs_is_an_error_of_ours(written):
     session = open_network(*written(content.SerializeToString()), needed_by="this", channels=3)
     with pytest.raises(FormatError, match=r"the network makes \(1, 1\) of \(3, 3\); expected as many"):
         run_network(session, np.zeros((3, 3), np.float32))
+
+
+@pytest.mark.parametrize("channels", [3, None])
+@pytest.mark.parametrize("which", ["input", "output"])
+def test_a_name_that_is_not_utf8_is_refused(written, which, channels):
+    """It ended in a UnicodeDecodeError."""
+    onnx = pytest.importorskip("onnx")
+    model = onnx.load_model_from_string(doubler(onnx))
+    getattr(model.graph, which)[0].type.tensor_type.shape.dim[0].dim_param = "name"
+    content = model.SerializeToString().replace(b"name", b"\xff\xfe\xfd\xfc")
+    with pytest.raises(FormatError, match=r"w\.onnx is not a network that ONNX Runtime can run: 'utf-8' codec"):
+        open_network(*written(content), needed_by="this", channels=channels)
+
+
+@pytest.mark.parametrize("operator", ["ConstantOfShape", "Expand"])
+def test_a_network_that_makes_more_than_memory_holds_fails_as_it_runs(written, operator):
+    """170 bytes took 6.4 GB."""
+    onnx = pytest.importorskip("onnx")
+    make, number = onnx.helper, onnx.TensorProto
+    shape = onnx.numpy_helper.from_array(np.array([40_000, 40_000]), "shape")
+    given = ["shape"] if operator == "ConstantOfShape" else ["first", "shape"]
+    graph = make.make_graph(
+        [
+            make.make_node("ReduceMax", ["x"], ["first"], keepdims=0),
+            make.make_node(operator, given, ["large"]),
+            make.make_node("ReduceMax", ["large"], ["most"], keepdims=0),
+            make.make_node("Add", ["x", "most"], ["y"]),
+        ],
+        "large",
+        [make.make_tensor_value_info("x", number.FLOAT, ("n", 3))],
+        [make.make_tensor_value_info("y", number.FLOAT, ("n", 3))],
+        [shape],
+    )
+    model = make.make_model(graph, ir_version=8, opset_imports=[make.make_opsetid("", 17)])
+    session = open_network(*written(model.SerializeToString()), needed_by="this", channels=3)
+    with pytest.raises(FormatError, match=rf"the network fails on \(2, 3\): .* running {operator} node"):
+        run_network(session, np.zeros((2, 3), np.float32))

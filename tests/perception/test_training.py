@@ -1,14 +1,16 @@
 """The training loop: one seed, one result, however often it was cut off; and what it refuses."""
 
+import json
 from types import SimpleNamespace
 
 import pytest
 
 from millisight.core.errors import DamagedFileError, InputError
 from millisight.perception.training import Schedule
-from millisight.perception.training._loop import CHECKPOINT_NAME, fit, one_thread
+from millisight.perception.training._loop import CHECKPOINT_NAME, fit, one_thread, write_checkpoint
 
 torch = pytest.importorskip("torch")
+safetensors = pytest.importorskip("safetensors")
 
 
 def trained(folder, *, epochs=6, stop_after=None, made_of=None, score=None, schedule=None, **options):
@@ -132,6 +134,20 @@ def test_runs_of_something_else_and_damaged_checkpoints_are_refused(tmp_path):
         path.write_bytes(damaged)
         with pytest.raises(DamagedFileError, match=r"checkpoint\.safetensors is not a complete checkpoint"):
             trained(tmp_path, schedule=Schedule(epochs=1))
+
+
+@pytest.mark.parametrize("key", ["loss", "learning_rate", "score"])
+def test_a_number_in_a_checkpoint_that_no_float_holds_is_refused(tmp_path, key):
+    """It ended in an OverflowError."""
+    trained(tmp_path, epochs=1, schedule=Schedule(epochs=1))
+    path = tmp_path / CHECKPOINT_NAME
+    with safetensors.safe_open(path, framework="pt") as file:
+        tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+        state = json.loads(file.metadata()["state"])
+    state["history"][0][key] = 10**400
+    write_checkpoint(path, tensors, state)
+    with pytest.raises(DamagedFileError, match=r"checkpoint\.safetensors is not a complete checkpoint: int too large"):
+        trained(tmp_path, schedule=Schedule(epochs=1))
 
 
 def test_what_cannot_be_right_is_refused(tmp_path, monkeypatch):

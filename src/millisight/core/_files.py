@@ -30,8 +30,9 @@ _STALE = 60  # seconds that nobody has written to a temporary file
 _DEEPEST = limits_of(_LARGEST_TOML).depth
 
 # A dotted key of more parts: tomllib's memory grows with the square of their number. Each part is run through once.
-_PART = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
-_DEEP_KEY = re.compile(rf"(?<![\w-]){_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{{_DEEPEST}}}")
+# A key never begins behind a backslash; what begins there would be run through again from every escaped quote.
+_PART = r"""(?:[\w-]++|"(?:[^"\\\n]++|\\.)*+"|'[^'\n]*+')"""
+_DEEP_KEY = re.compile(rf"(?<![\w\\-]){_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{{_DEEPEST}}}")
 
 # Controls but tab and line feed, and the marks that reorder text.
 _STEERING = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")

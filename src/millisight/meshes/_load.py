@@ -4,6 +4,7 @@ What comes out is fit to simulate: vertices shared, every edge on at most two fa
 closed parts facing outward. What had to be mended is said in one line on the logger `millisight.meshes._load`.
 """
 
+import io
 import logging
 import os
 import warnings
@@ -91,7 +92,8 @@ def _read(path: Path) -> Any:
             warnings.simplefilter("ignore")
             if suffix == "glb":
                 check_glb(path)
-            scene = trimesh.load_scene(file, file_type=suffix, process=False, skip_materials=True)
+            content = _without_materials(file) if suffix == "obj" else file
+            scene = trimesh.load_scene(content, file_type=suffix, process=False, skip_materials=True)
             declared = _declared_faces(file) if suffix == "off" else 0
     except OSError as error:
         raise FileError(f"cannot read {printable(path)}: {error.strerror or error}; check its permissions") from error
@@ -113,6 +115,21 @@ def _read(path: Path) -> Any:
             f"{suffix.upper()} format: it is empty, truncated, or of another format; export it again as triangles"
         )
     return scene
+
+
+def _without_materials(file: BinaryIO) -> BinaryIO:
+    """An OBJ file without its `usemtl`: trimesh makes a mesh for each material, in time that grows with their square.
+
+    Lines are joined first, as trimesh joins them, and left so that it can join no others.
+    """
+    from trimesh.util import decode_text
+
+    text = decode_text(file.read()).replace("\r\n", "\n").replace("\\\n", "")
+    if "usemtl " not in text:
+        file.seek(0)
+        return file
+    lines = (line.partition("usemtl ")[0].rstrip("\\\r") for line in text.split("\n"))
+    return io.BytesIO("\n".join(lines).encode())
 
 
 def _declared_faces(file: BinaryIO) -> int:
@@ -263,6 +280,11 @@ def _unbranched(vertices: np.ndarray, faces: np.ndarray, name: str) -> tuple[np.
     """
     before = len(faces)
     while True:
+        if not len(faces):
+            raise MeshError(
+                f"no face of {name} is left without those on edges that three or more share; expected at most two "
+                "faces on an edge: repair the mesh, for example in Blender or MeshLab ('non-manifold edges')"
+            )
         edge, _, count = _sides(faces)
         branching = count > 2
         if not branching.any():

@@ -7,6 +7,8 @@ import logging
 import os
 import warnings
 from collections.abc import Mapping
+from contextlib import suppress
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +26,7 @@ INPUT, OUTPUT = "channels", "logits"
 
 _MOST_WEIGHTS = 1 << 26  # bytes
 _MOST_DESCRIPTION = 1 << 24
+_MOST_MEMORY = 1 << 32  # bytes that the networks of a process take; the largest canvas takes a quarter
 
 
 def read_description(path: str | os.PathLike[str], *keys: str) -> dict[str, Any]:
@@ -64,7 +67,8 @@ def read_description(path: str | os.PathLike[str], *keys: str) -> dict[str, Any]
 def open_network(path: str | os.PathLike[str], sha256: str, *, needed_by: str, channels: int | None = None) -> Any:
     """The network of an ONNX file as an `onnxruntime.InferenceSession`, ready to run on the CPU.
 
-    It is made from the bytes that were checked, so that a file which would have others read is refused.
+    It is made from the bytes that were checked, so that a file which would have others read is refused. All networks
+    of a process share 4 GiB: one that asks for more as it runs fails.
 
     Parameters
     ----------
@@ -108,12 +112,15 @@ def open_network(path: str | os.PathLike[str], sha256: str, *, needed_by: str, c
     options.log_severity_level = 3
     # Threads that wait by spinning take the cores from the next network's.
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+    _bound_memory()
+    options.add_session_config_entry("session.use_env_allocators", "1")
     try:
         session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
+        # Names that are not UTF-8 are found here, of outputs too.
+        inputs, _ = (_listed(some) for some in (session.get_inputs(), session.get_outputs()))
     except Exception as error:  # of ONNX Runtime's own kinds, which have no common public base
         raise FormatError(f"{printable(path)} is not a network that ONNX Runtime can run: {error}") from error
     if channels is not None and not _takes(session, channels):
-        inputs = ", ".join(f"{one.name} {one.type} {one.shape}" for one in session.get_inputs())
         raise FormatError(
             f"{printable(path)} takes {printable(inputs)[:200]}; expected one float32 array with {channels} channels, "
             f"which becomes one other; it is not a network for {needed_by}"
@@ -137,6 +144,21 @@ def run_network(session: Any, channels: np.ndarray) -> np.ndarray:
         shape = np.shape(made)
         raise FormatError(f"the network makes {shape} of {channels.shape}; expected as many; train it again")
     return made
+
+
+@cache
+def _bound_memory() -> None:
+    """Bound what networks may take: 170 bytes can ask for 6 GB, and a few operators more for any amount."""
+    import onnxruntime as ort
+
+    memory = ort.OrtMemoryInfo("Cpu", ort.OrtAllocatorType.ORT_ARENA_ALLOCATOR, 0, ort.OrtMemType.DEFAULT)
+    with suppress(Exception):  # the process has such a bound already, and only one can be set
+        ort.create_and_register_allocator(memory, ort.OrtArenaCfg(_MOST_MEMORY, -1, -1, -1))
+
+
+def _listed(some: Any) -> str:
+    """Inputs or outputs of a session, as text."""
+    return ", ".join(f"{one.name} {one.type} {one.shape}" for one in some)
 
 
 def _one_line(error: Exception) -> str:

@@ -1,7 +1,6 @@
 """The paper's network as released, in torch, and its weights, of which nothing is run."""
 
 import hashlib
-import pickle
 import warnings
 from itertools import pairwise
 from pathlib import Path
@@ -13,6 +12,7 @@ from torch.nn import functional
 
 from millisight.core import printable
 from millisight.core.errors import DamagedFileError, FormatError
+from millisight.io.arrays import check_state_dict
 
 _WIDTHS = (16, 128, 256, 512, 512)
 _STRIDES = (2, 2, 2, 2, 1)
@@ -71,18 +71,16 @@ def read_released(path: Path, classes: int) -> ReleasedNetwork:
     name = printable(path)
     if path.stat().st_size > _LARGEST:
         raise FormatError(f"{name} has {path.stat().st_size} bytes; expected weights, under {_LARGEST} bytes")
+    check_state_dict(path)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # torch's own, about pickles that it then refuses
             held = torch.load(path, map_location="cpu", weights_only=True)
-    except pickle.UnpicklingError as error:
-        reason = str(error).splitlines()[0]
-        raise FormatError(
-            f"{name} is not read: a state dict of tensors is expected, and nothing else: {reason}"
-        ) from error
-    except (RuntimeError, EOFError, ValueError, KeyError, OSError) as error:
+    except Exception as error:  # torch's reader takes what it finds, and fails in whatever way that does not fit
         reason = (str(error).splitlines() or ["it ends too early"])[0]
-        raise DamagedFileError(f"{name} is not a state dict that torch saved, or is damaged: {reason}") from error
+        raise DamagedFileError(
+            f"{name} is not a state dict that torch saved, or is damaged: {printable(reason[:200])}"
+        ) from error
     network = ReleasedNetwork(classes)
     expected = {key: tuple(value.shape) for key, value in network.state_dict().items()}
     tensors = held if isinstance(held, dict) else {}
