@@ -15,7 +15,7 @@ from helpers.forging import forge
 from helpers.small_records import same, small_capture
 from millisight.core.errors import DamagedFileError, FileError, FormatError, InputError
 from millisight.data import CameraFrame, CameraMask, Intrinsics, Layers
-from millisight.io import load_extras, provenance
+from millisight.io import load_extras, open_image, provenance
 from millisight.io._hdf5 import RECORDS
 from millisight.io._seal import chunk_extents, write_seal
 
@@ -542,3 +542,45 @@ def test_a_capture_cut_short_while_it_is_read_is_damaged(chunked):
         os.truncate(path, max(start, other))
         with pytest.raises(DamagedFileError, match="frames of poses 0 to 1 cannot be trusted: the file was cut short"):
             capture.frames_of(slice(0, 2))
+
+
+@pytest.fixture
+def slabs(tmp_path, monkeypatch):
+    """The file of an image of 16 chunks, and where the second half of them begins."""
+    from millisight.io import _hdf5
+
+    grid = ms.VoxelGrid.regular((0, 0, 0), (0.15, 0.07, 0.07), 0.01)
+    image = ms.SarImage(grid=grid, values=np.ones(grid.shape, np.complex64))
+    monkeypatch.setattr(_hdf5, "_CHUNK_BYTES", image.values[0].nbytes)
+    ms.save(tmp_path / "i.h5", image, extras={"mask": np.ones(grid.shape)})
+    places = []
+    with h5py.File(tmp_path / "i.h5") as file:
+        file["values"].id.chunk_iter(lambda chunk: places.append(chunk.byte_offset))
+    assert len(places) == 16
+    return tmp_path / "i.h5", sorted(places)[8]
+
+
+def test_an_image_cut_short_while_it_is_read_is_damaged(slabs):
+    path, half = slabs
+    with open_image(path) as (grid, values):
+        assert values[:].all()
+        os.truncate(path, half)
+        for i in range(grid.shape[0]):
+            with pytest.raises(DamagedFileError, match=r"i\.h5 cannot be trusted: the file was cut short while it was"):
+                values[i]
+
+
+@pytest.mark.parametrize("read", [ms.load, load_extras])
+def test_a_file_cut_short_while_it_is_loaded_is_damaged(slabs, monkeypatch, read):
+    from millisight.io import _hdf5
+
+    path, half = slabs
+    read_item = _hdf5._read_item
+
+    def cut_and_read(*arguments, **settings):
+        os.truncate(path, half)
+        return read_item(*arguments, **settings)
+
+    monkeypatch.setattr(_hdf5, "_read_item", cut_and_read)
+    with pytest.raises(DamagedFileError, match=r"i\.h5 (cannot be trusted: the file was cut short|is damaged)"):
+        read(path)

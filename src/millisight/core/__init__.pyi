@@ -29,6 +29,7 @@ from ._files import parsed_toml as parsed_toml
 from ._files import printable as printable
 from ._files import read_toml as read_toml
 from ._files import same_file as same_file
+from ._files import was_cut as was_cut
 from ._files import write_text as write_text
 from ._late import late as late
 from ._limits import Limits as Limits

@@ -156,6 +156,15 @@ def same_file(a: Path, b: Path) -> bool:
         return os.path.realpath(a) == os.path.realpath(b)
 
 
+def was_cut(file: Any) -> bool:
+    """Whether an h5py file, open for reading, is shorter than when it was opened: HDF5 reads zeros beyond its end."""
+    return (
+        file.mode == "r"
+        and file.driver == "sec2"
+        and os.fstat(file.id.get_vfd_handle()).st_size < file.id.get_filesize()
+    )
+
+
 def printable(text: object) -> str:
     """A text, such as a file's name in another encoding, as any terminal and any file can hold it.
 
