@@ -513,9 +513,8 @@ def test_zeros_that_were_written_are_data(tmp_path):
     assert not ms.load(tmp_path / "zeros.h5").values.any()
 
 
-def test_files_of_before_are_read(chunked):
-    """Their extents are whole chunks, neighbours joined, the chunks' own checksums with them."""
-    path, _ = chunked
+def _sealed_as_before(path):
+    """The extents of such a seal are whole chunks, neighbours joined, the chunks' own checksums with them."""
     with h5py.File(path) as file:
         end = file.id.get_filesize()
         extents = chunk_extents(file)
@@ -533,7 +532,34 @@ def test_files_of_before_are_read(chunked):
                 joined.append([start, length])
         assert len(joined) < count
         write_seal(raw, np.array(joined, "<u8"))
+
+
+def _unsealed(path):
+    """As version 1 wrote it."""
+    with h5py.File(path, "r+") as file:
+        file.attrs["schema_version"] = 1
+
+
+@pytest.mark.parametrize("age", [_sealed_as_before, _unsealed])
+def test_files_of_before_are_read(age, chunked, caplog):
+    path, _ = chunked
+    age(path)
     assert same(ms.load(path), small_capture())
+    assert not [one for one in caplog.messages if "frames holds" in one]
+
+
+@pytest.mark.parametrize("age", [_sealed_as_before, _unsealed])
+def test_a_chunk_of_zeros_in_a_file_of_before_is_told(age, chunked, caplog):
+    """Nothing but the seal of today tells whether it was lost."""
+    path, (_, (start, length)) = chunked
+    age(path)
+    with open(path, "r+b") as file:
+        file.seek(start)
+        file.write(bytes(length))
+    assert not ms.load(path).frames[1].any()
+    (told,) = [one for one in caplog.messages if "frames holds" in one]
+    assert "a.h5: frames holds 1 chunks of zeros alone, the first from index 1 on" in told
+    assert "compare it with its source, then save it again" in told
 
 
 def test_a_capture_cut_short_while_it_is_read_is_damaged(chunked):
