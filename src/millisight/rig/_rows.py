@@ -13,7 +13,16 @@ from typing import Any
 
 import numpy as np
 
-from millisight.core import alone, atomic_path, checked_numbers, checked_path, make_folder, printable, write_text
+from millisight.core import (
+    alone,
+    atomic_path,
+    checked_numbers,
+    checked_path,
+    make_folder,
+    printable,
+    read_json,
+    write_text,
+)
 from millisight.core.errors import DamagedFileError, FileError, InputError
 from millisight.data import CameraFrame, Trajectory
 from millisight.io import mito
@@ -196,7 +205,7 @@ def _rows_listed(folder: Path, names: Sequence[str]) -> list[dict[str, tuple[int
 def _kept(path: Path) -> Any:
     """What a file of an unfinished scan holds."""
     try:
-        return json.loads(path.read_bytes())
+        return read_json(path)
     except (ValueError, RecursionError) as error:
         raise DamagedFileError(f"{printable(path)} is damaged: {error}; remove the folder it is in") from error
 
