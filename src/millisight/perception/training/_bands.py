@@ -59,7 +59,9 @@ def read_parts(path: Path, *names: str) -> tuple[dict[str, np.ndarray], dict[str
     return images, held
 
 
-def check_arrays(path: Path, held: Mapping[str, np.ndarray], expected: Mapping[str, tuple[type, tuple]]) -> None:
+def check_arrays(
+    path: Path, held: Mapping[str, np.ndarray], expected: Mapping[str, tuple[type, tuple[int, ...]]]
+) -> None:
     """Raise unless the arrays of these names have the types and shapes that are expected of them, and are finite.
 
     Raises

@@ -289,6 +289,7 @@ def _read(path: Path) -> SceneParts:
     inside, shape, parts = held["inside"], images[BANDS[0]].shape, len(SCENE_PARTS)
     if len(shape) != 4 or any(values.shape != (parts, *inside.shape, shape[3]) for values in images.values()):
         raise DamagedFileError(f"{printable(path)}: its images and its mask differ in size; delete it")
+    expected: dict[str, tuple[type, tuple[int, ...]]]
     expected = {"x": (np.floating, shape[1:2]), "y": (np.floating, shape[2:3]), "inside": (np.bool_, shape[1:3])}
     expected |= {"angles_deg": (np.floating, (3,)), **dict.fromkeys(of_bands, (np.floating, (parts,)))}
     check_arrays(path, held, expected)

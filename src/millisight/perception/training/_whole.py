@@ -314,7 +314,7 @@ def _read(path: Path) -> WholeScene:
     if BANDS[0] not in bands or held["objects"].ndim != 2:
         raise DamagedFileError(f"{printable(path)} is not a scene of this training: it has no image; delete it")
     shape = held["objects"].shape
-    expected: dict[str, tuple[type, tuple]] = {"objects": (np.uint8, shape), "covered": (np.bool_, ())}
+    expected: dict[str, tuple[type, tuple[int, ...]]] = {"objects": (np.uint8, shape), "covered": (np.bool_, ())}
     for band in bands:
         expected |= {
             f"{band}_levels": (np.uint8, (*shape, *held[f"{band}_levels"].shape[2:3])), f"{band}_raw": (np.uint8, shape)
