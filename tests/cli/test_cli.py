@@ -419,11 +419,18 @@ def test_with_closed_standard_streams_it_works(capture, closed):
     assert ms.load(capture.parent / "i.h5").magnitude.max() > 0
 
 
-@pytest.mark.parametrize("threads", ["0", " 00", "-1"])
+@pytest.mark.parametrize("threads", ["0", " 00", "-1", "1025", "99999", "9" * 12, "abc", "1.5", "²"])
 def test_no_threads_get_one_clear_line(capture, threads):
+    """Numba cannot be imported with some, warns of others with a traceback, and ends by a signal with many."""
     environment = {**os.environ, "NUMBA_NUM_THREADS": threads}
     line = refused("image", capture.name, "--grid", "2cm", "-o", "i.h5", cwd=capture.parent, env=environment)
     assert f"NUMBA_NUM_THREADS is {threads.strip()}; expected a whole number of at least 1" in line
+
+
+def test_an_empty_number_of_threads_gets_one_clear_line(capture):
+    environment = {**os.environ, "NUMBA_NUM_THREADS": " "}
+    line = refused("image", capture.name, "--grid", "2cm", "-o", "i.h5", cwd=capture.parent, env=environment)
+    assert "NUMBA_NUM_THREADS is empty; expected a whole number of at least 1, and at most 1024" in line
 
 
 @pytest.mark.skipif(os.name != "posix", reason="such names exist where names are bytes")

@@ -1,5 +1,6 @@
 """`millisight image` and `info` on raw files: descriptions, experiments of the published layout, batches, clocks."""
 
+import os
 import shutil
 
 import numpy as np
@@ -10,6 +11,7 @@ from helpers.commands import refused, run, run_here
 from helpers.miniature import MUG, fault_folder
 from helpers.mirrors import DEVICES, capture_of, mirror, points, raster
 from helpers.oracles import shared
+from millisight.cli import image_steps
 from millisight.io.mito import read_experiment
 
 
@@ -285,3 +287,19 @@ def test_a_grid_beyond_this_machine_is_refused_before_any_work(mug, tmp_path):
     line = refused("image", los, "--radar", "77_ghz", f"--grid={grid}", "-o", "i.h5")
     assert "the image of 5e+10 voxels takes about" in line
     assert "use a coarser --grid, or pass --memory" in line
+
+
+def test_a_capture_cut_short_while_it_is_imaged_is_an_error(tmp_path, monkeypatch):
+    path = raster(step=0.05)
+    ms.save(tmp_path / "c.h5", capture_of(DEVICES["24 GHz"], path, points(DEVICES["24 GHz"], path)))
+    parse = image_steps.parse_grid
+
+    def cut_and_parse(*arguments):
+        os.truncate("c.h5", os.path.getsize("c.h5") // 2)
+        return parse(*arguments)
+
+    monkeypatch.setattr(image_steps, "parse_grid", cut_and_parse)
+    code, _, _, error = run_here("image", "c.h5", "--grid", "-1cm:1cm:1cm,-1cm:1cm:1cm,-26cm:-24cm:1cm", "-o", "i.h5")
+    assert code == 1
+    assert "frames of poses" in error
+    assert not (tmp_path / "i.h5").exists()

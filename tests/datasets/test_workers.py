@@ -1,8 +1,12 @@
 """Many processes: a failure is the thing's own, a process that dies takes nothing else along, and none is left."""
 
 import multiprocessing
+import os
+import subprocess
+import sys
 import time
 from contextlib import closing
+from pathlib import Path
 
 import pytest
 
@@ -58,3 +62,24 @@ def test_work_beside_ends_with_the_block_and_is_done_here_if_its_process_dies():
     with beside(eval, died) as result:
         assert result() is None
     assert multiprocessing.active_children() == []
+
+
+GENERATE = """
+import sys
+from helpers import small_recipe
+from millisight.datasets.generation import engine_of, plan_dataset, run_plan
+engine = engine_of(sys.argv[2], 2)
+done = run_plan(plan_dataset(small_recipe.recipe(rig=None), sys.argv[1]), engine)
+assert (done.made, done.failures) == (1, ()), done.failures
+loaded = "sorted(name for name in ('dask', 'distributed') if name in __import__('sys').modules)"
+print([*engine.run(eval, [loaded])][0].result, eval(loaded))
+"""
+
+
+@pytest.mark.parametrize("scheduler", ["processes", "threads"])
+def test_generating_here_imports_no_distributed(scheduler, tmp_path):
+    """It opens ports and starts threads, even where it is not used; neither here nor in a worker."""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parents[1]), *sys.path])}
+    command = [sys.executable, "-c", GENERATE, str(tmp_path / "out"), scheduler]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=240)
+    assert (done.returncode, done.stdout) == (0, "[] []\n"), done.stderr

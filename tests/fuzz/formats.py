@@ -93,7 +93,7 @@ def _arrays(make: "_Maker") -> list[Format]:
             found=(b"/|schema_version|inf",),
         ),
         Format("hdf5 unsealed", make.unsealed(), record, 8, ".h5", rarely=20),
-        Format("scene to train on", make.parts(), lambda p: read_parts(p, "weights"), 30, ".npz"),
+        Format("scene to train on", make.parts(), lambda p: read_parts(p, "weights"), 30, ".npz", found=(b"", b"PK")),
         Format("photo", make.photo(), read_photo, 8, ".png"),
     ]
 

@@ -1,5 +1,8 @@
 """DCA1000 files: what is written comes back, what is damaged or foreign is named, what was lost is marked."""
 
+import os
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -21,6 +24,7 @@ from millisight.io.raw import (
     RawFrames,
     find_gaps,
     identify_order,
+    open_recording,
     read_dca1000,
     swap_for_positive_ranges,
     write_dca1000,
@@ -263,3 +267,31 @@ def test_nothing_is_left_open(small):
     Path(path).unlink()
     assert raw.samples.any()
     assert not raw.samples.flags.writeable
+
+
+CUT = """
+import os, sys
+from millisight.io.raw import open_recording
+counts, _, _ = open_recording(sys.argv[1])
+os.truncate(sys.argv[1], 0)
+print(counts.any())
+"""
+
+
+def test_a_file_cut_short_after_it_was_opened_kills_no_process(small):
+    """Mapped, its values are no more: the process ends by a signal."""
+    done = subprocess.run([sys.executable, "-c", CUT, str(small[0])], capture_output=True, text=True, timeout=120)
+    assert (done.returncode, done.stdout) == (0, "True\n"), done.stderr
+
+
+def test_a_file_cut_short_while_it_is_read_is_damaged(small, monkeypatch):
+    path, size, read = small[0], small[0].stat().st_size, np.fromfile
+
+    def read_what_is_left(*arguments, **settings):
+        os.truncate(path, size // 2)
+        return read(*arguments, **settings)
+
+    monkeypatch.setattr(np, "fromfile", read_what_is_left)
+    message = rf"small\.bin was cut short while it was read: expected {size} bytes"
+    with pytest.raises(DamagedFileError, match=message):
+        open_recording(path)

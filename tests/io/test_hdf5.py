@@ -15,7 +15,7 @@ from helpers.forging import forge
 from helpers.small_records import same, small_capture
 from millisight.core.errors import DamagedFileError, FileError, FormatError, InputError
 from millisight.data import CameraFrame, CameraMask, Intrinsics, Layers
-from millisight.io import load_extras, provenance
+from millisight.io import load_extras, open_image, provenance
 from millisight.io._hdf5 import RECORDS
 from millisight.io._seal import chunk_extents, write_seal
 
@@ -513,9 +513,8 @@ def test_zeros_that_were_written_are_data(tmp_path):
     assert not ms.load(tmp_path / "zeros.h5").values.any()
 
 
-def test_files_of_before_are_read(chunked):
-    """Their extents are whole chunks, neighbours joined, the chunks' own checksums with them."""
-    path, _ = chunked
+def _sealed_as_before(path):
+    """The extents of such a seal are whole chunks, neighbours joined, the chunks' own checksums with them."""
     with h5py.File(path) as file:
         end = file.id.get_filesize()
         extents = chunk_extents(file)
@@ -533,7 +532,34 @@ def test_files_of_before_are_read(chunked):
                 joined.append([start, length])
         assert len(joined) < count
         write_seal(raw, np.array(joined, "<u8"))
+
+
+def _unsealed(path):
+    """As version 1 wrote it."""
+    with h5py.File(path, "r+") as file:
+        file.attrs["schema_version"] = 1
+
+
+@pytest.mark.parametrize("age", [_sealed_as_before, _unsealed])
+def test_files_of_before_are_read(age, chunked, caplog):
+    path, _ = chunked
+    age(path)
     assert same(ms.load(path), small_capture())
+    assert not [one for one in caplog.messages if "frames holds" in one]
+
+
+@pytest.mark.parametrize("age", [_sealed_as_before, _unsealed])
+def test_a_chunk_of_zeros_in_a_file_of_before_is_told(age, chunked, caplog):
+    """Nothing but the seal of today tells whether it was lost."""
+    path, (_, (start, length)) = chunked
+    age(path)
+    with open(path, "r+b") as file:
+        file.seek(start)
+        file.write(bytes(length))
+    assert not ms.load(path).frames[1].any()
+    (told,) = [one for one in caplog.messages if "frames holds" in one]
+    assert "a.h5: frames holds 1 chunks of zeros alone, the first from index 1 on" in told
+    assert "compare it with its source, then save it again" in told
 
 
 def test_a_capture_cut_short_while_it_is_read_is_damaged(chunked):
@@ -542,3 +568,45 @@ def test_a_capture_cut_short_while_it_is_read_is_damaged(chunked):
         os.truncate(path, max(start, other))
         with pytest.raises(DamagedFileError, match="frames of poses 0 to 1 cannot be trusted: the file was cut short"):
             capture.frames_of(slice(0, 2))
+
+
+@pytest.fixture
+def slabs(tmp_path, monkeypatch):
+    """The file of an image of 16 chunks, and where the second half of them begins."""
+    from millisight.io import _hdf5
+
+    grid = ms.VoxelGrid.regular((0, 0, 0), (0.15, 0.07, 0.07), 0.01)
+    image = ms.SarImage(grid=grid, values=np.ones(grid.shape, np.complex64))
+    monkeypatch.setattr(_hdf5, "_CHUNK_BYTES", image.values[0].nbytes)
+    ms.save(tmp_path / "i.h5", image, extras={"mask": np.ones(grid.shape)})
+    places = []
+    with h5py.File(tmp_path / "i.h5") as file:
+        file["values"].id.chunk_iter(lambda chunk: places.append(chunk.byte_offset))
+    assert len(places) == 16
+    return tmp_path / "i.h5", sorted(places)[8]
+
+
+def test_an_image_cut_short_while_it_is_read_is_damaged(slabs):
+    path, half = slabs
+    with open_image(path) as (grid, values):
+        assert values[:].all()
+        os.truncate(path, half)
+        for i in range(grid.shape[0]):
+            with pytest.raises(DamagedFileError, match=r"i\.h5 cannot be trusted: the file was cut short while it was"):
+                values[i]
+
+
+@pytest.mark.parametrize("read", [ms.load, load_extras])
+def test_a_file_cut_short_while_it_is_loaded_is_damaged(slabs, monkeypatch, read):
+    from millisight.io import _hdf5
+
+    path, half = slabs
+    read_item = _hdf5._read_item
+
+    def cut_and_read(*arguments, **settings):
+        os.truncate(path, half)
+        return read_item(*arguments, **settings)
+
+    monkeypatch.setattr(_hdf5, "_read_item", cut_and_read)
+    with pytest.raises(DamagedFileError, match=r"i\.h5 (cannot be trusted: the file was cut short|is damaged)"):
+        read(path)

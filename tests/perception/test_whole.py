@@ -8,7 +8,8 @@ from millisight.core.errors import DamagedFileError, InputError, UnknownNameErro
 from millisight.data import SarImage, VoxelGrid
 from millisight.imaging import remove_sheets
 from millisight.perception import SPACING
-from millisight.perception.training import BANDS, DEPTH, WholeSettings
+from millisight.perception.training import BANDS, DEPTH, WholeSettings, _scenes, _whole
+from millisight.perception.training._bands import write_parts
 from millisight.perception.training._sheets import cached_sheet
 from millisight.perception.training._whole import cached_whole_scene
 
@@ -127,3 +128,41 @@ def test_a_stand_is_small_and_level(tmp_path):
     x = SPACING * (np.arange(len(seen)) - len(seen) // 2)
     lit = np.flatnonzero(seen.max(axis=1) > 0.5)
     assert abs(x[lit[-1]] - x[lit[0]] - 2 * stand.reach[1]) < 0.008
+
+
+ODD = (np.array([1, 2]), np.array(np.nan), np.array([]), np.array(1.5), np.ones((2, 2)), np.array(-1), np.array(10**9))
+
+
+def _stored(tmp_path, what, dice):
+    """A file of a reader's, and the reader."""
+    path = tmp_path / "a.npz"
+    if what == "scene":
+        _scenes._write(path, dice)
+        return path, lambda: _scenes._read(path)
+    if what == "whole":
+        _whole._write(path, whole_scene(dice))
+        return path, lambda: _whole._read(path)
+    path, sheet = tmp_path / "sheet-1-2.npz", drawn_sheet()
+    write_parts(path, sheet.images, level=np.array(sheet.level), reach=sheet.reach)
+    return path, lambda: cached_sheet(1, seed=2, folder=tmp_path)
+
+
+@pytest.mark.parametrize(("what", "arrays"), [("scene", 9), ("whole", 7), ("sheet", 4)])
+def test_whole_files_of_odd_arrays_are_damaged(what, arrays, tmp_path, dice):
+    path, read = _stored(tmp_path, what, dice)
+    read()
+    with np.load(path) as file:
+        held = dict(file)
+    assert len(held) == arrays
+    refused = 0
+    for name, array in held.items():
+        for odd in (*ODD, array[None], array.astype(complex)):
+            with open(path, "wb") as file:
+                np.savez(file, **{**held, name: odd})
+            if what == "whole" and name.startswith("24_ghz_raw") and not odd.size:
+                assert list(read().levels) == ["77_ghz"]  # as a scene of one radar is stored
+                continue
+            with pytest.raises(DamagedFileError, match="delete it"):
+                read()
+            refused += 1
+    assert refused >= 9 * arrays - 1

@@ -2,6 +2,9 @@
 
 import dataclasses
 import json
+import os
+import subprocess
+import sys
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -15,6 +18,7 @@ from millisight.imaging import form_image
 from millisight.io import load
 from millisight.io.mito import experiment_folder, radar_folder, read_experiment, read_published
 from millisight.rig import CAPTURE_NAME, LOG_NAME, ArmPose, PublishedWriter, Recording, ScanWriter, record_scan
+from millisight.rig._rows import Spool
 from millisight.rig.virtual import (
     ArmSettings,
     RadarSettings,
@@ -392,3 +396,24 @@ def test_two_runs_of_one_experiment_are_refused(tmp_path):
     writer, scan = small_scan(tmp_path, hdf5=False, last=again)
     scan()
     assert writer.path.exists()
+
+
+CUT = """
+import os, sys
+from pathlib import Path
+from millisight.rig._rows import Spool
+frames = Spool(Path(sys.argv[1]), [(1, 1.0)])[0].frames
+os.truncate(sys.argv[1] + "/0.npy", 0)
+print(frames.all())
+"""
+
+
+def test_a_row_cut_short_after_it_was_read_kills_no_process(tmp_path):
+    """Mapped, its frames are no more: the process ends by a signal."""
+    np.save(tmp_path / "0.npy", np.ones((64, 1, 4, 64), np.complex64))
+    done = subprocess.run([sys.executable, "-c", CUT, str(tmp_path)], capture_output=True, text=True, timeout=120)
+    assert (done.returncode, done.stdout) == (0, "True\n"), done.stderr
+    np.save(tmp_path / "0.npy", np.ones((64, 1, 4, 64), np.complex64))
+    os.truncate(tmp_path / "0.npy", 1000)
+    with pytest.raises(DamagedFileError, match=r"0\.npy"):
+        Spool(tmp_path, [(1, 1.0)])[0]

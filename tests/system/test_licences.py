@@ -5,6 +5,7 @@ import re
 import tomllib
 from pathlib import Path
 
+import pytest
 from packaging.requirements import Requirement
 
 PROJECT = Path(__file__).parents[2] / "pyproject.toml"
@@ -22,10 +23,15 @@ def licence_of(package):
     return told.get("License-Expression") or "; ".join(listed) or told.get("License") or ""
 
 
-def installed():
-    """Licences of all packages that are needed and installed, by name; those that are optional may be missing."""
+def needed_by_the_project():
+    """Its dependencies, and those of its extras by name."""
     project = tomllib.loads(PROJECT.read_text(encoding="utf-8"))["project"]
-    pending = [*project["dependencies"], *(one for extra in project["optional-dependencies"].values() for one in extra)]
+    return project["dependencies"], project["optional-dependencies"]
+
+
+def installed(pending):
+    """Licences of all packages that are needed and installed, by name; those that are optional may be missing."""
+    pending = list(pending)
     found = {}
     while pending:
         needed = Requirement(pending.pop())
@@ -41,13 +47,27 @@ def installed():
     return found
 
 
-def test_every_dependency_may_be_used_and_passed_on():
-    found = installed()
-    assert {"numpy", "scipy", "numba", "h5py", "trimesh", "embreex", "typer"} <= found.keys()
-    assert len(found) > 30
-    odd = {
+def odd(found):
+    """Those of these licences that may not be, or that nobody has judged."""
+    return {
         name: licence[:80]
         for name, licence in found.items()
         if REFUSED.search(licence) or not re.search(WITHOUT_METADATA.get(name, PERMITTED), licence)
     }
-    assert odd == {}
+
+
+def test_every_dependency_may_be_used_and_passed_on():
+    always, extras = needed_by_the_project()
+    found = installed([*always, *(one for extra in extras.values() for one in extra)])
+    assert {"numpy", "scipy", "numba", "h5py", "trimesh", "embreex", "typer"} <= found.keys()
+    assert len(found) > 30
+    assert odd(found) == {}
+
+
+def test_what_trains_may_be_used_and_passed_on():
+    """By itself: the test above passes without torch, and what was not skipped is not repeated once torch is there."""
+    pytest.importorskip("torch")
+    found = installed(needed_by_the_project()[1]["train"])
+    assert {Requirement(one).name for one in needed_by_the_project()[1]["train"]} <= found.keys()
+    assert len(found) > 10
+    assert odd(found) == {}

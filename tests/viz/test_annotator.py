@@ -379,6 +379,24 @@ class TestTheServer:
         assert capsys.readouterr().err == ""
         assert self.get(server, urlsplit(server.address).path + "about")[0] == 200
 
+    @pytest.mark.parametrize("begun", ["GET {}about HT", "POST {}mask HTTP/1.1\r\n{}\r\nContent-Length: 99\r\n\r\n1"])
+    def test_a_page_that_drips_a_request_is_hung_up_on(self, begun, server, monkeypatch, capsys):
+        monkeypatch.setattr(_page_server._Handler, "timeout", 0.4)
+        with socket.create_connection(server.server_address, timeout=0.1) as page:
+            page.sendall(begun.format(urlsplit(server.address).path, "Host: 127.0.0.1").encode())
+            for _ in range(30):  # for 3 s, a byte each 0.1 s
+                try:
+                    assert page.recv(100) == b""
+                    break
+                except TimeoutError:
+                    page.sendall(b"1")
+                except ConnectionError:  # bytes that it has not read any more
+                    break
+            else:
+                pytest.fail("it was listened to for 3 s")
+        assert capsys.readouterr().err == ""
+        assert self.get(server, urlsplit(server.address).path + "about")[0] == 200
+
     def test_a_taken_port_is_said(self, annotation, server):
         with pytest.raises(InputError, match=r"cannot bind port \d+ of 127.0.0.1: .*--port"):
             AnnotatorServer(annotation, server.server_address[1])

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from millisight.cli.console import answer_json, answer_table, check_outputs, json_only, length, progress, say
-from millisight.cli.grids import parse_grid
+from millisight.cli.grids import check_memory, parse_grid
 from millisight.cli.image_steps import one_capture
 from millisight.cli.options import DataFolder, FalseAlarms, RadarChoice, SheetClutter, SupportHeight
 from millisight.core import check_known, printable, write_text
@@ -86,6 +86,7 @@ def locate(
         to = output or source.parent / f"{name}.pose.json"
         check_outputs(to, placed, figures=(plot,), source=source)
         voxels = parse_grid(grid, capture)
+        check_memory(capture, voxels, advice="")
         say(f"grid: {' x '.join(map(str, voxels.shape))} voxels, {capture.channels} channels")
         from millisight.geometry import locate as locate_in
 

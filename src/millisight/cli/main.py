@@ -13,6 +13,8 @@ GO_ON = (
 )  # fmt: skip
 """Commands whose next run continues where this one stopped."""
 
+_MOST_THREADS = 1024  # more than machines have cores; with some ten thousand, Numba ends the process
+
 
 def run() -> None:
     """Run the command line. Exit codes: 1 for an error, printed on one line; 130 for Ctrl-C; 143 for SIGTERM."""
@@ -53,19 +55,22 @@ def _open_streams() -> None:
 
 
 def _check_threads() -> None:
-    """Refuse the number of threads at which Numba cannot even be imported.
+    """Refuse a number of threads at which Numba cannot be imported, ends the process, or warns at length.
 
     Raises
     ------
     InputError
     """
-    given = os.environ.get("NUMBA_NUM_THREADS", "1")
-    if re.fullmatch(r"\s*(-\d+|[+]?0+)\s*", given):
+    given = os.environ.get("NUMBA_NUM_THREADS", "1").strip()
+    number = int(given) if re.fullmatch(r"[+]?[0-9]{1,9}", given) else 0
+    if not 1 <= number <= _MOST_THREADS:
+        from millisight.core import printable
         from millisight.core.errors import InputError
 
+        shown = printable(given if len(given) <= 20 else f"{given[:20]}...") or "empty"
         raise InputError(
-            f"NUMBA_NUM_THREADS is {given.strip()}; expected a whole number of at least 1: set it to the number of "
-            "cores to use, or remove it from the environment"
+            f"NUMBA_NUM_THREADS is {shown}; expected a whole number of at least 1, and at most {_MOST_THREADS}: set it "
+            "to the number of cores to use, or remove it from the environment"
         )
 
 

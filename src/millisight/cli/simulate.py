@@ -126,7 +126,12 @@ def simulate(
     models = _models(model, {name: value for name, value in parameters.items() if value is not None})
     where = _Aperture(aperture, step, height, chosen)  # what is wrong is said now, not after the mesh's work
     with progress("mesh"):
-        scene = Scene.from_mesh(mesh, unit=unit, vertices=vertices or None, rotate_deg=rotate, material=material)
+        scene = Scene.from_mesh(mesh, unit=unit, vertices=None, rotate_deg=rotate, material=material)
+        # Judged before its vertices are resampled: a stray one far off would take a gigabyte.
+        check_coverage(scene, where.over(scene))
+        if vertices:
+            resampled = Scene.from_mesh(scene.mesh, vertices=vertices, center=False).mesh
+            scene = Scene(objects=(replace(scene.objects[0], mesh=resampled),))
     extent = scene.mesh.extent
     say(f"object: {scene.objects[0].name}, {' x '.join(f'{e * 100:.1f}' for e in extent)} cm, "
         f"{len(scene.mesh.vertices)} vertices, {scene.objects[0].material.name}")  # fmt: skip

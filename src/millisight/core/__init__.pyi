@@ -27,8 +27,10 @@ from ._files import files_under as files_under
 from ._files import make_folder as make_folder
 from ._files import parsed_toml as parsed_toml
 from ._files import printable as printable
+from ._files import read_json as read_json
 from ._files import read_toml as read_toml
 from ._files import same_file as same_file
+from ._files import was_cut as was_cut
 from ._files import write_text as write_text
 from ._late import late as late
 from ._limits import Limits as Limits
@@ -65,3 +67,4 @@ from ._tables import record_from_file as record_from_file
 from ._tables import record_from_table as record_from_table
 from ._tables import toml_of as toml_of
 from .errors import check_known as check_known
+from .errors import quoted as quoted

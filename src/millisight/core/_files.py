@@ -5,6 +5,7 @@ disk, a read-only folder, or Ctrl-C in the middle leaves what was there before, 
 leaves, the next to write the same file removes.
 """
 
+import json
 import os
 import re
 import secrets
@@ -26,6 +27,7 @@ RECORD_SUFFIXES = (".h5", ".hdf5")
 """What records are written as."""
 
 _LARGEST_TOML = 1 << 20  # bytes
+_LARGEST_JSON = 1 << 26  # bytes, some hundred thousand entries: parsed, they take ten times as many
 _STALE = 60  # seconds that nobody has written to a temporary file
 _DEEPEST = limits_of(_LARGEST_TOML).depth
 
@@ -157,6 +159,15 @@ def same_file(a: Path, b: Path) -> bool:
         return os.path.realpath(a) == os.path.realpath(b)
 
 
+def was_cut(file: Any) -> bool:
+    """Whether an h5py file, open for reading, is shorter than when it was opened: HDF5 reads zeros beyond its end."""
+    return (
+        file.mode == "r"
+        and file.driver == "sec2"
+        and os.fstat(file.id.get_vfd_handle()).st_size < file.id.get_filesize()
+    )
+
+
 def printable(text: object) -> str:
     """A text, such as a file's name in another encoding, as any terminal and any file can hold it.
 
@@ -258,6 +269,23 @@ def check_folder(path: str | os.PathLike[str]) -> None:
             f"cannot {verb} the folder {printable(path)}: {error.strerror}; choose another folder or make this one "
             "writable"
         ) from error
+
+
+def read_json(path: str | os.PathLike[str]) -> Any:
+    """What a JSON file that millisight keeps for itself holds, such as a cache, of 64 MiB at most.
+
+    Raises
+    ------
+    ValueError, RecursionError
+        It is no JSON, or larger.
+    OSError
+        It cannot be read.
+    """
+    with open(path, "rb") as file:
+        content = file.read(_LARGEST_JSON + 1)
+    if len(content) > _LARGEST_JSON:
+        raise ValueError(f"it has more than {_LARGEST_JSON >> 20} MiB")
+    return json.loads(content)
 
 
 def read_toml(path: str | os.PathLike[str], what: str) -> dict[str, Any]:

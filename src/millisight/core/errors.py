@@ -19,6 +19,17 @@ from difflib import get_close_matches
 _FEW = 20  # Names: a longer list is printed only where none of it is close, since it would drown the one that is.
 
 
+_LONGEST = 200  # characters of a value in a message
+
+
+def quoted(value: object) -> str:
+    """The repr of a value as messages hold it; of a long one the beginning, and how long it is."""
+    if isinstance(value, str) and len(value) > _LONGEST:  # of a part alone: it may be as long as a request
+        return f"{value[:_LONGEST]!r}... ({len(value)} characters)"
+    text = repr(value)
+    return text if len(text) <= _LONGEST + 2 else f"{text[:_LONGEST]}... ({len(text)} characters)"
+
+
 class MillisightError(Exception):
     """Base of every error raised on purpose by millisight."""
 
@@ -42,8 +53,8 @@ class UnknownNameError(MillisightError, LookupError):
         known = sorted(known)
         few = len(known) <= _FEW
         by_lower = {k.lower(): k for k in known}
-        close = get_close_matches(str(name).lower(), by_lower, n=1 if few else 3, cutoff=0.5)
-        sentences = [f"unknown {kind} {name!r}."]
+        close = get_close_matches(str(name)[:_LONGEST].lower(), by_lower, n=1 if few else 3, cutoff=0.5)
+        sentences = [f"unknown {kind} {quoted(name)}."]
         if close:
             sentences.append(f"Did you mean {' or '.join(repr(by_lower[k]) for k in close)}?")
         if few or not close:

@@ -1,12 +1,21 @@
 """A capture: what a radar measured along a trajectory."""
 
-import os
 from dataclasses import field
 from typing import Any, cast
 
 import numpy as np
 
-from millisight.core import Metadata, check_shape, checked_array, checked_metadata, checked_record, late, put, record
+from millisight.core import (
+    Metadata,
+    check_shape,
+    checked_array,
+    checked_metadata,
+    checked_record,
+    late,
+    put,
+    record,
+    was_cut,
+)
 from millisight.core.errors import DamagedFileError, InputError
 from millisight.data._layers import Layers
 from millisight.data._radar import Radar
@@ -28,15 +37,6 @@ def check_follows_log(capture: "Capture") -> None:
         raise InputError("the capture states the antenna positions of each pose; a robot log cannot replace them")
     if capture.layers is not None:
         raise InputError("the capture already has layers; place its frames by the log first, then add the layers")
-
-
-def _was_cut(file: Any) -> bool:
-    """Whether an h5py file, open for reading, is shorter than when it was opened: HDF5 reads zeros beyond its end."""
-    return (
-        file.mode == "r"
-        and file.driver == "sec2"
-        and os.fstat(file.id.get_vfd_handle()).st_size < file.id.get_filesize()
-    )
 
 
 @record
@@ -165,7 +165,7 @@ class Capture:
             frames = self.frames[poses]
         except OSError as error:
             raise DamagedFileError(f"frames of poses {start} to {stop - 1} cannot be read: {error}") from error
-        if _was_cut(self.frames.file):
+        if was_cut(self.frames.file):
             raise DamagedFileError(
                 f"frames of poses {start} to {stop - 1} cannot be trusted: the file was cut short while it was read; "
                 "make or copy it again"

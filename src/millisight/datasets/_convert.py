@@ -15,7 +15,17 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from millisight.core import alone, atomic_path, checked_number, make_folder, printable, record, same_file, write_text
+from millisight.core import (
+    alone,
+    atomic_path,
+    checked_number,
+    make_folder,
+    printable,
+    read_json,
+    record,
+    same_file,
+    write_text,
+)
 from millisight.core.errors import FileError, InputError
 from millisight.datasets import _mito
 from millisight.datasets._dataset import CANNOT_LIST, Dataset, Item
@@ -175,7 +185,7 @@ class _Ledger:
 def _read_cache(path: Path) -> dict[str, Checksums]:
     """The checksums that an earlier run left; none where they cannot be read: they are worked out again."""
     try:
-        cache = json.loads(path.read_bytes())
+        cache = read_json(path)
         return {
             item: {name: (int(size), int(changed), str(sha256)) for name, (size, changed, sha256) in known.items()}
             for item, known in cache.items()

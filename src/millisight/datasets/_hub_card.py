@@ -4,6 +4,7 @@ import json
 from collections import Counter
 from pathlib import Path, PurePosixPath
 
+from millisight.core import read_json
 from millisight.core.errors import DamagedFileError
 from millisight.datasets._manifest import MANIFEST_NAME, Manifest
 from millisight.io.mito import IMAGE, INFO
@@ -91,7 +92,7 @@ def _origins(folder: Path, manifest: Manifest) -> Counter[str]:
 
 def _info(path: Path) -> dict[str, object]:
     try:
-        told = json.loads(path.read_text(encoding="utf-8"))
+        told = read_json(path)
     except (OSError, ValueError, RecursionError) as error:
         raise DamagedFileError(f"{path.name} of {path.parent.name} cannot be read: {error}") from error
     return told if isinstance(told, dict) else {}

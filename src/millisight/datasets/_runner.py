@@ -10,7 +10,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
-from millisight.core import make_folder, printable, write_text
+from millisight.core import make_folder, printable, read_json, write_text
 from millisight.core.errors import InputError
 from millisight.datasets import _mito
 from millisight.datasets._dataset import Dataset
@@ -190,7 +190,7 @@ def _write_cached(path: Path, key: str, result: Any) -> None:
 def _read_cached(path: Path, key: str) -> Any:
     """The result of a file; None where there is none of this key, or the file is damaged."""
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = read_json(path)
         result = content["result"]
         return result if (content["key"], content["checksum"]) == (key, _checksum(result)) else None
     except (OSError, ValueError, KeyError, TypeError, RecursionError):

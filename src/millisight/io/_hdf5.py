@@ -20,7 +20,7 @@ from typing import Any, TypeVar, overload
 import numpy as np
 
 from millisight import data
-from millisight.core import atomic_path, check_record_suffix, check_shape, printable
+from millisight.core import atomic_path, check_record_suffix, check_shape, printable, was_cut
 from millisight.core.errors import DamagedFileError, FileError, FormatError, InputError
 from millisight.data import Capture
 from millisight.io._about import ABOUT
@@ -164,7 +164,9 @@ def load(path: str | os.PathLike[str], kind: type[Any] | None = None) -> Any:
     with opened(path) as file:
         if kind is not None:
             _expect(file, path, kind.__name__)
-        return _read(file, path)
+        record = _read(file, path)
+        _check_uncut(file, path)
+        return record
 
 
 @contextmanager
@@ -188,7 +190,8 @@ def open_image(path: str | os.PathLike[str]) -> Iterator[tuple[data.VoxelGrid, A
     Raises
     ------
     FileError, FormatError, DamagedFileError
-        As `load`; FormatError also where the file holds another record.
+        As `load`; FormatError also where the file holds another record. DamagedFileError also from reading values,
+        where the file is cut short meanwhile.
     """
     with opened(path) as file:
         _expect(file, path, data.SarImage.__name__)
@@ -196,7 +199,8 @@ def open_image(path: str | os.PathLike[str]) -> Iterator[tuple[data.VoxelGrid, A
         grid, values = found.get("grid"), found.get("values")
         if not isinstance(grid, data.VoxelGrid) or getattr(values, "shape", None) != grid.shape:
             raise DamagedFileError(f"{path} is damaged: its values do not fit its grid; make or copy it again")
-        yield grid, values
+        _check_uncut(file, path)
+        yield grid, _OnDisk(values, path)
 
 
 def load_extras(path: str | os.PathLike[str]) -> dict[str, Any]:
@@ -215,6 +219,7 @@ def load_extras(path: str | os.PathLike[str]) -> dict[str, Any]:
                 extras[name] = json.loads(array.tobytes()) if "json" in item.attrs else array
         except (OSError, RuntimeError, LookupError, TypeError, ValueError, AttributeError) as error:
             raise DamagedFileError(f"{path} is damaged at {_EXTRAS}: {reason(error)}; make or copy it again") from error
+        _check_uncut(file, path)
         return extras
 
 
@@ -318,6 +323,38 @@ def _read_item(item: Any, path: str | os.PathLike[str], *, lazily: bool) -> Any:
     array = item[...]
     array.flags.writeable = False  # so that the record takes it as it is
     return array
+
+
+class _OnDisk:
+    """An array of an open file, read a part at a time; the file is checked after each, since it may be cut."""
+
+    def __init__(self, dataset: Any, path: str | os.PathLike[str]):
+        self._dataset, self._path = dataset, path
+        self.shape: tuple[int, ...] = dataset.shape
+        self.dtype: np.dtype = dataset.dtype
+        self.size: int = dataset.size
+        self.ndim: int = dataset.ndim
+
+    def __len__(self) -> int:
+        return len(self._dataset)
+
+    def __getitem__(self, index: Any) -> np.ndarray:
+        values = self._dataset[index]
+        _check_uncut(self._dataset.file, self._path)
+        return values
+
+
+def _check_uncut(file: Any, path: str | os.PathLike[str]) -> None:
+    """Raise where an open file became shorter since it was opened: what was read beyond its end is zeros, not data.
+
+    Raises
+    ------
+    DamagedFileError
+    """
+    if was_cut(file):
+        raise DamagedFileError(
+            f"{printable(path)} cannot be trusted: the file was cut short while it was read; make or copy it again"
+        )
 
 
 def _is_plain_text(value: Any) -> bool:

@@ -5,6 +5,7 @@ case: groups and arrays of numbers in one tree, whose bytes lie in the file itse
 """
 
 import json
+import logging
 import math
 import os
 import tempfile
@@ -18,7 +19,9 @@ import numpy as np
 from millisight.core import check_readable, limits_of, printable
 from millisight.core.errors import DamagedFileError, FileError, FormatError
 from millisight.io._children import child, failure
-from millisight.io._seal import seal_holds
+from millisight.io._seal import chunks_of_zeros, seal_holds, seals_checksums
+
+logger = logging.getLogger(__name__)
 
 SCHEMA_VERSION = 2  # 1 had no seal
 PLACED_VERSION = 3  # of captures with antennas at their own places, or layers, which an older reader would pass over
@@ -48,6 +51,7 @@ def opened(path: str | os.PathLike[str]) -> Iterator[Any]:
         raise DamagedFileError(f"{printable(path)} is damaged: its checksum differs; make or copy it again")
     if sealed:
         with _checked(path, path) as file:
+            _warn_of_zeros(path, file, path)
             yield file
         return
     if stated > (size := path.stat().st_size):
@@ -58,7 +62,23 @@ def opened(path: str | os.PathLike[str]) -> Iterator[Any]:
         copy = Path(folder) / "copy.h5"
         _copy(path, copy)
         with _checked(copy, path) as file:
+            _warn_of_zeros(copy, file, path, older=True)
             yield file
+
+
+def _warn_of_zeros(path: Path, file: Any, called: Path, *, older: bool = False) -> None:
+    """Say which chunks of an older file may have been lost: Fletcher-32 of zeros is 0, and no seal covers it there."""
+    try:
+        with open(path, "rb") as raw:
+            found = chunks_of_zeros(raw, file) if older or not seals_checksums(raw, file) else {}
+    except (OSError, RuntimeError, LookupError, TypeError, ValueError) as error:
+        raise DamagedFileError(f"{printable(called)} is damaged: {reason(error)}; make or copy it again") from error
+    for name, rows in found.items():
+        logger.warning(
+            "%s: %s holds %d chunks of zeros alone, the first from index %d on; a file of this older form does not "
+            "tell whether zeros were written or data was lost: compare it with its source, then save it again",
+            printable(called), printable(name), len(rows), min(rows),
+        )  # fmt: skip
 
 
 def _copy(path: Path, copy: Path) -> None:

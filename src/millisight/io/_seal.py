@@ -39,6 +39,41 @@ def chunk_extents(file: Any) -> np.ndarray:
     return np.array(sorted(found), dtype="<u8").reshape(-1, 2)
 
 
+def seals_checksums(raw: BinaryIO, file: Any) -> bool:
+    """Whether the seal of an open h5py file covers the chunks' checksums, which those of before leave out."""
+    end = raw.seek(0, os.SEEK_END) - _TAIL
+    raw.seek(end)
+    many = 16 * int.from_bytes(raw.read(8), "little")
+    raw.seek(end - many)
+    return raw.read(many) == chunk_extents(file).tobytes()
+
+
+def chunks_of_zeros(raw: BinaryIO, file: Any) -> dict[str, list[int]]:
+    """By array of an open h5py file, the first rows of chunks of which every byte is 0, the checksum's as well.
+
+    Only where the checksum is 0, which it is of few values else, are these read.
+    """
+    import h5py
+
+    found: dict[str, list[int]] = {}
+
+    def visit(name: str, item: Any) -> None:
+        if not isinstance(item, h5py.Dataset) or item.chunks is None or not item.fletcher32:
+            return
+        places: list[tuple[int, int, int]] = []
+        item.id.chunk_iter(lambda chunk: places.append((chunk.chunk_offset[0], chunk.byte_offset, chunk.size)))
+        for row, start, length in places:
+            raw.seek(start + length - _FLETCHER)
+            if any(raw.read(_FLETCHER)):
+                continue
+            raw.seek(start)
+            if not any(raw.read(length)):
+                found.setdefault(name, []).append(row)
+
+    file.visititems(visit)
+    return found
+
+
 def write_seal(raw: BinaryIO, extents: np.ndarray) -> None:
     """Append the seal to a file, open for reading and writing, that HDF5 has closed."""
     size = raw.seek(0, os.SEEK_END)

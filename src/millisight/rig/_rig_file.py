@@ -14,6 +14,7 @@ from millisight.core import (
     checked_numbers,
     printable,
     put,
+    quoted,
     read_toml,
     record,
     record_from_table,
@@ -161,7 +162,7 @@ class Lab:
             for name in names:
                 checked_radar(name)
         if len(set(names)) < len(names):
-            raise InputError(f"the radars are called {names}; expected different names")
+            raise InputError(f"the radars are called {quoted(names)}; expected different names")
         self.camera: Any = None
         if file.camera is not None:
             self.camera = self._device("camera", file.camera, "camera", folder, source)

@@ -13,7 +13,16 @@ from typing import Any
 
 import numpy as np
 
-from millisight.core import alone, atomic_path, checked_numbers, checked_path, make_folder, printable, write_text
+from millisight.core import (
+    alone,
+    atomic_path,
+    checked_numbers,
+    checked_path,
+    make_folder,
+    printable,
+    read_json,
+    write_text,
+)
 from millisight.core.errors import DamagedFileError, FileError, InputError
 from millisight.data import CameraFrame, Trajectory
 from millisight.io import mito
@@ -196,7 +205,7 @@ def _rows_listed(folder: Path, names: Sequence[str]) -> list[dict[str, tuple[int
 def _kept(path: Path) -> Any:
     """What a file of an unfinished scan holds."""
     try:
-        return json.loads(path.read_bytes())
+        return read_json(path)
     except (ValueError, RecursionError) as error:
         raise DamagedFileError(f"{printable(path)} is damaged: {error}; remove the folder it is in") from error
 
@@ -212,7 +221,7 @@ def _joined(parts: Sequence[Path]) -> Trajectory:
 
 
 class Spool(Sequence):
-    """Rows on disk until they are all there; what is asked for is mapped, not read."""
+    """Rows on disk until they are all there; each is read when it is asked for."""
 
     def __init__(self, folder: Path, rows: list[tuple[int, float]]):
         self._folder = folder
@@ -240,8 +249,8 @@ class Spool(Sequence):
         try:
             with warnings.catch_warnings():  # of a header by Python 2, which is none of ours
                 warnings.simplefilter("error", UserWarning)
-                frames = np.load(path, mmap_mode="r")
-        except (OSError, ValueError, TypeError, SyntaxError, UserWarning) as error:
+                frames = np.load(path)  # not mapped: a file cut while it is mapped kills the process
+        except (OSError, EOFError, ValueError, TypeError, SyntaxError, UserWarning) as error:
             raise DamagedFileError(f"{printable(path)} is damaged: {error}; remove the folder it is in") from error
         return mito.RecordedRow(number=number, created=created, frames=frames)
 

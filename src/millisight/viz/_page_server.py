@@ -7,6 +7,7 @@ itself, and the page may fetch nothing from anywhere else.
 import json
 import secrets
 import select
+import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -14,6 +15,7 @@ from contextlib import contextmanager
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.resources import files
+from io import BufferedReader, RawIOBase
 from typing import Any, Self
 from urllib.parse import urlsplit
 
@@ -119,12 +121,55 @@ class PageServer(ThreadingHTTPServer):
                 self._left = None if self._pages else time.monotonic()
 
 
+class _Timely(RawIOBase):
+    """What a page sends, up to the time by which a request must be whole, however slowly its bytes come.
+
+    Raises
+    ------
+    TimeoutError
+    """
+
+    def __init__(self, connection: socket.socket, seconds: float):
+        self._connection, self._seconds = connection, seconds
+        self.begin()
+
+    def begin(self) -> None:
+        """From now on the seconds count."""
+        self._until = time.monotonic() + self._seconds
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        left = self._until - time.monotonic()
+        if left <= 0:
+            raise TimeoutError("the request takes too long")
+        self._connection.settimeout(left)
+        try:
+            return self._connection.recv_into(buffer)
+        finally:
+            self._connection.settimeout(self._seconds)  # for the answer
+
+
 class _Handler(BaseHTTPRequestHandler):
     server: PageServer  # ty: ignore[incompatible-mutable-override]
     protocol_version = "HTTP/1.1"
     server_version, sys_version = "millisight", ""
-    timeout = 60
+    timeout = 60  # for the whole of a request, and until the next one begins [s]
     disable_nagle_algorithm = True  # it holds every answer back for 40 ms
+
+    def setup(self) -> None:
+        super().setup()
+        self.rfile.close()  # whose timeout begins anew at every byte
+        seconds: Any = self.timeout
+        self._sent = _Timely(self.connection, seconds)
+        self._requests = self.rfile = BufferedReader(self._sent)
+
+    def handle_one_request(self) -> None:
+        self._sent.begin()
+        self._requests.peek(1)
+        self._sent.begin()
+        super().handle_one_request()
 
     def do_GET(self) -> None:
         path = self._path()

@@ -98,6 +98,8 @@ class Ledger:
             self._done[job] = told[0].sources[0].sha256, tuple(told)
 
 
+_LONGEST_LINE = 1 << 24  # of the journal, the files of one job [bytes]
+
 JOB_NAME = "job.json"
 """The file that holds a job's description; its checksum stands for all that the job's files follow from."""
 
@@ -110,11 +112,12 @@ def job_source(path: Path, name: str) -> ManifestSource:
 def _journal(out: Path) -> Iterator[list[ManifestEntry]]:
     """What the journal tells; a line that was cut off or damaged tells nothing."""
     try:
-        lines = (out / JOURNAL_NAME).read_bytes().splitlines()
+        file = open(out / JOURNAL_NAME, "rb")  # noqa: SIM115
     except OSError:
         return
-    for line in lines:
-        try:
-            yield [manifest_entry(value, JOURNAL_NAME) for value in json.loads(line)]
-        except (ValueError, TypeError, RecursionError, DamagedFileError):
-            continue
+    with file:
+        while line := file.readline(_LONGEST_LINE):  # the parts of a longer one are damaged lines
+            try:
+                yield [manifest_entry(value, JOURNAL_NAME) for value in json.loads(line)]
+            except (ValueError, TypeError, RecursionError, DamagedFileError):
+                continue

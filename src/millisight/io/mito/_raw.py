@@ -260,7 +260,7 @@ class _Dca1000:
 
     def look(self, path: Path, remarks: Remarks) -> np.ndarray:
         counts = open_counts(path, odd_byte=True)
-        frames, over = divmod(path.stat().st_size, self._FRAME_BYTES)
+        frames, over = divmod(counts.nbytes + path.stat().st_size % 2, self._FRAME_BYTES)
         if not frames:
             raise DamagedFileError(f"{over} bytes, less than one frame of {self._FRAME_BYTES}")
         if over:

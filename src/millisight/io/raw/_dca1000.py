@@ -4,6 +4,8 @@ The card's UDP packets, as tcpdump records them (.pcap), hold the same, and are 
 """
 
 import os
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -54,7 +56,7 @@ def read_dca1000(
     sample_swap: bool = False,
     truncated: str = "refuse",
 ) -> RawFrames:
-    """Read the complex frames of a DCA1000 `.bin` or `.pcap` file, as recorded; needs memory of twice the file's size.
+    """Read the complex frames of a DCA1000 `.bin` or `.pcap` file, as recorded; needs thrice the file's size of memory.
 
     Parameters
     ----------
@@ -177,7 +179,7 @@ def identify_order(
     if isinstance(source, np.ndarray):
         name, counts = "the values", _checked_counts(source)
     else:
-        name, counts = printable(os.path.basename(check_readable(source))), open_counts(source)
+        name, counts = printable(os.path.basename(check_readable(source))), _on_disk(source)
     estimate = estimate_order(counts, receivers=receivers, samples=samples)
     if estimate.order == UNKNOWN:
         some = counts[: 1 << 21].byteswap()
@@ -204,17 +206,53 @@ def swap_for_positive_ranges(estimate: OrderEstimate) -> bool:
 
 
 def open_counts(path: str | os.PathLike[str], *, odd_byte: bool = False) -> np.ndarray:
-    """The int16 values of a `.bin` file, mapped from the disk (read-only); a last odd byte is left out on request.
+    """The int16 values of a `.bin` file, read whole (read-only); a last odd byte is left out on request.
 
     Raises
     ------
     FileError
         It cannot be read.
     DamagedFileError
-        It is empty, or has an odd number of bytes.
+        It is empty, has an odd number of bytes, or is cut short while it is read.
     FormatError
         It is text, or its bytes stand in big-endian order.
+    InputError
+        It is larger than the memory.
     """
+    values = _on_disk(path, odd_byte=odd_byte)
+    try:
+        counts = values[:]
+    except MemoryError as error:
+        raise InputError(f"{values.name} takes {len(values) / 2**29:.1f} GiB of memory; split the file") from error
+    counts.flags.writeable = False
+    return counts
+
+
+class _OnDisk:
+    """The int16 values of a file, read where they are asked for: a file that is cut while mapped kills the process."""
+
+    def __init__(self, path: Path, size: int):
+        self._path, self._length = path, size // 2
+        self.name: str = printable(path.name)
+
+    def __len__(self) -> int:
+        return self._length
+
+    def __getitem__(self, index: slice) -> np.ndarray:
+        start, stop, _ = index.indices(self._length)
+        try:
+            values = np.fromfile(self._path, dtype="<i2", count=stop - start, offset=2 * start)
+        except OSError as error:
+            raise DamagedFileError(f"cannot read {self.name}: {error.strerror or error}; copy it again") from error
+        if len(values) < stop - start:
+            raise DamagedFileError(
+                f"{self.name} was cut short while it was read: expected {2 * self._length} bytes; copy it again"
+            )
+        return values
+
+
+def _on_disk(path: str | os.PathLike[str], *, odd_byte: bool = False) -> Any:
+    """The values of a file that may be a DCA1000's, to be read slice by slice; errors as `open_counts`."""
     path = check_readable(path)
     name = printable(path.name)
     size = path.stat().st_size
@@ -229,10 +267,7 @@ def open_counts(path: str | os.PathLike[str], *, odd_byte: bool = False) -> np.n
             f"{name} holds {size} bytes, an odd number; int16 values take two each: the file is cut off, or not raw "
             "data"
         )
-    try:
-        counts = np.memmap(path, dtype="<i2", mode="r", shape=(size // 2,)).view(np.ndarray)
-    except OSError as error:
-        raise DamagedFileError(f"cannot read {name}: {error.strerror or error}; copy it again") from error
+    counts = _OnDisk(path, size)
     middle = len(counts) // 2
     some = np.concatenate([counts[: 1 << 17], counts[middle : middle + (1 << 17)]])
     # Read in the wrong order the low byte, which is nearly noise, stands high: small numbers become large ones.
@@ -255,7 +290,8 @@ def open_recording(path: str | os.PathLike[str], *, odd_byte: bool = False) -> t
     path = check_readable(path)
     if not is_pcap(path):
         counts = open_counts(path, odd_byte=odd_byte)
-        return counts, os.path.getsize(path), find_gaps(counts)
+        # Of what was read, not of the file, which may have changed since; an odd byte at its end is not among it.
+        return counts, 2 * len(counts) + (os.path.getsize(path) % 2 if odd_byte else 0), find_gaps(counts)
     recording, gaps = assemble_packets(read_packets(path))
     size = len(recording) - len(recording) % 2 * (not odd_byte)  # a capture ends where it ends
     return np.frombuffer(recording, "<i2", len(recording) // 2), size, gaps

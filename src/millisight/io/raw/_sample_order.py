@@ -223,9 +223,11 @@ def repeated_samples(counts: np.ndarray, order: str, *, receivers: int) -> int |
 
 def _some_chirps(counts: np.ndarray, values: int) -> np.ndarray:
     """(K, values) of some chirps spread over `counts`; those that hold only zeros left out."""
-    chirps = counts[: len(counts) // values * values].reshape(-1, values)
-    many = min(len(chirps), _MAX_CHIRPS, max(1, _MAX_VALUES // values))
-    some = np.asarray(chirps[np.unique(np.linspace(0, len(chirps) - 1, many).astype(int))])
+    there = len(counts) // values
+    many = min(there, _MAX_CHIRPS, max(1, _MAX_VALUES // values))
+    taken = np.unique(np.linspace(0, there - 1, many).astype(int)).tolist()
+    # One by one: of a file that was not read, only these are.
+    some = np.concatenate([counts[:0], *(counts[i * values : (i + 1) * values] for i in taken)]).reshape(-1, values)
     return some[some.any(axis=-1)]
 
 

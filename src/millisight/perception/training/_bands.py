@@ -1,6 +1,7 @@
 """What all scenes to train on have in common: both radars, the lattice of their images, the files of their parts."""
 
 import dataclasses
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -56,6 +57,40 @@ def read_parts(path: Path, *names: str) -> tuple[dict[str, np.ndarray], dict[str
             raise DamagedFileError(f"{printable(path)} is not a scene of this training: {band} is no image; delete it")
     images = {band: held.pop(band).astype(np.float32).view(np.complex64) for band in BANDS}
     return images, held
+
+
+def check_arrays(
+    path: Path, held: Mapping[str, np.ndarray], expected: Mapping[str, tuple[type, tuple[int, ...]]]
+) -> None:
+    """Raise unless the arrays of these names have the types and shapes that are expected of them, and are finite.
+
+    Raises
+    ------
+    DamagedFileError
+    """
+    for name, (kind, shape) in expected.items():
+        array = held[name]
+        if array.shape != shape or not np.issubdtype(array.dtype, kind) or not np.isfinite(array).all():
+            raise DamagedFileError(
+                f"{printable(path)} is not a scene of this training: {name} is {array.dtype} of shape {array.shape}; "
+                f"expected finite {kind.__name__} of shape {shape}; delete it"
+            )
+
+
+def level_of(path: Path, held: Mapping[str, np.ndarray], images: Mapping[str, np.ndarray]) -> int:
+    """The `level` that a file holds: an index along the last axis of its images.
+
+    Raises
+    ------
+    DamagedFileError
+    """
+    check_arrays(path, held, {"level": (np.integer, ())})
+    level, many = int(held["level"]), min(one.shape[-1] for one in images.values())
+    if not 0 <= level < many:
+        raise DamagedFileError(
+            f"{printable(path)} is not a scene of this training: level is {level}, of {many} along z; delete it"
+        )
+    return level
 
 
 def write_arrays(path: Path, arrays: dict[str, Any]) -> None:

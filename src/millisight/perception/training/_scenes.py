@@ -30,7 +30,16 @@ from millisight.data import Capture, Material, Scene, Trajectory, TriangleMesh, 
 from millisight.imaging import combine, form_image
 from millisight.meshes import CATALOGUE, RANDOM_SHAPES, build_object, load_mesh, object_name, random_shape
 from millisight.perception import SPACING
-from millisight.perception.training._bands import BANDS, DEPTH, read_parts, simulated_radar, strayed, write_parts
+from millisight.perception.training._bands import (
+    BANDS,
+    DEPTH,
+    check_arrays,
+    level_of,
+    read_parts,
+    simulated_radar,
+    strayed,
+    write_parts,
+)
 from millisight.perception.training._sources import meshes_in, simulations_in
 from millisight.simulation import simulate
 
@@ -277,7 +286,11 @@ def _read(path: Path) -> SceneParts:
     of_bands = [f"{band}_scales" for band in BANDS]
     images, held = read_parts(path, "x", "y", "inside", "angles_deg", "level", *of_bands)
     scales = {band: held[f"{band}_scales"] for band in BANDS}
-    inside, level = held["inside"], int(held["level"])
-    if any(values.shape[:3] != (len(SCENE_PARTS), *inside.shape) for values in images.values()):
+    inside, shape, parts = held["inside"], images[BANDS[0]].shape, len(SCENE_PARTS)
+    if len(shape) != 4 or any(values.shape != (parts, *inside.shape, shape[3]) for values in images.values()):
         raise DamagedFileError(f"{printable(path)}: its images and its mask differ in size; delete it")
-    return SceneParts(held["x"], held["y"], inside, held["angles_deg"], images, scales, level)
+    expected: dict[str, tuple[type, tuple[int, ...]]]
+    expected = {"x": (np.floating, shape[1:2]), "y": (np.floating, shape[2:3]), "inside": (np.bool_, shape[1:3])}
+    expected |= {"angles_deg": (np.floating, (3,)), **dict.fromkeys(of_bands, (np.floating, (parts,)))}
+    check_arrays(path, held, expected)
+    return SceneParts(held["x"], held["y"], inside, held["angles_deg"], images, scales, level_of(path, held, images))

@@ -10,11 +10,21 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from millisight.core import SPEED_OF_LIGHT
+from millisight.core import SPEED_OF_LIGHT, printable
+from millisight.core.errors import DamagedFileError
 from millisight.data import Capture, Radar, Trajectory, VoxelGrid
 from millisight.imaging import form_image
 from millisight.perception import SPACING
-from millisight.perception.training._bands import BANDS, DEPTH, read_parts, simulated_radar, strayed, write_parts
+from millisight.perception.training._bands import (
+    BANDS,
+    DEPTH,
+    check_arrays,
+    level_of,
+    read_parts,
+    simulated_radar,
+    strayed,
+    write_parts,
+)
 
 _SIDE = 0.36  # of the images along x and y [m]
 _BELOW, _ABOVE = 0.16, 0.075  # of the images, from the sheet's middle [m]
@@ -50,7 +60,10 @@ def cached_sheet(number: int, *, seed: int, folder: str | os.PathLike[str], kind
         level, reach, images = make_sheet(np.random.default_rng([seed, number, *kind.encode()]), stand=kind == "stand")
         write_parts(path, images, level=np.array(level), reach=reach)
     images, held = read_parts(path, "level", "reach")
-    return SheetParts(int(held["level"]), held["reach"], images)
+    check_arrays(path, held, {"reach": (np.floating, (4,))})
+    if len({values.shape for values in images.values()}) > 1 or images[BANDS[0]].ndim != 3:
+        raise DamagedFileError(f"{printable(path)}: its images differ in size, or are not of a volume; delete it")
+    return SheetParts(level_of(path, held, images), held["reach"], images)
 
 
 def make_sheet(rng: np.random.Generator, *, stand: bool = False) -> SheetParts:

@@ -14,11 +14,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from millisight.core import check_known, checked_integer, checked_number, put, record
+from millisight.core import check_known, checked_integer, checked_number, printable, put, record
+from millisight.core.errors import DamagedFileError
 from millisight.data import SarImage, VoxelGrid
 from millisight.perception import SPACING, taken_db, without_sheets
 from millisight.perception.training import _augmentation as augmentation
-from millisight.perception.training._bands import BANDS, DEPTH, read_arrays, write_arrays
+from millisight.perception.training._bands import BANDS, DEPTH, check_arrays, read_arrays, write_arrays
 from millisight.perception.training._scenes import SceneParts
 from millisight.perception.training._sheets import SheetParts
 
@@ -310,6 +311,15 @@ def _read(path: Path) -> WholeScene:
     names = [f"{band}_{what}" for band in BANDS for what in ("levels", "raw")]
     held = read_arrays(path, "objects", "covered", "taken", *names)
     bands: list[str] = [band for band in BANDS if held[f"{band}_raw"].size]
+    if BANDS[0] not in bands or held["objects"].ndim != 2:
+        raise DamagedFileError(f"{printable(path)} is not a scene of this training: it has no image; delete it")
+    shape = held["objects"].shape
+    expected: dict[str, tuple[type, tuple[int, ...]]] = {"objects": (np.uint8, shape), "covered": (np.bool_, ())}
+    for band in bands:
+        expected |= {
+            f"{band}_levels": (np.uint8, (*shape, *held[f"{band}_levels"].shape[2:3])), f"{band}_raw": (np.uint8, shape)
+        }  # fmt: skip
+    check_arrays(path, held, expected | {"taken": (np.floating, (len(BANDS),))})
     levels, raw = ({band: held[f"{band}_{what}"] for band in bands} for what in ("levels", "raw"))
     taken = {band: float(held["taken"][BANDS.index(band)]) for band in bands}
     return WholeScene(held["objects"], bool(held["covered"]), levels, raw, taken)

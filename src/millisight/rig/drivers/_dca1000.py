@@ -9,8 +9,8 @@ from typing import Protocol
 
 import numpy as np
 
-from millisight.core import checked_integer, checked_number, checked_numbers, put, record
-from millisight.core.errors import DeviceError, InputError
+from millisight.core import checked_integer, checked_number, checked_numbers, printable, put, record
+from millisight.core.errors import DamagedFileError, DeviceError, InputError
 from millisight.data import AntennaArray, Radar
 from millisight.io.raw import DATA_PORT, TiConfig, check_order, frames_touched, read_ti_config, unpack, values_per_chirp
 from millisight.rig import Recording
@@ -282,12 +282,19 @@ class Dca1000:
     def _recording(self, receiver: PacketReceiver) -> Recording:
         gaps = self._file.close()
         chirps, receivers, samples = self._shape
-        counts = np.memmap(
-            self._path, dtype="<i2", mode="r", shape=(self._frames, chirps, self._frame_bytes // 2 // chirps)
-        )
         frames = np.empty((self._frames, *self._shape), dtype=np.complex64)
-        for i in range(self._frames):
-            frames[i] = unpack(counts[i], self._order, receivers=receivers, samples=samples, sample_swap=self._swap)
+        with open(self._path, "rb") as file:  # not mapped: a file cut while it is mapped kills the process
+            for i in range(self._frames):
+                counts = np.fromfile(file, dtype="<i2", count=self._frame_bytes // 2)
+                if len(counts) < self._frame_bytes // 2:
+                    raise DamagedFileError(
+                        f"{printable(self._path)} was cut short: it ends within frame {i} of {self._frames}; record "
+                        "the row again"
+                    )
+                frames[i] = unpack(
+                    counts.reshape(chirps, -1), self._order, receivers=receivers, samples=samples,
+                    sample_swap=self._swap,
+                )  # fmt: skip
         if self.settings.phase_sign == 1:  # of the device; inside it is the other
             np.conj(frames, out=frames)
         lost = frames_touched(gaps, frame_bytes=self._frame_bytes, frames=self._frames)

@@ -20,6 +20,7 @@ from millisight.core import (
     checked_record,
     printable,
     put,
+    quoted,
     read_toml,
     record,
     record_from_table,
@@ -285,7 +286,7 @@ class World:
                 raise InputError(f"{name} has {len(getattr(self, name))} entries; expected {_MOST} at most")
         names = [radar.name for radar in radars]
         if not radars or len(set(names)) < len(names):
-            raise InputError(f"the radars' files go to {names}; expected one radar, or one of each band")
+            raise InputError(f"the radars' files go to {quoted(names)}; expected one radar, or one of each band")
         put(
             self,
             seed=checked_integer(self.seed, name="seed", minimum=0),

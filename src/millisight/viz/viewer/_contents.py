@@ -244,6 +244,8 @@ def _hdf5_image(path: Path) -> _Image:
         if values.size > MOST_VOXELS:
             try:
                 levels = levels_of(grid, values, most=MOST_VOXELS)
+            except FileError:
+                raise
             except (OSError, TypeError, ValueError) as error:
                 reason = " ".join(str(error).split())
                 raise DamagedFileError(f"{printable(path)} is damaged: {reason}; make or copy it again") from error
