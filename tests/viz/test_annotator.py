@@ -6,6 +6,7 @@ import json
 import socket
 import struct
 import threading
+import time
 import zlib
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -396,6 +397,16 @@ class TestTheServer:
                 pytest.fail("it was listened to for 3 s")
         assert capsys.readouterr().err == ""
         assert self.get(server, urlsplit(server.address).path + "about")[0] == 200
+
+    @pytest.mark.parametrize("sent", ["", "GET {}about HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"])
+    def test_a_page_that_asks_nothing_more_is_hung_up_on_without_a_word(self, sent, server, monkeypatch, capsys):
+        monkeypatch.setattr(_page_server._Handler, "timeout", 0.3)
+        with socket.create_connection(server.server_address, timeout=5) as page:
+            page.sendall(sent.format(urlsplit(server.address).path).encode())
+            while page.recv(4096):
+                pass
+        time.sleep(0.1)
+        assert capsys.readouterr().err == ""
 
     def test_a_taken_port_is_said(self, annotation, server):
         with pytest.raises(InputError, match=r"cannot bind port \d+ of 127.0.0.1: .*--port"):
