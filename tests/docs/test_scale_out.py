@@ -93,13 +93,3 @@ def test_pods_start_what_dask_has(monkeypatch):
         words = spec[name]["spec"]["containers"][0]["args"]
         assert words[1] == name
         parse(words)
-
-
-def test_the_resource_is_of_the_operators_schema(monkeypatch):
-    operator = pytest.importorskip("dask_kubernetes.operator")
-    validators, yaml = pytest.importorskip("jsonschema"), pytest.importorskip("yaml")
-    spec = made_by_kubernetes_script(monkeypatch, operator.make_cluster_spec)
-    place = Path(operator.__file__).parent / "deployment/helm/dask-kubernetes-operator/crds/daskcluster.yaml"
-    versions = yaml.safe_load(place.read_text(encoding="utf-8"))["spec"]["versions"]
-    schema = next(one["schema"]["openAPIV3Schema"] for one in versions if one["name"] == "v1")
-    validators.Draft7Validator(schema).validate(spec)
