@@ -78,8 +78,7 @@ class Tried:
         signal.setitimer(signal.ITIMER_PROF, SECONDS)
         signal.setitimer(signal.ITIMER_REAL, WAIT)
         try:
-            with forked():
-                self.form.parse(self.path)
+            self.form.parse(self.path)
             self.read += 1
         except MillisightError:
             pass
@@ -115,7 +114,8 @@ def _in_child(form: Format, count: int, seconds: float, number: int, folder: Pat
     process = os.fork()
     if not process:
         try:
-            told = _tried(form, count, seconds, number, folder)
+            with forked():
+                told = _tried(form, count, seconds, number, folder)
             os.write(its, json.dumps(told).encode())
         finally:
             os._exit(0)

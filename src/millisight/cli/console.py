@@ -135,6 +135,11 @@ def length(text: str, *, option: str, metres: float = _METRES) -> float:
     return _metres(match[1], match[2], option, metres)
 
 
+def optional_length(text: str | None, *, option: str, metres: float = _METRES) -> float | None:
+    """As `length`; None where the option is not given."""
+    return None if text is None else length(text, option=option, metres=metres)
+
+
 def _metres(number: str, unit: str, option: str, metres: float = _METRES) -> float:
     if not unit and abs(float(number)) >= metres:
         raise InputError(f"{option} is {number} without a unit; which is meant: {number}mm, {number}cm or {number}m?")

@@ -17,7 +17,7 @@ from millisight.cli.console import (
     answer_table,
     end_with_failures,
     in_options,
-    length,
+    optional_length,
     progress,
     say,
 )
@@ -132,7 +132,7 @@ def convert(
     Example: millisight dataset convert MITO_Dataset -o mito
     """
     dataset = datasets.open(root).only(objects or [])
-    distance = None if min_distance is None else length(min_distance, option="--min-distance", metres=SMALL)
+    distance = optional_length(min_distance, option="--min-distance", metres=SMALL)
     with progress("convert", compiles=False) as report:
         done = datasets.convert(dataset, output, min_distance=distance, workers=workers, progress=report)
     for path, text in done.notes:

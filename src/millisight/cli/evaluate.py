@@ -14,6 +14,7 @@ from millisight.cli.console import (
     in_options,
     json_only,
     length,
+    optional_length,
     progress,
     say,
     slices,
@@ -183,7 +184,7 @@ def segmentation(
         "seeds": seeds,
         "truth": truth,
         "transform": transform,
-        "support": None if support is None else length(support, option="--support"),
+        "support": optional_length(support, option="--support"),
         "crop": None if crop is None else slices(crop, option="--crop"),
         "failures": failures,
     }
@@ -302,7 +303,7 @@ def surface(
     """
     step = length(spacing, option="--spacing", metres=SMALL)
     options = {"spacing": (step, 2 * step), "clutter": clutter, "false_alarms": false_alarms, "failures": failures}
-    options["support"] = None if support is None else length(support, option="--support")
+    options["support"] = optional_length(support, option="--support")
     _evaluate(
         "surface", root, output, objects, sight, experiment, workers, as_json=as_json, label="surfaces", **options
     )
@@ -336,7 +337,7 @@ def pose(
     """
     step = length(spacing, option="--spacing", metres=SMALL)
     options = {"spacing": (step, 2 * step), "clutter": clutter, "which": which, "failures": failures}
-    options["support"] = None if support is None else length(support, option="--support")
+    options["support"] = optional_length(support, option="--support")
     _evaluate("pose", root, output, objects, sight, experiment, workers, as_json=as_json, label="poses", **options)
 
 

@@ -4,7 +4,7 @@ import os
 
 import numpy as np
 
-from millisight.cli.console import SMALL, length
+from millisight.cli.console import SMALL, length, optional_length
 from millisight.core.errors import InputError
 from millisight.data import Capture, Scene, TriangleMesh, VoxelGrid
 from millisight.imaging import grid_around, memory_needed, scene_bounds
@@ -29,7 +29,7 @@ def parse_grid(text: str | None, capture: Capture) -> VoxelGrid:
             raise InputError(f"--grid is {text!r}; expected lower:upper:spacing three times, for x,y,z")
         lower, upper, spacing = zip(*[[length(v, option="--grid") for v in axis] for axis in axes], strict=True)
         return VoxelGrid.regular(lower, upper, spacing)
-    spacing = None if text is None else length(text, option="--grid", metres=SMALL)
+    spacing = optional_length(text, option="--grid", metres=SMALL)
     if scene_bounds(capture) is None and "image_grid" not in capture.metadata:
         raise InputError("the capture does not say where its scene is; pass --grid lower:upper:spacing for x,y,z")
     try:

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from millisight.cli.console import answer_json, answer_table, check_outputs, json_only, length, progress, say
+from millisight.cli.console import answer_json, answer_table, check_outputs, json_only, optional_length, progress, say
 from millisight.cli.grids import check_memory, parse_grid
 from millisight.cli.image_steps import one_capture
 from millisight.cli.options import DataFolder, FalseAlarms, RadarChoice, SheetClutter, SupportHeight
@@ -79,7 +79,7 @@ def locate(
     check_known("--clutter", clutter, CLUTTER)
     if placed is not None and placed.suffix.lower() != ".ply":
         raise UnknownNameError("mesh format", placed.suffix or placed.name, (".ply",))
-    floor = None if support is None else length(support, option="--support")
+    floor = optional_length(support, option="--support")
     with json_only(as_json):
         meshes = _meshes(mesh, unit)
         capture, name = one_capture(source, radar, data)

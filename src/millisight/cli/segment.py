@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from millisight.cli.console import answer_json, check_outputs, in_options, json_only, length, say
+from millisight.cli.console import answer_json, check_outputs, in_options, json_only, optional_length, say
 from millisight.cli.image_sources import (
     INSTANCES_SUFFIX,
     MASK_SUFFIX,
@@ -170,7 +170,7 @@ def segment(
     )
     suffix = INSTANCES_SUFFIX if instances else VOLUME_SUFFIX if volume else MASK_SUFFIX
     share = None if largest is None else largest / 100
-    height = None if support is None else length(support, option="--support")
+    height = optional_length(support, option="--support")
 
     def one(source: ImageSource, to: Path) -> dict[str, Any]:
         drawn = None if no_picture else to.with_suffix(".png")

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from millisight.cli.console import SMALL, check_outputs, length, progress, say, say_sampling, size
+from millisight.cli.console import SMALL, check_outputs, length, optional_length, progress, say, say_sampling, size
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.data import Radar, Scene, Trajectory, radar_names
 from millisight.imaging import combine, grid_around, sampling
@@ -190,7 +190,7 @@ class _Aperture:
         if self._published and step is not None:
             raise InputError("--aperture published has a step of a quarter wavelength; leave --step out")
         self._size = None if aperture is None or self._published else size(aperture, option="--aperture")
-        self._step = None if step is None else length(step, option="--step", metres=SMALL)
+        self._step = optional_length(step, option="--step", metres=SMALL)
         Trajectory.raster(size=self._size or (0.0, 0.0), step=1.0 if self._step is None else self._step)
 
     def over(self, scene: Scene) -> Trajectory:

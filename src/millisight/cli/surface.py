@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from millisight.cli.console import SMALL, answer_json, check_outputs, json_only, length, progress, say
+from millisight.cli.console import SMALL, answer_json, check_outputs, json_only, optional_length, progress, say
 from millisight.cli.grids import check_memory, parse_grid
 from millisight.cli.image_sources import read_as
 from millisight.cli.image_steps import one_capture
@@ -113,13 +113,13 @@ def surface(
     check_known("--clutter", clutter, CLUTTER)
     if depth is not None and depth.suffix.lower() not in _DEPTHS:
         raise UnknownNameError("depth map format", depth.suffix or depth.name, _DEPTHS)
-    step = None if spacing is None else length(spacing, option="--spacing", metres=SMALL)
+    step = optional_length(spacing, option="--spacing", metres=SMALL)
     if base is not None and not watertight:
         raise InputError("--base is of a closed mesh; pass --watertight as well")
     if completed and watertight:
         raise InputError("--complete and --watertight guess in two ways; pass one of them")
-    floor = None if base is None else length(base, option="--base")
-    rests_on = None if support is None else length(support, option="--support")
+    floor = optional_length(base, option="--base")
+    rests_on = optional_length(support, option="--support")
     with json_only(as_json):
         opened, name = _opened(source, radar, data)
         to = output or source.parent / f"{name}.surface.ply"

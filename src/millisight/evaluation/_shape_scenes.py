@@ -29,12 +29,14 @@ class ShapeTrial(Protocol):
     def points(self) -> np.ndarray: ...
 
 
-def check_shape_settings(spacing: Sequence[float], clutter: str, failures: int) -> None:
+def check_shape_settings(spacing: Sequence[float], clutter: str, failures: int, support: float | None) -> None:
     """Raises InputError, UnknownNameError."""
     check_known("clutter", clutter, CLUTTER)
     for one in spacing:
         checked_number(one, name="spacing", unit="m", above=0)
     checked_integer(failures, name="failures", minimum=0)
+    if support is not None:
+        checked_number(support, name="support", unit="m")
 
 
 def scenes_of_shapes(data: EvaluationData) -> list[SceneSource]:

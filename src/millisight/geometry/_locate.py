@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from functools import lru_cache
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -97,6 +97,9 @@ def locate(
     if not named or NONE_OF_THEM in named:
         raise InputError(f"there are {len(named)} meshes; expected at least one, none of them called {NONE_OF_THEM!r}")
     turns = checked_integer(turns, name="turns", minimum=100)
+    settings: dict[str, Any] = {"meshes": list(named), "turns": turns}
+    if support is not None:
+        settings["support"] = support = checked_number(support, name="support", unit="m")
     total = len(named) + 1
 
     if isinstance(source, PointCloud):
@@ -112,7 +115,7 @@ def locate(
         points = surface_points(capture, grid, clutter=clutter, false_alarms=false_alarms)
         seen_from = channel_middles(capture).reshape(-1, 3)
     if support is not None:
-        points = above(points, support := checked_number(support, name="support", unit="m"))
+        points = above(points, support)
     normals = points.normals
     if normals is None:
         raise InputError("the points have no normals, by which poses are found; pass those of surface_points")
@@ -148,7 +151,7 @@ def locate(
     evidence = {name: rescored(_shape_of(mesh).dense, fits[name], seen)[0].score for name, mesh in there.items()}
     shares = _softmax(np.array([*evidence.values(), _NOTHING]) / _WHICH)
     probabilities = dict.fromkeys(named, 0.0) | dict(zip([*evidence, NONE_OF_THEM], shares.tolist(), strict=True))
-    metadata = with_step(points.metadata, "locate", meshes=list(named), turns=turns)
+    metadata = with_step(points.metadata, "locate", **settings)
     ordered = [poses[name] for name in sorted(evidence, key=lambda one: -evidence[one])]
     return Located(poses=tuple(ordered), probabilities=probabilities, points=points, metadata=metadata)
 

@@ -10,7 +10,6 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from millisight.core import (
-    checked_number,
     checked_record,
     record,
     rotation_from_euler_deg,
@@ -112,10 +111,8 @@ class PoseTask(Task):
     support: float | None = None
 
     def __post_init__(self) -> None:
-        check_shape_settings(self.spacing, self.clutter, self.failures)
+        check_shape_settings(self.spacing, self.clutter, self.failures, self.support)
         checked_record(self.which, bool, name="which")
-        if self.support is not None:
-            checked_number(self.support, name="support", unit="m")
 
     def plan(self, data: EvaluationData) -> EvaluationSet:
         """One item for each scene with a 77 GHz capture and a known shape."""

@@ -6,7 +6,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from millisight.core import checked_number, record
+from millisight.core import record
 from millisight.core.errors import InputError
 from millisight.data import Capture, PointCloud, SarImage, VoxelGrid
 from millisight.evaluation._point_cloud import point_cloud
@@ -91,9 +91,7 @@ class SurfaceTask(Task):
     support: float | None = None
 
     def __post_init__(self) -> None:
-        check_shape_settings(self.spacing, self.clutter, self.failures)
-        if self.support is not None:
-            checked_number(self.support, name="support", unit="m")
+        check_shape_settings(self.spacing, self.clutter, self.failures, self.support)
 
     def plan(self, data: EvaluationData) -> EvaluationSet:
         """One item for each scene with a 77 GHz capture and a known shape."""
