@@ -1,5 +1,6 @@
 """One run at a time on a folder, and nothing left behind by one that was killed."""
 
+import errno
 import os
 import signal
 import subprocess
@@ -98,3 +99,21 @@ def test_where_the_temporary_folder_is_somebody_elses_nobody_is_refused(tmp_path
     folder.chmod(0o777)
     with claimed(tmp_path / "a"), claimed(tmp_path / "a"):
         assert not list(folder.iterdir())
+
+
+def test_a_full_temporary_disk_stops_no_command(tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    with monkeypatch.context() as patch, claimed(tmp_path / "a"):
+        (lock,) = next(tmp_path.glob("millisight-locks*")).iterdir()
+        patch.setattr(os, "write", full)  # a name takes space
+        told = r"another run( \(process \d+\))? is using a; wait"
+        with pytest.raises(FileError, match=told), claimed(tmp_path / "a"):
+            pass
+        with claimed(tmp_path / "b"), pytest.raises(FileError, match="another run is using b"), claimed(tmp_path / "b"):
+            pass
+    lock.mkdir()  # nor can a lock be made
+    with claimed(tmp_path / "a"), claimed(tmp_path / "a"):
+        pass

@@ -5,7 +5,7 @@ import os
 import stat
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
@@ -57,23 +57,26 @@ def alone(folder: Path, name: str) -> Iterator[None]:
 def claimed(path: Path) -> Iterator[None]:
     """Hold the name of a file for a `with` block: another run of this user that asks for it is refused.
 
-    The lock lies in a temporary folder: beside the file, a run that was killed would leave it behind. Where there is no
-    such folder, and of what is no regular file, nobody is refused.
+    The lock lies in a temporary folder: beside the file, a run that was killed would leave it behind. Where nothing can
+    be written there, and of what is no regular file, nobody is refused.
 
     Raises
     ------
     FileError
         Another run holds it.
     """
+    lock = None
     try:
-        folder = private_folder("millisight-locks") if path.is_file() or not path.exists() else None
+        if path.is_file() or not path.exists():
+            number = hashlib.sha256(os.fsencode(path.resolve())).hexdigest()[:32]
+            lock = private_folder("millisight-locks") / number
+            open(lock, "a", encoding="utf-8").close()
     except OSError:
-        folder = None
-    if folder is None:
+        lock = None
+    if lock is None:
         yield
         return
-    number = hashlib.sha256(os.fsencode(path.resolve())).hexdigest()[:32]
-    with _locked(folder / number, path.name):
+    with _locked(lock, path.name):
         yield
 
 
@@ -92,9 +95,9 @@ def _locked(path: Path, name: str) -> Iterator[None]:
                 whose = f" (process {owner})" if owner.isdecimal() else ""
                 raise FileError(f"another run{whose} is using {name}; wait for it, or stop it")
             if _is_at(file, path):
-                file.truncate(0)
-                file.write(f"{os.getpid()}\n")
-                file.flush()
+                with suppress(OSError):  # on a full disk the lock holds as well, without a name
+                    file.truncate(0)
+                    os.write(file.fileno(), f"{os.getpid()}\n".encode())
                 try:
                     yield
                 finally:
