@@ -37,6 +37,14 @@ def test_the_recipes_that_are_shipped_can_be_read():
         assert recipe.about
 
 
+def test_the_longest_object_fits_into_the_recipe_of_the_papers_size():
+    whole = read_recipe(Path(__file__).parents[2] / "examples" / "recipes" / "paper.toml")
+    rig = dataclasses.replace(whole.rig, conditions=("los",))
+    made = plan_dataset(dataclasses.replace(whole, objects=Objects(names=("skillet",)), rig=rig), "paper").todo
+    assert len(made) == 5
+    assert {job.world.objects[0].at for job in made if job.world.objects} == {(0.175, 0.3)}
+
+
 def test_objects_are_chosen_by_name_category_and_class():
     assert Objects(names=("025_mug", "golf_ball")).chosen == ("mug", "golf_ball")
     assert Objects(all=True).chosen == tuple(CATALOGUE)
@@ -109,6 +117,11 @@ def test_what_cannot_be_right_is_refused_and_its_place_named(changes, place, sai
         ({"scans": [{"objects": []}]}, "recipe: rig.scans[0].objects", "leave it out"),
         ({"scans": [{"radars": [{"preset": "x"}]}]}, "recipe: rig.world with rig.scans[0]: radars[0]", "unknown radar"),
         ({"scans": [{}, {}]}, "recipe: rig.scans", "expected one scan of each radar"),
+        (
+            {"scans": [{}, {"radars": [{"preset": "iwr1443"}], "scan": {"corner": [0, 0.1]}}]},
+            "recipe: rig.scans[1].scan",
+            "give both one middle",
+        ),
     ],
 )
 def test_tables_of_a_world_are_checked_in_their_place(rig, place, said):

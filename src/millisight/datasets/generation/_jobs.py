@@ -139,6 +139,14 @@ class _Scans:
             raise FormatError(
                 f"{recipe.source}: rig.scans: their radars' files go to {folders}; expected one scan of each radar"
             )
+        middles = [worlds[rig.backgrounds[0]].scan.middle for worlds in self._worlds]
+        for i, middle in enumerate(middles):
+            if not np.allclose(middle, middles[0], rtol=0, atol=1e-6):
+                raise FormatError(
+                    f"{recipe.source}: rig.scans[{i}].scan: the aperture's middle is at {middle.tolist()} m, that of "
+                    f"rig.scans[0] at {middles[0].tolist()} m; an object lies in the middle, and at one place in all "
+                    "scans: give both one middle"
+                )
 
     def jobs(self) -> list[Job]:
         empty = [job for background in self._rig.backgrounds for job in self._empty(background)]
