@@ -14,154 +14,23 @@ import contextlib
 import errno
 import importlib
 import os
+import re
 import resource
 import shutil
 import signal
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent))  # helpers
 
+from helpers.writing_commands import Command, commands
+
 STEPS = {"open", "os.rename", "os.mkdir", "os.rmdir", "os.remove", "os.truncate", "os.link", "shutil.rmtree"}
 FAULTS = ("kill", "terminate", "no space", "no rights")
-WORLD = """
-objects = [{ object = "golf_ball", at = [0.03, 0.07] }]
-radars = [{ preset = "position2go", frame_period = 0.02, mount = [0, 0, 0] }]
-scan = { size = [0.06, 0.06], corner = [0, 0.04], row_spacing = 0.03 }
-arm = { speed = 0.5, acceleration = 5, settle = 0.05 }
-"""
-VOXELS = "-4cm:4cm:4mm,-4cm:4cm:4mm,-27.5cm:-23cm:3.75mm"
-RECIPE = """
-name = "least"
-seed = 3
-[objects]
-names = ["golf_ball"]
-[rig]
-conditions = ["los"]
-keep = "captures"
-margin = 0.01
-image = { spacing = [0.008, 0.008, 0.02], margin = 0.01 }
-[rig.world]
-scan = { size = [0.06, 0.06], corner = [0.14, 0.25], row_spacing = 0.03 }
-arm = { speed = 0.5 }
-radars = [{ preset = "position2go", mount = [0, 0, 0] }]
-[simulator]
-radars = ["24_ghz"]
-models = ["specular"]
-vertices = 200
-size = [0.1, 0.1]
-margin = 0.01
-step = 2.0
-image = { spacing = [0.008, 0.008, 0.02], margin = 0.01 }
-"""
-RIG = """
-[scan]
-size = [0.02, 0.1]
-row_spacing = 0.01
-[arm]
-driver = "ur"
-address = "x"
-limits = { lower = [0.4, -0.3, 0.2], upper = [0.5, 0.0, 0.3] }
-[[radars]]
-driver = "dca1000"
-start_file = "go"
-profile = "profile.cfg"
-"""
 IN_MEMORY = Path("/dev/shm")
-
-
-@dataclass(frozen=True)
-class Command:
-    """A command: its words, what it needs in its folder, and what of its outputs is compared."""
-
-    name: str
-    words: tuple[str, ...]
-    prepare: Callable[[Path], None]
-    outputs: tuple[str, ...]
-    by_bytes: bool = True  # else as records: those files tell when they were made
-
-
-def commands() -> list[Command]:
-    """All of them, on as little as they take."""
-    import numpy as np
-    from scipy.spatial.transform import Rotation
-
-    import millisight as ms
-    from helpers import boards, small_images, small_scenes, solid_mirrors
-    from helpers.annotating import radar_image
-    from helpers.profiles import PROFILE
-    from millisight.calibration import add_picture
-
-    def capture(folder: Path) -> None:
-        scene = ms.Scene.from_mesh("golf_ball", vertices=200)
-        path = ms.Trajectory.raster(size=(0.05, 0.05), step=0.005)
-        ms.save(folder / "c.h5", ms.simulate(scene, ms.Radar.preset("mito-sim-24ghz"), path))
-
-    def image(folder: Path) -> None:
-        ms.save(folder / "a.image.h5", radar_image())
-
-    def dataset(folder: Path) -> None:
-        from helpers.miniature import EMPTY, make
-
-        (folder / "data").mkdir()
-        shutil.move(make(folder / "built").healthy / EMPTY, folder / "data" / EMPTY)
-        shutil.rmtree(folder / "built")
-
-    def world(folder: Path) -> None:
-        (folder / "world.toml").write_text(WORLD)
-
-    def recipe(folder: Path) -> None:
-        (folder / "recipe.toml").write_text(RECIPE)
-
-    def ball(folder: Path) -> None:
-        ms.save(folder / "c.h5", solid_mirrors.capture_of(solid_mirrors.ball(0.05), size=0.1, step=0.004, noise=0.3))
-
-    def masked(folder: Path) -> None:
-        ms.save(folder / "a.h5", small_images.image())
-        inside = np.zeros(small_images.GRID.xy.shape, bool)
-        inside[small_images.BRIGHT] = True
-        ms.save(folder / "m.h5", ms.Mask(grid_xy=small_images.GRID.xy, inside=inside))
-
-    def scenes(folder: Path) -> None:
-        small_scenes.make(folder / "data")
-
-    def rig(folder: Path) -> None:
-        (folder / "profile.cfg").write_text(PROFILE)
-        (folder / "rig.toml").write_text(RIG)
-
-    def board(folder: Path) -> None:
-        turns = [Rotation.from_euler("xyz", angles, degrees=True) for angles in ((-9, -9, 0), (9, -9, 0), (-9, 9, 5))]
-        told = boards.setup(rng := np.random.default_rng(1), turns=turns)
-        for picture, place, turn in zip(boards.pictures_of(told, rng), told.positions, told.orientations, strict=True):
-            add_picture(folder / "board", picture, place, turn, boards.OPTICS)
-
-    vertices = ("--vertices", "200", "--radar", "mito-sim-24ghz", "--step", "10mm")
-    return [
-        Command("simulate", ("simulate", "golf_ball", *vertices, "-o", "c.h5"), lambda _: None, ("c.h5",), False),
-        Command("image", ("image", "c.h5", "--grid", "1cm", "-o", "i.h5", "--plot", "i.png"), capture,
-                ("i.h5", "i.png"), False),
-        Command("segment", ("segment", "a.image.h5", "--method", "classical", "-o", "m.h5"), image, ("m.h5",), False),
-        Command("convert", ("dataset", "convert", "data", "-o", "out", "--workers", "1"), dataset, ("out",)),
-        Command("collect", ("collect", "world.toml", "-o", "data", "--truth", "truth"), world, ("data", "truth")),
-        Command("generate", ("generate", "recipe.toml", "-o", "out", "--workers", "1", "--scheduler", "threads"),
-                recipe, ("out",)),
-        Command("surface", ("surface", "c.h5", "--grid", VOXELS, "-o", "s.ply", "--points", "p.ply", "--depth",
-                            "d.npz"), ball, ("s.ply", "p.ply", "d.npz", "s.surface.png")),
-        Command("locate", ("locate", "c.h5", "--grid", VOXELS, "--mesh", "golf_ball", "-o", "l.json",
-                           "--placed", "l.ply", "--plot", "l.png"), ball, ("l.json", "l.ply", "l.png")),
-        Command("classify", ("classify", "a.h5", "--mask", "m.h5", "-o", "k.json"), masked, ("k.json", "k.png")),
-        Command("view", ("view", "a.image.h5", "--html", "v.html"), image, ("v.html",)),
-        Command("evaluate", ("evaluate", "segmentation", "data", "-o", "out", "--method", "classical", "--seeds", "1",
-                             "--object", "wide", "--sight", "los", "--workers", "1", "--failures", "1"), scenes,
-                ("out",)),
-        Command("script", ("rig", "script", "rig.toml", "--start-file", "go", "-o", "s.lua"), rig, ("s.lua",)),
-        Command("camera", ("calibrate", "camera", "board", "--board", "9x6", "--square", "20mm", "-o", "c.toml"), board,
-                ("c.toml",)),
-    ]  # fmt: skip
 
 
 def started(
@@ -188,6 +57,7 @@ def started(
             os.chdir(folder)
             os.dup2(words.fileno(), 1)
             os.dup2(words.fileno(), 2)
+            command.beside()
             _watch(folder, fault, step, its)
             if most:
                 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
@@ -278,18 +148,11 @@ def prepared(command: Command, text: Path) -> Iterator[Callable[[], Path]]:
 
 def contents(command: Command, folder: Path) -> dict[str, Any]:
     """What the outputs hold, by path; the rest by name alone, so that litter is seen."""
-    import millisight as ms
-    from helpers.small_records import Comparable
-
     found: dict[str, Any] = {}
     for path in sorted(path for path in folder.rglob("*") if path.is_file()):
         name = path.relative_to(folder).as_posix()
-        if name.split("/")[0] not in command.outputs:
-            found[name] = None
-        elif path.suffix == ".h5" and not command.by_bytes:
-            found[name] = Comparable(ms.load(path))
-        else:
-            found[name] = path.read_bytes()
+        if not command.passed_over or not re.match(command.passed_over, name):
+            found[name] = command.compared(path) if name.split("/")[0] in command.outputs else None
     return found
 
 
@@ -305,7 +168,10 @@ def check(command: Command, every: int, say: Callable[[str], object]) -> int:
         for name in imported.read_text().splitlines():  # here once, and not in each process that is forked
             with contextlib.suppress(ImportError):
                 importlib.import_module(name)
-        expected, tried = contents(command, whole), 1
+        expected, tried = [contents(command, whole)], 1
+        if command.adds:
+            run(command, whole)
+            expected.append(contents(command, whole))
         for fault in FAULTS:
             for step in range(0, steps, every):
                 _one(command, fresh(), expected, f"{fault} at step {step}", fault=fault, step=step)
@@ -318,28 +184,28 @@ def check(command: Command, every: int, say: Callable[[str], object]) -> int:
         return tried
 
 
-def _one(command: Command, folder: Path, expected: dict[str, Any], what: str, **fault: Any) -> None:
+def _one(command: Command, folder: Path, expected: list[dict[str, Any]], what: str, **fault: Any) -> None:
     code, _, said = run(command, folder, **fault)
     if "Traceback" in said:
         raise RuntimeError(f"{command.name}, {what}: {said}")
-    if command.name not in ("convert", "generate", "collect", "evaluate"):  # whose outputs are folders
-        for name, content in contents(command, folder).items():
-            if name in command.outputs and content != expected[name]:
-                raise RuntimeError(f"{command.name}, {what}: {name} is neither old nor new")
+    for name, content in contents(command, folder).items():
+        if name in command.outputs and content != expected[0][name]:
+            raise RuntimeError(f"{command.name}, {what}: {name} is neither old nor new")
     again, _, words = run(command, folder)
     if again and "already exists" not in words:
         raise RuntimeError(f"{command.name}, {what} (exit code {code}): then it ends with {again}: {words}")
     found = contents(command, folder)
-    young = [name for name in found if name not in expected and ".part" in name.rpartition("/")[2]]
+    young = [name for name in found if name not in expected[-1] and ".part" in name.rpartition("/")[2]]
     for name in young:  # a temporary file is swept when it is a minute old, a folder by the next run
         del found[name]
-    if found != expected:
-        differ = sorted(name for name in {*found, *expected} if found.get(name, "") != expected.get(name, ""))
+    if found not in expected:
+        wanted = expected[0]
+        differ = sorted(name for name in {*found, *wanted} if found.get(name, "") != wanted.get(name, ""))
         raise RuntimeError(f"{command.name}, {what}: then {differ[:5]} are others")
     shutil.rmtree(folder.parent)
 
 
-def _twice(command: Command, folder: Path, expected: dict[str, Any]) -> None:
+def _twice(command: Command, folder: Path, expected: list[dict[str, Any]]) -> None:
     """Two at once: one of them ends well, the other as well or refused by name, and the outputs are as of one."""
     ends = [started(command, folder), started(command, folder)]
     told = [end() for end in ends]
@@ -348,7 +214,7 @@ def _twice(command: Command, folder: Path, expected: dict[str, Any]) -> None:
     for code, _, said in told:
         if code and not ("another run" in said or "already exists" in said):
             raise RuntimeError(f"{command.name}, two at once: one ends with {code}: {said}")
-    if contents(command, folder) != expected:
+    if contents(command, folder) not in expected:
         raise RuntimeError(f"{command.name}, two at once: the outputs are others")
 
 
@@ -359,7 +225,11 @@ def main() -> None:
     arguments = parser.parse_args()
     total = 0
     for command in commands():
-        if not arguments.names or command.name in arguments.names:
+        if arguments.names and command.name not in arguments.names:
+            continue
+        if command.missing:
+            sys.stdout.write(f"{command.name}: left out, {command.needs} is not installed\n")
+        else:
             total += check(command, arguments.every, sys.stdout.write)
             sys.stdout.flush()
     sys.stdout.write(f"{total} runs broken off\n")

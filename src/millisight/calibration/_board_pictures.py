@@ -201,7 +201,11 @@ def add_picture(
         )
         with atomic_path(folder / made.file) as temporary:
             Image.fromarray(pixels).save(temporary, format="PNG")
-        write_text(poses, toml_of(dataclasses.replace(before, pictures=(*before.pictures, made))))
+        try:
+            write_text(poses, toml_of(dataclasses.replace(before, pictures=(*before.pictures, made))))
+        except BaseException:  # a picture without a pose is of no use
+            (folder / made.file).unlink(missing_ok=True)
+            raise
     return made
 
 
