@@ -152,7 +152,8 @@ def contents(command: Command, folder: Path) -> dict[str, Any]:
     for path in sorted(path for path in folder.rglob("*") if path.is_file()):
         name = path.relative_to(folder).as_posix()
         if not command.passed_over or not re.match(command.passed_over, name):
-            found[name] = command.compared(path) if name.split("/")[0] in command.outputs else None
+            ours = name.split("/")[0] in command.outputs and ".part" not in path.name
+            found[name] = command.compared(path) if ours else None
     return found
 
 

@@ -90,6 +90,12 @@ def test_it_goes_on_where_it_stopped(work):
     assert run(work, "--method", "classical", "--seeds", "1", "--failures", "0").exit_code == 0
     again = run(work, "--method", "classical", "--seeds", "1", "--failures", "0")
     assert "8 results came from an earlier run" in again.output
+    table = (work / "out/trials.csv").read_bytes()
+    one, *_ = (work / "out/trials").glob("blind.*")  # broken off between the parts of a scene
+    one.unlink()
+    again = run(work, "--method", "classical", "--seeds", "1", "--failures", "0")
+    assert "7 results came from an earlier run" in again.output
+    assert (work / "out/trials.csv").read_bytes() == table
 
 
 def test_a_damaged_scene_does_not_stop_the_rest(work):

@@ -319,8 +319,8 @@ def _timeless() -> None:
     """Pages that tell how long it took are the same again."""
     from millisight.evaluation.tasks import classification, pose
 
-    mock.patch.object(classification, "perf_counter", lambda: 0.0).start()
-    mock.patch.object(pose.time, "process_time", lambda: 0.0).start()
+    mock.patch.object(classification, "perf_counter", return_value=0.0).start()
+    mock.patch.object(pose.time, "process_time", return_value=0.0).start()
 
 
 def _small_network() -> None:

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from helpers import oracles
 from helpers.closed_meshes import edge_owners, volume, wound_alike
-from millisight.core.errors import InputError
+from millisight.core.errors import InputError, MeshError
 from millisight.data import TriangleMesh
 from millisight.meshes import load_mesh
 from millisight.meshes._remesh import resample
@@ -214,6 +214,16 @@ def test_scans_become_even(subtests):
 def test_absurd_counts_are_refused_before_any_work():
     with pytest.raises(InputError, match="vertices is 100000000; expected at most 2000000"):
         resample(box(), 100_000_000)
+
+
+def test_faces_of_a_hundred_metres_are_refused_before_they_take_gigabytes():
+    ball = trimesh.creation.icosphere(3, 0.05)
+    stray = TriangleMesh(
+        vertices=np.vstack([ball.vertices, [[100.0, 0, 0]]]),
+        faces=np.vstack([ball.faces, [[0, 1, len(ball.vertices)]]]),
+    )
+    with pytest.raises(MeshError, match=r"take 6\..*e\+06 points, 1\.2e\+06 at most: faces such as 1280 .* stray"):
+        resample(stray)
 
 
 def test_a_stray_vertex_asks_for_no_finer_mesh_than_sensible(monkeypatch):

@@ -166,3 +166,15 @@ def test_whole_files_of_odd_arrays_are_damaged(what, arrays, tmp_path, dice):
                 read()
             refused += 1
     assert refused >= 9 * arrays - 1
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_value_that_is_no_number_makes_a_stored_image_damaged(value, tmp_path, dice):
+    path, read = _stored(tmp_path, "sheet", dice)
+    with np.load(path) as file:
+        held = dict(file)
+    held["77_ghz"][3, 4, 5] = value
+    with open(path, "wb") as file:
+        np.savez(file, **held)
+    with pytest.raises(DamagedFileError, match="77_ghz is no image; delete it"):
+        read()

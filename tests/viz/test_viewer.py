@@ -513,6 +513,33 @@ def test_only_its_own_page_is_answered():
         server.stop()
 
 
+def test_a_message_that_no_page_sends_is_not_read_to_its_end():
+    import viser
+    from websockets.exceptions import ConnectionClosedError
+    from websockets.sync.client import connect
+
+    server = start()
+    try:
+        own = url_of(server).replace("http:", "ws:")
+
+        def page():
+            return connect(own, subprotocols=[f"viser-v{viser.__version__}"], open_timeout=10, max_size=None)
+
+        with page() as socket:
+            socket.recv(timeout=10)
+
+            def told():
+                socket.send(b"\xc1" * (51 << 20))
+                return list(socket)
+
+            with pytest.raises(ConnectionClosedError, match="1009"):
+                told()
+        with page() as socket:
+            assert socket.recv(timeout=10)
+    finally:
+        server.stop()
+
+
 def test_other_servers_of_the_process_are_left_alone():
     """Those of websockets that start while the viewer runs, and their module."""
     from websockets.asyncio import server as sockets

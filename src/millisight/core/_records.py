@@ -126,16 +126,20 @@ def check_shape(actual: tuple[int, ...], *, name: str, shape: tuple[int | str, .
         raise InputError(f"{name} has shape {actual}; expected ({expected}), and no empty dimension")
 
 
+_LONGEST = 1e9  # lengths, of which squares and sums are taken [m]
+
+
 def checked_number(
     value: float, *, name: str, unit: str = "", minimum: float | None = None, above: float | None = None
 ) -> float:
-    """`value` as a finite float, at least `minimum` and greater than `above`.
+    """`value` as a finite float, at least `minimum` and greater than `above`; a length is below a million kilometres.
 
     Raises
     ------
     InputError
         It is no number, not finite, or out of range.
     """
+    most = _LONGEST if unit == "m" else np.inf
     unit = f" {unit}" if unit else ""
     try:
         if np.ndim(value):
@@ -149,6 +153,8 @@ def checked_number(
         raise InputError(f"{name} is {number:g}{unit}; expected more than {above:g}{unit}")
     if minimum is not None and not number >= minimum:
         raise InputError(f"{name} is {number:g}{unit}; expected at least {minimum:g}{unit}")
+    if abs(number) > most:
+        raise InputError(f"{name} is {number:g}{unit}; expected at most {most:g}{unit} either way")
     return number
 
 

@@ -36,6 +36,7 @@ MEND_ROUNDS = 12  # of splitting clusters that meet each other twice
 ATTEMPTS = 3  # at meeting the number of vertices asked for
 EXCESS = 4  # times as many, at most: a mesh of slivers never meets it
 MERGE_ROUNDS = 3  # of joining clusters whose vertices nearly coincide
+SPARE = 800_000  # fine vertices above four times as many as clusters need: of long, thin faces, a kilobyte each
 CLOSEST = 0.15  # spacing between neighbours below which their clusters are joined
 STIFFNESS = 0.003  # pull of a cluster's centre on its vertex, as a share of the pull of its planes
 
@@ -59,7 +60,8 @@ def resample(
     InputError
         `vertices` is no whole number, below 100, or above 2 million.
     MeshError
-        The mesh falls apart into pieces that are all smaller than the new spacing.
+        The mesh falls apart into pieces that are all smaller than the new spacing, or has faces so long and thin that
+        splitting them takes too much memory.
     """
     if isinstance(vertices, bool) or not isinstance(vertices, int | np.integer) or vertices < FEWEST:
         raise InputError(
@@ -149,11 +151,30 @@ def _refined(points: np.ndarray, faces: np.ndarray, count: int) -> tuple[np.ndar
     used, faces = np.unique(faces, return_inverse=True)
     points, faces = points[used], faces.reshape(-1, 3)
     longest = 0.5
+    _check_size(points, faces, longest, count)
     while True:
         points, faces = split_long_edges(points, faces, longest)
         if len(points) >= FINENESS * count:
             return points, faces
         longest *= 0.8
+
+
+def _check_size(points: np.ndarray, faces: np.ndarray, longest: float, count: int) -> None:
+    """Raise where long, thin faces would be split into far more vertices than clusters need, as beside a stray vertex.
+
+    A face is halved until its shortest side is short enough; its long sides are then cut into pieces as they are.
+    """
+    a, b, c = (points[faces[:, k]] for k in range(3))
+    sides = np.sort(np.linalg.norm([b - a, c - b, a - c], axis=2), axis=0) / longest
+    pieces = 2.0 ** np.ceil(np.log2(np.maximum(sides[0], 1))) * (sides[1] + sides[2]) / 2
+    expected, most = pieces.sum() + len(points), 4 * FINENESS * count + SPARE + 4 * len(points)
+    if not expected <= most:
+        worst = int(pieces.argmax())
+        raise MeshError(
+            f"resampling would take {expected:.3g} points, {most:.3g} at most: faces such as {worst} are "
+            f"{sides[2, worst] / max(sides[0, worst], 1e-9):.3g} times as long as wide; remove stray vertices, ask for "
+            "fewer vertices, or keep the mesh as it is (vertices=None, --vertices 0)"
+        )
 
 
 # 2. The clusters -----------------------------------------------------------------------------------------------

@@ -21,6 +21,7 @@ from millisight.evaluation.tasks._segmentation_tables import (
 from millisight.meshes import CATALOGUE, object_name
 
 _FORMAT = 4
+_BLIND = "blind."  # the parts of what does not look begin so
 
 
 class _SegmenterSource(NamedTuple):
@@ -103,7 +104,7 @@ class SegmentationTask(Task):
                 place = scene.name.replace("/", ".")
                 parts = {f"{method}.{place}": settings}
                 if blind:
-                    parts[f"blind.{place}"] = common | {"methods": blind}
+                    parts[f"{_BLIND}{place}"] = common | {"methods": blind}
                 source = _SegmenterSource(scene, method, options, checksum, seeds, found.reading, blind)
                 name = f"{scene.name}, {method}"
                 items.append(EvaluationItem(name=name, source=source, parts=parts, paths=scene.paths))
@@ -120,11 +121,13 @@ class SegmentationTask(Task):
         """All trials of a segmenter on a scene, and those of what does not look."""
         source = item.source
         evaluator = source.evaluator()
-        part, *blind = item.parts
-        results = {part: [asdict(one) for one in evaluator.trials(source.seeds)]}
-        if blind:
-            others = (SegmenterEvaluator(named_segmenter(name, {}), evaluator.scene) for name in source.blind)
-            results[blind[0]] = [asdict(one) for other in others for one in other.trials((0,))]
+        results = {}
+        for part in item.parts:  # those that an earlier run has not left
+            if part.startswith(_BLIND):
+                others = (SegmenterEvaluator(named_segmenter(name, {}), evaluator.scene) for name in source.blind)
+                results[part] = [asdict(one) for other in others for one in other.trials((0,))]
+            else:
+                results[part] = [asdict(one) for one in evaluator.trials(source.seeds)]
         return results
 
     def rows(self, planned: EvaluationSet, results: Mapping[str, Any]) -> list[MaskTrial]:

@@ -53,7 +53,8 @@ def read_parts(path: Path, *names: str) -> tuple[dict[str, np.ndarray], dict[str
     """
     held = read_arrays(path, *BANDS, *names)
     for band in BANDS:
-        if held[band].dtype != np.float16 or not held[band].ndim or held[band].shape[-1] % 2:
+        array = held[band]
+        if array.dtype != np.float16 or not array.ndim or array.shape[-1] % 2 or not np.isfinite(array).all():
             raise DamagedFileError(f"{printable(path)} is not a scene of this training: {band} is no image; delete it")
     images = {band: held.pop(band).astype(np.float32).view(np.complex64) for band in BANDS}
     return images, held
