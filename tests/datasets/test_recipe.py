@@ -81,8 +81,11 @@ def test_objects_are_chosen_by_name_category_and_class():
         ({"rig": {**RIG, "keep": "all"}}, "recipe: rig", "unknown keep 'all'"),
         ({"rig": {**RIG, "empty": ["60_ghz"]}}, "recipe: rig", "unknown radar '60_ghz'"),
         ({"rig": {**RIG, "image": {"spacing": [0.01, 0.01]}}}, "recipe: rig.image.spacing", "expected 3 entries"),
-        ({"rig": {**RIG, "image": {"spacing": [0, 0.01, 0.01]}}}, "recipe: rig.image", "expected more than 0"),
+        ({"rig": {**RIG, "image": {"spacing": [0, 0.01, 0.01]}}}, "recipe: rig.image", "expected at least 1e-05 m"),
+        ({"rig": {**RIG, "image": {"spacing": [0.01, 0.01, 5e-324]}}}, "recipe: rig.image", "at least 1e-05 m"),
+        ({"name": "x" * 50_000}, "recipe: ", "of 200 characters at most"),
         ({"rig": 3}, "recipe: rig", "expected a table"),
+        ({"poses": {"angles_deg": [[0] * 1000]}}, "recipe: poses.angles_deg[0]", "expected 3 entries"),
         ({"poses": {"angles_deg": []}}, "recipe: poses", "expected at least one pose"),
         ({"poses": {"angles_deg": [[0, 0]]}}, "recipe: poses.angles_deg[0]", "expected 3 entries"),
         ({"poses": {"angles_deg": [[0, 0, 0.5]]}}, "recipe: poses: angles_deg[0]", "expected a whole number"),
@@ -104,6 +107,7 @@ def test_objects_are_chosen_by_name_category_and_class():
 def test_what_cannot_be_right_is_refused_and_its_place_named(changes, place, said):
     with pytest.raises(FormatError) as refused:
         small_recipe.recipe(**changes)
+    assert len(str(refused.value)) < 700
     assert str(refused.value).startswith(place)
     assert said in str(refused.value)
 

@@ -12,7 +12,7 @@ from typing import Any, NoReturn, TypeVar, dataclass_transform
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
 
-from millisight.core.errors import InputError
+from millisight.core.errors import InputError, quoted
 
 Metadata = Mapping[str, Any]
 T = TypeVar("T")
@@ -162,7 +162,7 @@ def _told(value: Any) -> str:
     """A value for a message; a whole number too long to be read by its size."""
     if isinstance(value, int) and value.bit_length() > 64:
         return f"{'-' if value < 0 else ''}2^{value.bit_length() - 1} or more"
-    return repr(value)
+    return quoted(value)
 
 
 def checked_numbers(
@@ -185,7 +185,7 @@ def checked_numbers(
     if repeat and isinstance(value, int | float | np.number):
         value = [value] * count
     if not isinstance(value, Sequence | np.ndarray) or isinstance(value, str | bytes) or not np.ndim(value):
-        raise InputError(f"{name} is {value!r}; expected {count} numbers{', or one' if repeat else ''}")
+        raise InputError(f"{name} is {quoted(value)}; expected {count} numbers{', or one' if repeat else ''}")
     numbers = list(value)
     if len(numbers) != count:
         raise InputError(f"{name} has {len(numbers)} numbers; expected {count}{', or one' if repeat else ''}")

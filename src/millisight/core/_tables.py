@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from typing import Any, TypeVar
 
 from millisight.core._files import printable, read_toml
-from millisight.core.errors import FormatError, MillisightError, UnknownNameError
+from millisight.core.errors import FormatError, MillisightError, UnknownNameError, quoted
 
 T = TypeVar("T")
 
@@ -59,7 +59,7 @@ def record_from_table(cls: type[T], table: Any, source: str, place: str = "", /,
         A key or a value cannot be right; the message names the place.
     """
     if not isinstance(table, Mapping):
-        raise FormatError(f"{source}: {place}: expected a table, got {table!r}")
+        raise FormatError(f"{source}: {place}: expected a table, got {quoted(table)}")
     kinds, fields = _kinds(cls), _fields(cls)
     values = dict(hidden)
     for key, value in table.items():
@@ -105,18 +105,18 @@ def _value(kind: Any, value: Any, source: str, place: str) -> Any:
     if origin is tuple:
         if not isinstance(value, list):
             expected = f"[[{place}]] tables" if _is_record(inner[0]) else "a list"
-            raise FormatError(f"{source}: {place}: expected {expected}, got {value!r}")
+            raise FormatError(f"{source}: {place}: expected {expected}, got {quoted(value)}")
         kinds = [inner[0]] * len(value) if inner[-1] is Ellipsis else list(inner)
         if len(kinds) != len(value):
-            raise FormatError(f"{source}: {place}: expected {len(kinds)} entries, got {value!r}")
+            raise FormatError(f"{source}: {place}: expected {len(kinds)} entries, got {quoted(value)}")
         return tuple(_value(k, v, source, f"{place}[{i}]") for i, (k, v) in enumerate(zip(kinds, value, strict=True)))
     if origin is not None:
         if not isinstance(value, Mapping):
-            raise FormatError(f"{source}: {place}: expected a table, got {value!r}")
+            raise FormatError(f"{source}: {place}: expected a table, got {quoted(value)}")
         return dict(value)
     expected = (int, float) if kind in (int, float) else kind
     if not isinstance(value, expected) or (isinstance(value, bool) and kind is not bool):
-        raise FormatError(f"{source}: {place}: expected {_WORDS[kind]}, got {value!r}")
+        raise FormatError(f"{source}: {place}: expected {_WORDS[kind]}, got {quoted(value)}")
     return value
 
 

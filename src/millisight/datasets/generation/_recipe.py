@@ -24,7 +24,7 @@ from millisight.core import (
     record_from_table,
 )
 from millisight.core import record_from_file as record_from_file
-from millisight.core.errors import InputError, UnknownNameError
+from millisight.core.errors import InputError, UnknownNameError, quoted
 from millisight.data import material_named
 from millisight.datasets.generation._covers import Covers
 from millisight.io.mito import RADARS
@@ -34,6 +34,8 @@ from millisight.simulation import SCATTERING_MODELS
 KEEPS = ("raw", "captures", "images")
 BACKGROUNDS = ("tripod", "styrofoam")
 CONDITIONS = ("los", "carton", "cloth", "carton+cloth")
+_FINEST = 1e-5  # voxels [m]
+_LONGEST_NAME = 200  # characters: it is a folder's too
 
 
 def image_suffix(model: str) -> str:
@@ -188,7 +190,7 @@ class Voxels:
     beyond: float = 0.0  # how much more, at most, drawn for each side along x and y: the objects lie off the middle [m]
 
     def __post_init__(self) -> None:
-        spacing = checked_numbers(self.spacing, name="spacing", count=3, unit="m", above=0)
+        spacing = checked_numbers(self.spacing, name="spacing", count=3, unit="m", minimum=_FINEST)
         beyond = checked_number(self.beyond, name="beyond", unit="m", minimum=0)
         if beyond and self.margin is None:
             raise InputError(f"beyond is {beyond:g} m, but the whole box is kept; state a margin, too")
@@ -311,8 +313,10 @@ class Recipe:
     source: str = field(default="recipe", metadata={"key": None})
 
     def __post_init__(self) -> None:
-        if not isinstance(self.name, str) or not self.name.strip():
-            raise InputError(f"name is {self.name!r}; expected a name for the dataset")
+        if not isinstance(self.name, str) or not self.name.strip() or len(self.name) > _LONGEST_NAME:
+            raise InputError(
+                f"name is {quoted(self.name)}; expected a name for the dataset, of {_LONGEST_NAME} characters at most"
+            )
         put(self, seed=checked_integer(self.seed, name="seed", minimum=0))
         if not self.objects.chosen and not self.files and not self.scenes:
             raise InputError(
