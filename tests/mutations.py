@@ -41,6 +41,8 @@ SLABS = ("rig/test_slabs.py",)
 TARGET = ("calibration/test_radar_fit.py",)
 HAND_EYE = ("calibration/test_hand_eye.py",)
 LAYERS = ("imaging/test_refraction.py",)
+POINTS = ("geometry/test_surface_points.py",)
+MATCH = ("geometry/test_range_match.py",)
 
 SIGNS = [
     Mutation("core/phase.py", "return cycles - np.rint(cycles)", "return np.rint(cycles) - cycles", PHASE),
@@ -147,6 +149,27 @@ REFRACTION = [
     Mutation("core/phase.py", "reach += t * least * q / root", "reach += t * q / root", LAYERS),
 ]  # fmt: skip
 
+SURFACES = [
+    Mutation("geometry/_moments.py", "ahead = SPEED_OF_LIGHT / (4 * np.pi) / variance",
+             "ahead = -SPEED_OF_LIGHT / (4 * np.pi) / variance",
+             POINTS),
+    Mutation("geometry/_moments.py", "ahead = SPEED_OF_LIGHT / (4 * np.pi) / variance",
+             "ahead = SPEED_OF_LIGHT / (2 * np.pi) / variance",
+             POINTS),
+    Mutation("geometry/_moments.py", "across = values.conj() / power", "across = values / power", POINTS),
+    Mutation("geometry/_moments.py", "+ middle[k] + origin[k]", "+ middle[k]", POINTS),
+    Mutation("geometry/_from_image.py", "4 * np.pi * centre / SPEED_OF_LIGHT",
+             "2 * np.pi * centre / SPEED_OF_LIGHT", POINTS),
+    Mutation("geometry/_from_image.py", "turns[1:] * turns[:-1].conj()", "turns[1:].conj() * turns[:-1]", POINTS),
+    Mutation("geometry/_from_image.py", "0.5 * step * (before - after) / bend",
+             "0.5 * step * (after - before) / bend", POINTS),
+    Mutation("geometry/_match.py", "rate = -2j * np.pi * frequencies", "rate = 2j * np.pi * frequencies", MATCH),
+    Mutation("geometry/_match.py", "(far_tx + far_rx + path_offset)", "(far_tx + far_rx)", MATCH),
+    Mutation("geometry/_match.py", "np.cross(points - about, slopes)", "np.cross(slopes, points - about)", MATCH),
+    Mutation("geometry/_match.py", "to_tx / far_tx[..., None] + to_rx / far_rx[..., None]",
+             "2 * to_tx / far_tx[..., None]", MATCH),
+]  # fmt: skip
+
 KINDS = {
     "signs": SIGNS,
     "factors of two": FACTORS,
@@ -155,6 +178,7 @@ KINDS = {
     "angles": ANGLES,
     "windows": TAPERS,
     "refraction": REFRACTION,
+    "surfaces and poses": SURFACES,
 }
 
 MUTATIONS = [one for ones in KINDS.values() for one in ones]

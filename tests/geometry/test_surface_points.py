@@ -157,6 +157,17 @@ def test_of_an_image_alone_a_plane_is_found():
     assert np.median(angle_deg(found.normals, truth)) < 1
 
 
+@pytest.mark.parametrize("between", [-0.4, 0.1, 0.4])
+def test_of_an_image_alone_the_top_of_an_echo_is_found_between_voxels(between):
+    z = np.arange(-0.30, -0.20, 0.004)
+    grid = ms.VoxelGrid(x=np.arange(-0.01, 0.011, 0.002), y=np.arange(-0.01, 0.011, 0.002), z=z)
+    top = z[12] + between * 0.004
+    values = np.broadcast_to((1 - ((z - top) / 0.03) ** 2) * (0.8 + 0.6j), grid.shape).astype(np.complex64)
+    found = ms.surface_points(ms.SarImage(grid=grid, values=values), frequency=79e9, false_alarms=0.999)
+    assert len(found) > 20
+    assert np.abs(found.points[:, 2] - top).max() < 2e-4
+
+
 def test_of_an_image_alone_a_ball_lies_in_front_of_its_maximum():
     """The loss that the docstring states: millimetres by the echo's delay, centimetres by the maximum."""
     capture = solid_mirrors.capture_of(solid_mirrors.ball(0.05), noise=0.1)
