@@ -192,7 +192,8 @@ def _claim(path: Path) -> tuple[Path, Path]:
     if mode is not None and not stat.S_ISREG(mode):
         raise FileError(f"{name} is a device or a pipe; expected the name of a file to write")
     if not os.path.isdir(target.parent):
-        raise FileError(f"cannot write {name}: there is no folder {printable(path.parent)}; make it or choose another")
+        missing = printable(target.parent if path.is_symlink() else path.parent)
+        raise FileError(f"cannot write {name}: there is no folder {missing}; make it or choose another")
     temporary = target.with_name(f".{target.stem[:40]}.{secrets.token_hex(4)}.part{target.suffix}")
     try:
         os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
