@@ -108,7 +108,7 @@ docs: setup
 	$(SHARED) $(BIN)/python -m sphinx --jobs $(WORKERS) --quiet --fresh-env --fail-on-warning --keep-going -d build/docs/doctrees docs build/docs/html
 
 bench: setup
-	$(BIN)/python -m pytest benchmarks --benchmark-disable-gc --benchmark-columns=median,iqr,rounds -q -s $(TESTS)
+	$(BIN)/python -m pytest $(if $(findstring benchmarks/,$(TESTS)),,benchmarks) --benchmark-disable-gc --benchmark-columns=median,iqr,rounds -q -s $(TESTS)
 
 clean:
 	rm -rf $(VENV) dist build demo .pytest_cache .ruff_cache .hypothesis

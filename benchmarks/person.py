@@ -4,7 +4,8 @@
     python benchmarks/person.py --positions 128 --spacing 10mm     a small one
 
 Points at known places are captured at 77 GHz. `millisight image --memory` images them in a process of its own, whose
-largest memory is measured; the image is compared with the exact sum at the points and at voxels beside them.
+largest memory is measured; the image is compared with the exact sum at the points and at voxels beside them. Then the
+viewer opens it, in a process of its own as well, without a browser.
 """
 
 import argparse
@@ -25,6 +26,20 @@ from millisight.cli.console import length
 SIZE = np.array([2.0, 1.0, 0.5])
 MIDDLE = np.array([0.0, 0.0, -0.65])
 POINTS = 12
+
+VIEW = """
+import resource, sys, time
+import millisight as ms
+
+before = time.perf_counter()
+with ms.view(sys.argv[1], browser=False) as viewer:
+    (pane,) = viewer.panes.panes
+    levels = pane.exhibit.levels
+    seconds = time.perf_counter() - before
+used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
+print(f"viewer: opened in {seconds:.1f} s with {used:.2f} GB of memory; {levels.grid.size} levels, "
+      f"each the strongest of {' x '.join(map(str, levels.block))} voxels")
+"""
 
 
 def main() -> None:
@@ -57,11 +72,13 @@ def main() -> None:
             raise SystemExit(done.returncode)
         used = resource.getrusage(resource.RUSAGE_CHILDREN)
         errors, largest = compared(image, grid, capture, places)
+        viewed = subprocess.run([sys.executable, "-c", VIEW, str(image)], capture_output=True, text=True, check=False)
     print(
         f"{seconds:.0f} s, {used.ru_utime + used.ru_stime:.0f} s of {os.cpu_count()} cores; at most "
         f"{used.ru_maxrss / 1e6:.2f} GB of memory, {arguments.memory} allowed; error {100 * errors.max():.2f} % of the "
         f"largest value, {largest:.3f}"
     )
+    print((viewed.stdout or viewed.stderr).strip().splitlines()[-1])
 
 
 def points(grid: ms.VoxelGrid) -> np.ndarray:

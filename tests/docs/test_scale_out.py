@@ -93,3 +93,12 @@ def test_pods_start_what_dask_has(monkeypatch):
         words = spec[name]["spec"]["containers"][0]["args"]
         assert words[1] == name
         parse(words)
+
+
+def test_the_plan_is_what_its_script_prints():
+    import plan
+
+    assert len(list(plan.rows())) == sum(map(len, plan.COUNTS.values())) == 7
+    assert plan.table().strip() in PAGE
+    unit = plan.UNITS["reduced"]
+    assert plan.wall(unit, 1e6 * unit.core_seconds / 3600, 1000) == "5.6 h"

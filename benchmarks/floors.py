@@ -1,0 +1,129 @@
+"""What must be computed at least, counted while the work is done: the floors of docs/explanation/performance.md.
+
+A core of 2.6 GHz with AVX-512 does 16 lanes of float32, two instructions a clock. Counting costs time: a run that is
+counted is not timed.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+from unittest import mock
+
+import numpy as np
+
+CORE = 16 * 2 * 2.6e9  # operations of float32 a second and core
+PAIR = 40 / CORE + 0.5e-9  # direct backprojection: 40 operations, and two reads from the range profile [s]
+MIDDLE = 16 / CORE  # a voxel of a field, interpolated along one axis by eight taps [s]
+MERGED = 44 / CORE  # the same along the other axis, its phase turned, and summed [s]
+PRODUCT = 8 / CORE  # a complex product and sum [s]
+PATCH_PAIR = 165 / CORE  # a patch and a channel that it faces (see test_rig.py) [s]
+ANGLE = 15 / CORE  # a vertex and a position: the specular angle [s]
+RAY = 1 / 3e6  # Embree on one core [s]
+BYTE = 1 / 20e9  # read or written [s]
+
+COSTS = {
+    "pairs": PAIR,
+    "interpolated voxels": MIDDLE,
+    "merged voxels": MERGED,
+    "complex products": PRODUCT,
+    "patch pairs": PATCH_PAIR,
+    "angles": ANGLE,
+    "rays": RAY,
+    "bytes": BYTE,
+}
+"""Seconds of one core for each of what is counted."""
+
+
+def core_seconds(counted: Counter[str]) -> float:
+    """The floor: what was counted at what each costs."""
+    return sum(COSTS[name] * number for name, number in counted.items())
+
+
+@contextmanager
+def counting() -> Iterator[Counter[str]]:
+    """Count what images, simulated signals and the rig's optics compute in this block."""
+    from millisight.imaging import _backprojection, _fast
+    from millisight.rig.virtual._scatterers import SurfaceScatterers
+    from millisight.simulation import _simulate
+    from millisight.simulation._scatterers import Scatterers
+
+    counted: Counter[str] = Counter()
+
+    def around(owner: Any, name: str, count: Callable[..., None]) -> Any:
+        original = getattr(owner, name)
+
+        def counts(*args: Any, **settings: Any) -> Any:
+            count(*args, **settings)
+            return original(*args, **settings)
+
+        return mock.patch.object(owner, name, counts)
+
+    def rays(_: Any, origins: np.ndarray, vertices: np.ndarray) -> None:
+        counted["rays"] += len(vertices)
+
+    def signals(_: Any, weights: np.ndarray, tx: np.ndarray, rx: np.ndarray, points: np.ndarray, *args: Any) -> None:
+        radar, frames = args[1], args[-1]
+        frequencies = (radar.waveform.frequencies - radar.waveform.center_frequency) / 299_792_458.0
+        phase = 2 * np.pi * abs(frequencies[-1]) * float(np.linalg.norm(np.ptp(points, axis=0)))
+        nodes = len(_simulate._band_nodes(frequencies, phase)[0])
+        channels = weights.shape[0] * weights.shape[1] * weights.shape[2]
+        counted["complex products"] += nodes * (np.count_nonzero(weights) + channels * frames.shape[-1])
+        counted["angles"] += weights.size
+        counted["bytes"] += 8 * channels * frames.shape[-1]
+
+    def facing(scatterers: Any, antennas: np.ndarray, *_: Any) -> None:
+        real = scatterers._areas > 0
+        normals, places = scatterers._normals[real], scatterers._centroids[real]
+        heights = np.einsum("ni,ni->n", normals, places)
+        some = antennas[:: max(1, len(antennas) // 20), 0]
+        share = (some @ normals.T > heights).mean()
+        channels = len(antennas) * (antennas.shape[1] - 1)
+        counted["patch pairs"] += round(share * len(places) * channels)
+
+    with (
+        around(Scatterers, "sees", rays),
+        around(_simulate, "_add_signals", signals),
+        around(SurfaceScatterers, "frames", facing),
+        mock.patch.object(_fast, "kernels_on", _counted(_fast.kernels_on, counted)),
+        mock.patch.object(_backprojection, "kernels_on", _counted(_backprojection.kernels_on, counted)),
+    ):
+        yield counted
+
+
+class _Counted:
+    """Kernels that count what they are asked for."""
+
+    def __init__(self, kernels: Any, counted: Counter[str]):
+        self._kernels, self._counted = kernels, counted
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._kernels, name)
+
+    def leaf_fields(self, *args: Any) -> None:
+        profiles, members, x = args[0], args[5], args[8]
+        self._counted["pairs"] += len(x) * len(members) * profiles.shape[1] * profiles.shape[2]
+        self._kernels.leaf_fields(*args)
+
+    def backproject(self, *args: Any) -> None:
+        profiles, x = args[0], args[6]
+        self._counted["pairs"] += len(x) * profiles.shape[0] * profiles.shape[1] * profiles.shape[2]
+        self._kernels.backproject(*args)
+
+    def interpolate_middle(self, fields: Any, base: Any, weights: Any, out: Any) -> None:
+        self._counted["interpolated voxels"] += out.size // 2  # the real or the imaginary part
+        self._kernels.interpolate_middle(fields, base, weights, out)
+
+    def merge(self, *args: Any) -> None:
+        fields, out = args[0], args[-1]
+        self._counted["merged voxels"] += len(fields) * out[0].size
+        self._kernels.merge(*args)
+
+    def product(self, rows: Any, matrix: Any, *out: Any) -> Any:
+        self._counted["complex products"] += rows.size * matrix.shape[-1]
+        self._counted["bytes"] += 8 * rows.size
+        return self._kernels.product(rows, matrix, *out)
+
+
+def _counted(kernels_on: Callable[[str], Any], counted: Counter[str]) -> Callable[[str], Any]:
+    return lambda device: _Counted(kernels_on(device), counted)
