@@ -53,6 +53,8 @@ def test_an_array_behind_another_object_is_copied():
         ([10**400], np.float64, "x cannot be read"),
         ([[1], [1, 2]], np.float64, "x cannot be read"),
         (["a"], np.float64, "x cannot be read"),
+        (np.array(["2026-11-25"], "M8[D]"), np.float64, "x cannot be read .* dates"),
+        (np.ma.masked_array([1.0, 2], mask=[0, 1]), np.float64, "x cannot be read .* masked.* fill them"),
         ([1e300], np.complex64, "x has 1 values that are NaN or infinite"),
     ],
 )

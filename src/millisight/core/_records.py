@@ -100,6 +100,10 @@ def as_array(
         given = np.asarray(value)
         if given.dtype.kind == "c" and dtype.kind != "c":
             raise TypeError("it holds complex values")
+        if given.dtype.kind in "mM":
+            raise TypeError("it holds dates or durations")
+        if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
+            raise TypeError("some of its values are masked, and the mask would be lost; fill them, or leave them out")
         with np.errstate(over="ignore", invalid="ignore"):
             array = np.asarray(given, dtype=dtype)
         if given.dtype.kind == "f" and dtype.kind in "iu" and not np.array_equal(given, array):
