@@ -158,7 +158,7 @@ def checked_number(
     if minimum is not None and not number >= minimum:
         raise InputError(f"{name} is {number:g}{unit}; expected at least {minimum:g}{unit}")
     if abs(number) > most:
-        raise InputError(f"{name} is {number:g}{unit}; expected at most {most:g}{unit} either way")
+        raise InputError(f"{name} is {number:g}{unit}; expected under {most:g}{unit}")
     return number
 
 

@@ -18,7 +18,7 @@ from millisight.core import (
     record_from_file,
 )
 from millisight.core.errors import InputError
-from millisight.data._reach import FARTHEST, check_reach
+from millisight.data._reach import check_reach
 
 _HIGHEST = 1e15  # frequency [Hz], of light; beyond it a wavelength of the band may be zero
 
@@ -159,8 +159,6 @@ class Radar:
         checked_record(self.waveform, Waveform, name="waveform")
         checked_record(self.array, AntennaArray, name="array")
         put(self, path_offset=checked_number(self.path_offset, name="path_offset", unit="m"))
-        if abs(self.path_offset) > FARTHEST:
-            raise InputError(f"path_offset is {self.path_offset:.3g} m; expected under {FARTHEST:g} m: correct it")
 
     def __repr__(self) -> str:
         first, last = self.waveform.frequencies[[0, -1]] / 1e9
