@@ -1,8 +1,11 @@
 """What the errors say where a name is not known."""
 
+import copy
+
 import pytest
 
-from millisight.core.errors import UnknownNameError
+from millisight.core import errors
+from millisight.core.errors import MillisightError, UnknownNameError
 
 FEW = ["cpu", "cuda"]
 MANY = [f"{letter}_cups" for letter in "abcdefghijklmnopqrstuvwxyz"]
@@ -21,3 +24,14 @@ MANY = [f"{letter}_cups" for letter in "abcdefghijklmnopqrstuvwxyz"]
 def test_close_names_come_first_and_a_long_list_only_without_one(name, known, expected):
     assert str(UnknownNameError("device", name, reversed(known))) == expected
     assert str(UnknownNameError("device", name, known, advice="Ask.")) == f"{expected} Ask."
+
+
+@pytest.mark.parametrize("kind", [kind for kind in vars(errors).values() if isinstance(kind, type)])
+def test_every_kind_can_name_a_place_and_go_to_another_process(kind):
+    if not issubclass(kind, MillisightError):
+        return
+    error = kind("device", "CUD", FEW) if kind is UnknownNameError else kind("it is damaged")
+    placed = error.at("files[0]")
+    for one, text in ((placed, f"files[0]: {error}"), (copy.copy(error), str(error))):
+        assert type(one) is kind
+        assert str(one) == text

@@ -347,6 +347,14 @@ def test_an_input_is_never_overwritten(capture):
     for output in (capture.name, f"../{folder.name}/{capture.name}", "link.h5"):
         line = refused("image", capture.name, "--grid", "2cm", "-o", output, cwd=folder)
         assert "is the input and would be overwritten" in line
+    (folder / "b.h5").write_bytes(before)
+    line = refused("image", capture.name, "--grid", "2cm", "--background", "b.h5", "-o", "b.h5", cwd=folder)
+    assert "b.h5 is an input, too, and would be overwritten" in line
+    (folder / "b.h5").unlink()
+    (folder / "d.toml").write_text('[frames]\nfile = "cube.npz"\n')
+    (folder / "cube.npz").write_bytes(b"frames")
+    assert "cube.npz is named by d.toml and would be overwritten" in refused(
+        "image", "d.toml", "--plot", "p.png", "-o", "cube.npz", cwd=folder)  # fmt: skip
     os.link(capture, folder / "scan.png")
     assert "is the input" in refused("image", capture.name, "--slices", "scan.png", cwd=folder)
     assert "is given for two outputs" in refused(

@@ -118,6 +118,26 @@ def test_prompts_of_a_file(tmp_path, here):
         assert message in here(*asked)[3]
 
 
+def test_a_mask_that_was_marked_by_hand_is_not_written_over(tmp_path, here):
+    for name in ("a.image.h5", "b.image.h5"):
+        ms.save(tmp_path / name, image())
+    (tmp_path / "a.mask.png").write_bytes(b"by hand, of a photograph")
+    (tmp_path / "a.prompts.json").write_text("{}")
+    message = "a.mask.png was made by `millisight annotate`; choose another name with --output"
+    assert message in here("a.image.h5", "--method", "classical")[3]
+    assert (tmp_path / "a.mask.png").read_bytes() == b"by hand, of a photograph"
+    assert not (tmp_path / "a.mask.h5").exists()
+    assert here("a.image.h5", "--method", "classical", "-o", "c.mask.h5")[0] == 0
+
+
+def test_names_that_are_no_text_are_drawn(tmp_path, here):
+    name = "bad\udcff.image.h5"
+    ms.save(tmp_path / name, image())
+    for option in ((), ("--instances",)):
+        assert here(name, "--method", "classical", *option)[0] == 0
+    assert len(list(tmp_path.glob("*.png"))) == 2
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -127,16 +147,18 @@ def test_prompts_of_a_file(tmp_path, here):
         (["a.h5", "--method", "sam", "--model", "nowhere"], "nowhere is not a folder with a model"),
         (["a.h5", "--multispectral", "--method", "classical"], "--other-band"),
         (["a.h5", "--method", "classical", "-o", "a.h5"], "would be overwritten"),
+        (["a.h5", "--method", "classical", "--other-band", "b.h5", "-o", "b.h5"], "is an input, too, and would be"),
         (["empty", "--method", "classical"], "empty holds no image"),
         (["a.h5", "mask.h5", "--other-band", "a.h5"], "work with a single image"),
     ],
 )
 def test_what_cannot_be_is_refused_and_writes_nothing(tmp_path, here, arguments, message):
     (tmp_path / "empty").mkdir()
-    ms.save(tmp_path / "a.h5", image())
+    for name in ("a.h5", "b.h5"):
+        ms.save(tmp_path / name, image())
     ms.save(tmp_path / "mask.h5", ms.Mask(grid_xy=GRID.xy, inside=np.zeros((30, 40), bool)))
     assert message in here(*arguments)[3]
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.h5", "empty", "mask.h5"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.h5", "b.h5", "empty", "mask.h5"]
 
 
 def test_the_help_teaches():

@@ -209,6 +209,8 @@ def test_folders_that_cannot_be_are_refused(miniature, converted, tmp_path):
         ('{"format": "millisight dataset manifest", "version": 1}\n', "settings is None"),
         ('HEAD\n{"path": "a"\n', "line 2: not JSON"),
         ('HEAD\n{"path": "a"}\n', "line 2: 'sources'"),
+        ('HEAD\n{"path": "a\\u0000b", "kind": "x", "size": 1, "sha256": "0", "sources": []}\n', "line 2: .* path"),
+        ('HEAD\n{"path": "\\ud800", "kind": "x", "size": 1, "sha256": "0", "sources": []}\n', "line 2: .*surrogate"),
         ('HEAD\n{"path": "../a", "kind": "x", "size": 1, "sha256": "0", "sources": []}\n', "line 2: .* path"),
         ('HEAD\n{"path": "a", "kind": "x", "size": "1", "sha256": "0", "sources": []}\n', "line 2: sizes"),
         ("HEAD\n" + "[" * 100_000, "line 2: not JSON"),

@@ -12,7 +12,7 @@ from scipy.spatial import KDTree
 
 from helpers import oracles, small_recipe
 from millisight.core import rotation_from_euler_deg
-from millisight.core.errors import FileError, FormatError, InputError
+from millisight.core.errors import FileError, FormatError, InputError, UnknownNameError
 from millisight.datasets import prepare_objects
 from millisight.datasets._generated_objects import box_of, differ_in_size, lying_like
 from millisight.datasets.generation import RigJob, plan_dataset, read_recipe, recipe_from_table
@@ -326,6 +326,9 @@ def test_files_are_taken_from_beside_the_recipe(tmp_path):
     assert stated == {("000_lock", "other"), ("058_golf_ball", None), ("tripod_background", None)}
     lock.write(tmp_path)
     assert load_mesh(tmp_path / lock.path, unit="m").bounds == pytest.approx(build_mesh.bounds, abs=1e-6)
+    (tmp_path / "lock.step").touch()
+    with pytest.raises(UnknownNameError, match=r"^files: unknown mesh format 'step'"):
+        prepare_objects(recipe_from_table(small_recipe.table(files=[{"path": str(tmp_path / "lock.step")}])))
     with pytest.raises(FileError, match="files: .*gone.ply"):
         prepare_objects(recipe_from_table(small_recipe.table(files=[{"path": "gone.ply"}])))
 

@@ -381,6 +381,9 @@ def test_a_forged_provenance_is_told_as_text(tmp_path):
     forge(path, lambda f: f.attrs.__setitem__("command", np.array([1, 2])))
     with pytest.raises(DamagedFileError, match="damaged at /: command is neither a number nor a text"):
         provenance(path)
+    forge(path, lambda f: f.attrs.__setitem__("command", "json:["))
+    with pytest.raises(DamagedFileError, match=r"c\.h5 is damaged: Expecting value"):
+        provenance(path)
 
 
 @pytest.mark.parametrize("path", [None, 3, b"c.h5", "", "c\0.h5", "c" * 300 + ".h5"])

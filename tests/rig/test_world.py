@@ -9,7 +9,7 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from millisight.core.errors import CoverageError, FileError, FormatError, InputError, MillisightError
+from millisight.core.errors import CoverageError, FileError, FormatError, InputError, MillisightError, UnknownNameError
 from millisight.rig.virtual import (
     ArmSettings,
     Carton,
@@ -66,6 +66,10 @@ def test_mesh_files_lie_beside_the_world(tmp_path):
     assert thing.name == "part"
     assert np.ptp(thing.bounds, axis=0) == pytest.approx([0.06, 0.04, 0.02])
     assert thing.parts[0].material.name == "ceramic"
+    (tmp_path / "part.step").touch()
+    (tmp_path / "world.toml").write_text('[[objects]]\nmesh = "part.step"\n')
+    with pytest.raises(UnknownNameError, match=r"^objects\[0\].*: unknown mesh format 'step'"):
+        build_layout(World.from_toml(tmp_path / "world.toml"))
 
 
 def test_a_carton_goes_around_and_cloth_above():

@@ -127,6 +127,9 @@ class TestOpening:
         for name, body in ((b"IHDR", struct.pack(">IIBBBBB", 60_000, 60_000, 8, 2, 0, 0, 0)), (b"IDAT", b"")):
             huge += struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body))
         cases += [("huge.png", huge, InputError, "huge.png has more than")]
+        alike = photo(tmp_path / "alike.png", np.zeros((4100, 4100), np.uint8)).read_bytes()
+        assert len(alike) < 50_000  # which would take ten times as much memory as 4 MB of them should
+        cases += [("alike.png", alike, InputError, r"alike.png has more than 1.6e\+07 pixels")]
         for name, content, error, said in cases:
             if content is not None:
                 (tmp_path / name).write_bytes(content)
@@ -351,6 +354,48 @@ class TestTheServer:
         assert [status for status, _, _ in refused] == [403] * len(refused)
         port = server.server_address[1]
         assert self.get(server, root + "about", Origin=f"http://127.0.0.1:{port}")[0] == 200
+
+    @pytest.mark.parametrize("head", [
+        "Host: {0}\r\nHost: evil.example", "Host: {0}\r\nOrigin: http://{0}\r\nOrigin: http://evil.example",
+        "Host: {0}\r\nOrigin : http://evil.example", "X: 1",
+    ])  # fmt: skip
+    def test_headers_that_come_twice_or_oddly_are_refused(self, head, server):
+        root, name = urlsplit(server.address).path, f"127.0.0.1:{server.server_address[1]}"
+        assert self.raw(server, f"GET {root}about HTTP/1.1\r\n{head.format(name)}\r\n\r\n").startswith(b"HTTP/1.1 403 ")
+        other = f"GET http://evil.example{root}about HTTP/1.1\r\nHost: {name}\r\n\r\n"
+        assert self.raw(server, other).startswith(b"HTTP/1.1 403 ")
+
+    @pytest.mark.parametrize("line", ["PUT {} HTTP/1.1", "GET " + "a" * 66_000])
+    def test_answers_of_the_library_have_the_policy(self, line, server):
+        answer = self.raw(server, f"{line.format(urlsplit(server.address).path)}\r\nHost: 127.0.0.1\r\n\r\n")
+        assert b"\r\nContent-Security-Policy: default-src 'none'" in answer
+
+    def raw(self, server, request):
+        with socket.create_connection(server.server_address, timeout=10) as page:
+            page.sendall(request.encode())
+            return page.recv(2000)
+
+    def test_a_page_stays_open_beside_a_thousand_connections(self, server):
+        resource = pytest.importorskip("resource")
+        before = resource.getrlimit(resource.RLIMIT_NOFILE)
+        resource.setrlimit(resource.RLIMIT_NOFILE, (min(5000, before[1]), before[1]))
+        held = []
+        try:
+            held = [socket.create_connection(server.server_address, timeout=10) for _ in range(600)]  # two numbers each
+            root = urlsplit(server.address).path
+            held.append(page := socket.create_connection(server.server_address, timeout=10))
+            page.sendall(f"GET {root}open HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n".encode())
+            answer = b""
+            while not answer.endswith(b": open\n\n"):
+                answer += page.recv(2000)
+            assert answer.startswith(b"HTTP/1.1 200 ")
+            page.settimeout(0.5)
+            with pytest.raises(TimeoutError):
+                page.recv(100)
+        finally:
+            for one in held:
+                one.close()
+            resource.setrlimit(resource.RLIMIT_NOFILE, before)
 
     def test_an_address_that_cannot_be_split_is_answered(self, server):
         for target in ("http://[/x", "//[/x"):

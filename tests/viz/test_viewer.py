@@ -394,6 +394,15 @@ def test_view_serves_until_it_is_closed():
         urllib.request.urlopen(url, timeout=10)
 
 
+def test_a_path_of_a_single_place_is_viewed():
+    """The ticks of a box without extent were a division by zero."""
+    path = ms.Trajectory(times=[0, 1, 2], positions=np.zeros((3, 3)))
+    frames = np.ones((3, 1, 1, 256), np.complex64)
+    capture = ms.Capture(radar=ms.Radar.preset("mito-sim-24ghz"), trajectory=path, frames=frames)
+    with ms.view(capture, browser=False) as viewer:
+        assert urllib.request.urlopen(viewer.url, timeout=10).status == 200
+
+
 def test_a_view_that_blocks_waits_until_it_is_closed(monkeypatch, capsys):
     pytest.importorskip("viser", reason="needs viser: make setup")
     waited = []
@@ -499,6 +508,8 @@ def test_only_its_own_page_is_answered():
             with pytest.raises(InvalidStatus, match="403"):
                 told(address)
         page = url_of(server)
+        with pytest.raises(urllib.error.HTTPError, match="403"):
+            urllib.request.urlopen(f"{page}/{'x' * 3000}", timeout=10)
         named = urllib.request.Request(page, headers={"Host": f"evil.example:{port}"})
         for asked in (named, f"http://127.0.0.1:{port}/", f"http://127.0.0.1:{port}/{'x' * len(server.secret)}/"):
             with pytest.raises(urllib.error.HTTPError, match="403"):
@@ -513,7 +524,7 @@ def test_only_its_own_page_is_answered():
         server.stop()
 
 
-def test_a_message_that_no_page_sends_is_not_read_to_its_end():
+def test_a_message_that_no_page_sends_is_not_read_to_its_end(capfd, caplog):
     import viser
     from websockets.exceptions import ConnectionClosedError
     from websockets.sync.client import connect
@@ -536,8 +547,12 @@ def test_a_message_that_no_page_sends_is_not_read_to_its_end():
                 told()
         with page() as socket:
             assert socket.recv(timeout=10)
+            socket.send(b"\xc1")
+            with pytest.raises(ConnectionClosedError, match="1011"):
+                list(socket)
     finally:
         server.stop()
+    assert "Traceback" not in "".join(capfd.readouterr()) + caplog.text
 
 
 def test_other_servers_of_the_process_are_left_alone():

@@ -212,7 +212,7 @@ def radar(
     )
     with json_only(as_json), one_opened(source, radar, data) as (opened, found):
         to = output or Path(f"{opened.capture.radar.name}.calibration.toml")
-        check_outputs(to, source=source)
+        check_outputs(to, source=source, others=(background,))
         empties = [] if background is None else sources([background], radar)
         capture = without_background(opened.capture, found, empties, data)
         if clock == "apply":

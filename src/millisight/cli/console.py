@@ -7,7 +7,7 @@ import os
 import re
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from itertools import combinations
@@ -178,20 +178,28 @@ def check_outputs(
     records: tuple[Path | None, ...] = (),
     figures: tuple[Path | None, ...] = (),
     source: Path | None = None,
+    others: Iterable[str | Path | None] = (),
 ) -> None:
     """Check before the work that its outputs can be written.
 
-    Refused are: the `source` itself, one file twice, a missing folder, an unknown format of figures or
-    records, and what another run is to write.
+    Refused are: the `source` itself, `others` that are read, files that a description as source names, one file twice,
+    a missing folder, an unknown format of figures or records, and what another run is to write.
 
     Raises
     ------
     FileError, InputError, UnknownNameError
     """
     outputs = [path for path in (*records, *paths, *figures) if path is not None]
+    described = source.read_bytes() if source is not None and source.suffix == ".toml" and source.is_file() else b""
     for path in outputs:
-        if source is not None and os.path.exists(source) and same_file(path, source):
-            raise InputError(f"{path} is the input and would be overwritten; choose another name for the output")
+        for read in (source, *others):
+            if read is not None and os.path.exists(read) and same_file(path, read):
+                what = "the input" if read is source else "an input, too,"
+                raise InputError(f"{path} is {what} and would be overwritten; choose another name for the output")
+        if described and path.name.encode() in described and path.exists():
+            raise InputError(
+                f"{path} is named by {source} and would be overwritten; choose another name for the output"
+            )
     for path in records:
         if path is not None:
             check_record_suffix(path)

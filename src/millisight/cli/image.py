@@ -196,9 +196,10 @@ def image(
         raise InputError(
             "--background holds no capture of a radar that is to be imaged; pass one, or choose with --radar"
         )
+    also = [*(path for path, _ in empties), *(calibration or []), *(source.path for source in found)]
     if len(found) == 1:
         outputs = _Outputs(output or _image_path(found[0], None), plot, slices)
-        check_outputs(records=(outputs.image,), figures=(plot, slices), source=found[0].path)
+        check_outputs(records=(outputs.image,), figures=(plot, slices), source=found[0].path, others=also)
         _image_one(found[0], outputs, settings, label="")
         return
     _image_all(found, output, plot, slices, settings, resume=resume)
@@ -244,7 +245,9 @@ def _image_all(
                 if resume and _done(outputs, settings):
                     passed_over += 1
                     continue
-                check_outputs(records=(outputs.image,), figures=(outputs.plot, outputs.slices), source=source.path)
+                check_outputs(
+                    records=(outputs.image,), figures=(outputs.plot, outputs.slices), source=source.path, others=also
+                )
                 _image_one(source, outputs, settings, label=f"[{number}/{len(found)}] ")
             except (MillisightError, MemoryError, OSError) as error:
                 failures.append(f"{source.name}: {' '.join(in_options(str(error)).split())}")

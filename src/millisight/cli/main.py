@@ -87,8 +87,11 @@ def _ending(error: BaseException) -> tuple[str, int]:
 
     if isinstance(error, MillisightError):
         return in_options(str(error)), 1
+    if isinstance(error, ImportError) and "pip install" in str(error):  # an extra that is missing
+        return str(error), 1
     if isinstance(error, MemoryError):
-        return f"not enough memory: {error}; use a coarser grid, fewer positions, or a larger machine", 1
+        reason = f": {error}" if str(error) else ""
+        return f"not enough memory{reason}; use a coarser grid, fewer positions, or a larger machine", 1
     if isinstance(error, OSError):
         return f"{error.strerror or error}{f': {error.filename}' if error.filename else ''}", 1
     return "", 1

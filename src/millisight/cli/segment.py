@@ -174,7 +174,10 @@ def segment(
 
     def one(source: ImageSource, to: Path) -> dict[str, Any]:
         drawn = None if no_picture else to.with_suffix(".png")
-        check_outputs(drawn, to.with_suffix(".ply") if volume else None, records=(to,), source=source.path)
+        _check_not_marked(to, drawn, named=output is not None)
+        check_outputs(
+            drawn, to.with_suffix(".ply") if volume else None, records=(to,), source=source.path, others=(other_band,)
+        )
         if by is None or instances:
             return several(source, to, drawn)
         image, other = source.images()
@@ -344,6 +347,17 @@ def _write(to: Path, found: Segmented, source: ImageSource, by: Segmenter, told:
         say(f"{source.name}: nothing found, by {by.name}{prompted}; wrote an empty mask to {to}")
         return
     say(f"{source.name}: mask of {share}, by {by.name}{prompted}; wrote {to}")
+
+
+def _check_not_marked(*outputs: Path | None, named: bool) -> None:
+    """Refuse to write over masks that were marked by hand, where the user has not named the output."""
+    for path in outputs if not named else ():
+        if (
+            path is not None
+            and path.exists()
+            and path.with_name(f"{path.name.split('.mask.')[0]}.prompts.json").exists()
+        ):
+            raise InputError(f"{path} was made by `millisight annotate`; choose another name with --output")
 
 
 def _read_prompts(path: Path) -> Prompts:

@@ -15,6 +15,7 @@ Every message says what came, what was expected, and what to do.
 
 from collections.abc import Collection, Iterable
 from difflib import get_close_matches
+from typing import Any, Self, TypeVar
 
 _FEW = 20  # Names: a longer list is printed only where none of it is close, since it would drown the one that is.
 
@@ -32,6 +33,23 @@ def quoted(value: object) -> str:
 
 class MillisightError(Exception):
     """Base of every error raised on purpose by millisight."""
+
+    def at(self, place: str) -> Self:
+        """The same kind of error, which says first what it is about: an entry of a file, say."""
+        return _made_again(type(self), f"{place}: {self}")
+
+    def __reduce__(self) -> tuple[Any, ...]:  # for another process; a kind's own arguments are in the text
+        return _made_again, (type(self), str(self))
+
+
+Error = TypeVar("Error", bound=MillisightError)
+
+
+def _made_again(kind: type[Error], text: str) -> Error:
+    """An error of that kind that says that."""
+    error = kind.__new__(kind, text)
+    Exception.__init__(error, text)
+    return error
 
 
 class InputError(MillisightError, ValueError):

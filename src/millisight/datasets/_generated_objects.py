@@ -115,7 +115,7 @@ def _own(file: MeshFile, folder: str) -> DatasetObject:
     try:
         mesh = load_mesh(Path(folder) / file.path, unit=file.unit)
     except MillisightError as error:
-        raise type(error)(f"files: {error}") from error
+        raise error.at("files") from error
     mesh = mesh.moved(translation=-mesh.bounds.mean(axis=0))
     folder = f"000_{file.name}"
     return DatasetObject(file.name, folder, file.shape_class, "own", "file", file.material, mesh, _sha256(mesh))

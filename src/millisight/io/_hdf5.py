@@ -227,7 +227,10 @@ def provenance(path: str | os.PathLike[str]) -> dict[str, Any]:
     """Provenance of a file: record, schema_version, code_version, command, created; or "unknown"."""
     with opened(path) as file:
         names = ("record", "schema_version", "code_version", "command", "created")
-        told = {name: plain(file.attrs.get(name, "unknown")) for name in names}
+        try:
+            told = {name: plain(file.attrs.get(name, "unknown")) for name in names}
+        except (ValueError, RecursionError) as error:
+            raise DamagedFileError(f"{printable(path)} is damaged: {error}; make or copy it again") from error
         return {name: value if isinstance(value, int | str) else str(value) for name, value in told.items()}
 
 
@@ -364,7 +367,10 @@ def _is_plain_text(value: Any) -> bool:
 
 def _kind(group: Any, path: str | os.PathLike[str]) -> str:
     """The name of the record that a group holds."""
-    name = plain(group.attrs.get("record"))
+    try:
+        name = plain(group.attrs.get("record"))
+    except (ValueError, RecursionError):
+        name = None
     if not isinstance(name, str):
         raise DamagedFileError(f"{path} is damaged at {group.name}: it names no record; make or copy it again")
     return name

@@ -6,7 +6,7 @@ itself, and the page may fetch nothing from anywhere else.
 
 import json
 import secrets
-import select
+import selectors
 import socket
 import threading
 import time
@@ -208,7 +208,9 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _path(self) -> str | None:
         """What is asked for, after the secret; None, refused, where the request is not the page's own."""
-        ours = asked_by_own_page(_HOST, self.headers.get("Host"), self.headers.get("Origin"))
+        hosts, origins = self.headers.get_all("Host", []), self.headers.get_all("Origin", [])
+        once = len(hosts) == 1 and len(origins) <= 1 and not self.headers.defects
+        ours = once and asked_by_own_page(_HOST, hosts[0], (origins or [None])[0]) and self.path.startswith("/")
         try:
             secret, _, rest = urlsplit(self.path).path.removeprefix("/").partition("/")
         except ValueError:  # of an address such as http://[/
@@ -236,10 +238,10 @@ class _Handler(BaseHTTPRequestHandler):
         self._head(HTTPStatus.OK, "text/event-stream")
         self.end_headers()
         self.wfile.write(b": open\n\n")
-        with self.server.page_open():
+        with self.server.page_open(), selectors.DefaultSelector() as selector:  # any number of connections
+            selector.register(self.connection, selectors.EVENT_READ)
             while not self.server.ending.wait(0.05):
-                readable, _, _ = select.select([self.connection], [], [], 0)
-                if readable and not self.connection.recv(1):
+                if selector.select(0) and not self.connection.recv(1):
                     return
         self.wfile.write(b"event: ended\ndata:\n\n")
 
@@ -256,14 +258,18 @@ class _Handler(BaseHTTPRequestHandler):
         self.end_headers()
         self.wfile.write(body)
 
-    def _head(self, status: HTTPStatus, kind: str) -> None:
-        self.send_response(status)
-        self.send_header("Content-Type", kind)
+    def send_response(self, code: int, message: str | None = None) -> None:
+        """The first lines of every answer, of those that the library gives itself as well."""
+        super().send_response(code, message)
         self.send_header("Cache-Control", "no-store")
         self.send_header("Content-Security-Policy", _POLICY)
         self.send_header("Referrer-Policy", "no-referrer")
         self.send_header("X-Content-Type-Options", "nosniff")
         self.send_header("Cross-Origin-Resource-Policy", "same-origin")
+
+    def _head(self, status: HTTPStatus, kind: str) -> None:
+        self.send_response(status)
+        self.send_header("Content-Type", kind)
         if self.close_connection:
             self.send_header("Connection", "close")
 

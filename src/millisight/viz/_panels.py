@@ -19,9 +19,10 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import Colormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patheffects import Normal, Stroke
+from matplotlib.text import Text
 from matplotlib.ticker import MaxNLocator
 
-from millisight.core import atomic_path, check_known, checked_colormap, checked_number
+from millisight.core import atomic_path, check_known, checked_colormap, checked_number, printable
 from millisight.core import set_colormap as set_colormap
 from millisight.core.errors import UnknownNameError
 from millisight.data import Mask, PixelGrid, TriangleMesh, VoxelGrid
@@ -102,6 +103,8 @@ def save_figure(figure: Figure, path: str | os.PathLike[str], *, dpi: float = 15
     with atomic_path(path) as temporary, matplotlib.rc_context(look), warnings.catch_warnings():
         # Names in scripts that the letters have not: boxes stand for them, and a warning for each helps nobody.
         warnings.filterwarnings("ignore", message="Glyph .* missing from", category=UserWarning)
+        for text in figure.findobj(Text):  # a file's name may be none that can be drawn
+            text.set_text(printable(text.get_text()))
         figure.savefig(temporary, format=suffix[1:], dpi=dpi, metadata=_METADATA[suffix])
 
 

@@ -105,7 +105,7 @@ def _naming(path: Any):
     try:
         yield
     except (DamagedFileError, FormatError) as error:
-        raise type(error)(f"{name}: {error}") from error
+        raise error.at(name) from error
     except UnknownNameError:
         raise
     except OSError as error:

@@ -42,7 +42,7 @@ def place_object(world: World, number: int) -> PlacedObject:
     try:
         parts = _parts(item, world.folder)
     except MillisightError as error:
-        raise type(error)(f"{place_name(world, number)}: {error}") from error
+        raise error.at(place_name(world, number)) from error
     if any(item.rotate_deg):
         parts = _moved(parts, rotation=rotation_from_euler_deg(item.rotate_deg))
     lower, upper = bounds_of(parts)

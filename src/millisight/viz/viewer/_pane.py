@@ -298,7 +298,7 @@ class Pane:
         ticks = []
         for axis in range(3):
             start, stop = lower[axis], upper[axis]
-            share = (stop - start) / float(np.ptp(bounds, axis=0).max())
+            share = (stop - start) / max(float(np.ptp(bounds, axis=0).max()), 1e-9)  # 0 of a single place
             values = MaxNLocator(nbins=max(2, round(4 * share)), steps=[1, 2, 2.5, 5, 10]).tick_values(start, stop)
             for i, value in enumerate(v for v in values if start - 1e-9 <= v <= stop + 1e-9):
                 at = corners[axis].copy()

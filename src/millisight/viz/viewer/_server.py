@@ -10,6 +10,7 @@ user or page it is.
 
 import asyncio
 import functools
+import logging
 import os
 import secrets
 import shutil
@@ -27,6 +28,7 @@ from millisight.viz import asked_by_own_page, listen
 HOST = "127.0.0.1"
 _PORTS = (*range(8080, 8100), 0)  # tried where none was asked for
 _LONGEST_HEAD = 1 << 16  # of a request [bytes]
+_LONGEST_PATH = 2000  # of what is asked for [bytes]
 _HEAD_SECONDS = 10.0
 # viser's page is one file with its scripts in it, and runs those that it is sent.
 _POLICY = (
@@ -35,6 +37,8 @@ _POLICY = (
     b"Referrer-Policy: no-referrer\r\nX-Content-Type-Options: nosniff\r\n"
     b"Cross-Origin-Resource-Policy: same-origin\r\nCross-Origin-Opener-Policy: same-origin\r\n"
 )
+_UNTOLD = logging.getLogger(f"{__name__}.untold")
+_UNTOLD.setLevel(logging.CRITICAL)
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "msedge")
 _FLAGS = (
     "--headless=new", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-first-run",
@@ -163,6 +167,7 @@ class _Gate(asyncio.Protocol):
             self._answer(b"308 Permanent Redirect", b"Location: /%b/%b\r\n" % (self._secret, path), b"")
         else:
             protocol = self._factory()
+            protocol.logger = logging.LoggerAdapter(_UNTOLD, {})  # of messages that cannot be read
             self._transport.set_protocol(protocol)
             protocol.connection_made(_Policed(self._transport))
             method, _, rest = self._head.partition(b" ")
@@ -203,7 +208,7 @@ def _path_behind(secret: bytes, head: bytes) -> bytes | None:
     if len(words) != 3 or not words[1].startswith(b"/"):
         return None
     given, path = words[1][1 : 1 + len(secret)], words[1][1 + len(secret) :]
-    if not secrets.compare_digest(given, secret) or path[:1] not in (b"", b"/", b"?"):
+    if not secrets.compare_digest(given, secret) or path[:1] not in (b"", b"/", b"?") or len(path) > _LONGEST_PATH:
         return None
     return path
 
