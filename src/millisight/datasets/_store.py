@@ -4,7 +4,7 @@ import base64
 import re
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -19,7 +19,7 @@ _LONGEST = 300  # characters of what a store says
 _PARTIAL = ".partial"  # ends names of files that are not whole yet, where the store has folders
 _KEPT = "what was transferred is kept"
 _NO_BUCKET = "there is no such bucket or folder {told}: check its name; buckets are not made here"
-_NO_FILE = "there is no such file {told}, though the manifest lists it: push the dataset again"
+_NO_FILE = "there is no such file {told}, though it is listed: send it again"
 
 
 def is_url(place: str) -> bool:
@@ -93,6 +93,16 @@ class Store:
             self._fs.makedirs(target.rpartition("/")[0], exist_ok=True)
             self._fs.put_file(str(file), target + _PARTIAL)
             self._fs.mv(target + _PARTIAL, target)
+
+    def remove(self, path: str = "") -> None:
+        """Remove a folder with all files in it; without a path everything.
+
+        Raises
+        ------
+        FileError
+        """
+        with explained(self.url, writes=True), suppress(FileNotFoundError):
+            self._fs.rm(f"{self._root}/{path}".rstrip("/"), recursive=True)
 
     def info(self, path: str) -> Mapping[str, Any] | None:
         """What the store tells of a file, as `listing` does; None where there is none.

@@ -27,7 +27,7 @@ from millisight.datasets._workers import attempt
 from millisight.io.mito import SPLITS_NAME
 
 
-class _Wanted(NamedTuple):
+class WantedFile(NamedTuple):
     """A file of the store, and its checksum; "" where nobody tells it."""
 
     path: str
@@ -59,7 +59,7 @@ def download_from_store(
     check_room(root, sum(file.size for file in lacking))
     size, failures = sum(file.size for file in files), []
     done = size - sum(file.size for file in lacking)
-    with closing(in_threads(partial(attempt, partial(_fetch, store, root)), lacking, workers)) as outcomes:
+    with closing(in_threads(partial(attempt, partial(fetch_file, store, root)), lacking, workers)) as outcomes:
         for file, (_, failure) in outcomes:
             done += file.size
             if failure:
@@ -93,25 +93,32 @@ def _check_same(root: Path, store: Store, manifest: Manifest) -> None:
         )
 
 
-def _wanted(store: Store, manifest: Manifest, objects: Sequence[str]) -> list[_Wanted]:
+def _wanted(store: Store, manifest: Manifest, objects: Sequence[str]) -> list[WantedFile]:
     """The files of the objects asked for; of all of them also what tells of the whole dataset."""
     listed = [RemoteFile(entry.path, entry.size) for entry in manifest.entries.values()]
-    files = [_Wanted(*file, "sha256", manifest.entries[file.path].sha256) for file in chosen(listed, objects)]
+    files = [WantedFile(*file, "sha256", manifest.entries[file.path].sha256) for file in chosen(listed, objects)]
     for name in () if objects else (SPLITS_NAME, CARD_NAME):
         info = store.info(name)
         if info is not None and info["size"] is not None:
-            files.append(_Wanted(name, info["size"], "md5", told_md5(info)))
+            files.append(WantedFile(name, info["size"], "md5", told_md5(info)))
     return files
 
 
-def _is_there(root: Path, file: _Wanted) -> bool:
+def _is_there(root: Path, file: WantedFile) -> bool:
     """Whether a file that the manifest lists is in the folder, byte for byte."""
     path = root / file.path
     return file.algorithm == "sha256" and size_of(path) == file.size and checksum(path) == file.digest
 
 
-def _fetch(store: Store, root: Path, file: _Wanted) -> None:
-    """One file to its place, when it is whole."""
+def fetch_file(store: Store, root: Path, file: WantedFile) -> None:
+    """A file of a store to its place under `root`, when it is whole.
+
+    Raises
+    ------
+    DamagedFileError
+        It came with other bytes.
+    FileError
+    """
     digest, size = hashlib.new(file.algorithm, usedforsecurity=False), 0
     make_folder((root / file.path).parent)
     with atomic_path(root / file.path) as temporary, open(temporary, "wb") as written:
@@ -125,7 +132,7 @@ def _fetch(store: Store, root: Path, file: _Wanted) -> None:
             what = f"{size} bytes" if size < file.size else "more bytes" if size > file.size else "other bytes"
             raise DamagedFileError(
                 f"{store.url}/{file.path} came with {what}; expected {file.size} with "
-                f"{file.algorithm} {file.digest[:12]}...: try again; if it stays so, push the dataset again"
+                f"{file.algorithm} {file.digest[:12]}...: try again; if it stays so, send it again"
             )
 
 
