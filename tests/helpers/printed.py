@@ -25,7 +25,7 @@ LEFT_OUT = {
     r"^millisight (view|annotate) (?!.*--html)": "serves a page until it is closed: tests/system/test_*_browser.py",
     r"--screenshot": "needs Chromium: tests/system/test_view_browser.py",
     r"^ssh ": "needs another machine",
-    r"^millisight dataset (download|push)": "needs the hub: tests/datasets has one of its own",
+    r"^millisight dataset (download|push)": "needs the hub or a store: tests/datasets has its own",
     r"^millisight train": "takes from minutes to an hour: tests/cli/test_train_*.py train small ones",
     r"^millisight (generate|collect) (?!.*--dry-run)": "takes minutes to hours: tests/cli has small ones",
     r"^millisight calibrate ": "needs a board or a target: tests/cli/test_calibrate*.py have them",

@@ -21,11 +21,20 @@ from millisight.cli.console import (
     progress,
     say,
 )
+from millisight.cli.dataset_transfer import download, push
 from millisight.cli.options import Objects, Sight, Workers, checked_sight
 from millisight.core import box, printable
-from millisight.core.errors import FileError, InputError, MillisightError
+from millisight.core.errors import FileError, MillisightError
 from millisight.data import CameraFrame, CameraMask, Capture, Mask, Picture, RawScan, SarImage, Trajectory
-from millisight.datasets import CANNOT_LIST, Dataset, Experiment, Item, ObjectFolder, Simulation, find_object
+from millisight.datasets import (
+    CANNOT_LIST,
+    Dataset,
+    Experiment,
+    Item,
+    ObjectFolder,
+    Simulation,
+    find_object,
+)
 from millisight.io.mito import CAMERA_FRAME, CAMERA_MASK, IMAGE, INFO, RADAR_MASK, RADARS, RAW
 
 app: typer.Typer = Commands(
@@ -141,80 +150,8 @@ def convert(
     end_with_failures([f"{path}: {in_options(reason)}" for path, reason in done.failures])
 
 
-@app.command("download")
-def download(
-    output: Annotated[Path, typer.Argument(metavar="OUT", help="Output folder.")],
-    objects: Objects = None,
-    repo: Annotated[
-        str, typer.Option(help="Dataset repository on the Hugging Face Hub.")
-    ] = "SignalKinetics/MITO_Dataset",
-    revision: Annotated[str, typer.Option(help="Branch, tag or commit.")] = "main",
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="List what would be downloaded, with sizes.")] = False,
-    workers: Annotated[int, typer.Option(min=1, help="Number of parallel downloads.")] = 4,
-) -> None:
-    """Download the published dataset from the Hugging Face Hub. It holds processed files, no raw ones.
-
-    Run it again to continue after an interruption.
-
-    Example: millisight dataset download MITO_Dataset --object 004_sugar_box --object mug
-    """
-    settings = {"repository": repo, "revision": revision, "dry_run": dry_run, "workers": workers}
-    with progress("download", compiles=False) as report:
-        try:
-            done = datasets.download(output, objects or [], progress=report, **settings)
-        except ImportError as error:
-            raise InputError(str(error)) from error
-    say(f"{done.repository} at {done.commit}: {len(done.files)} files, {done.size / 1e6:.1f} MB; "
-        f"{done.there} files existed already")  # fmt: skip
-    if dry_run:
-        sizes: Counter[str] = Counter()
-        for file in done.files:
-            sizes[file.path.split("/")[0] if "/" in file.path else "."] += file.size
-        for folder, size in sorted(sizes.items()):
-            say(f"{folder}: {size / 1e6:.1f} MB")
-        return
-    say(f"wrote {output}")
-    end_with_failures([f"{path}: {in_options(reason)}" for path, reason in done.failures])
-
-
-@app.command("push")
-def push(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Dataset that was generated or converted.")],
-    repository: Annotated[str, typer.Argument(metavar="OWNER/NAME", help="On the Hugging Face Hub; made if missing.")],
-    licence: Annotated[
-        str | None, typer.Option("--license", help="Licence, by its name on the hub, such as cc-by-4.0.")
-    ] = None,
-    public: Annotated[
-        bool, typer.Option("--public", help="Make a new repository public. [default: only its owner sees it]")
-    ] = False,
-    revision: Annotated[str, typer.Option(help="Branch.")] = "main",
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Print the dataset card and what would be pushed; send nothing.")
-    ] = False,
-) -> None:
-    """Push a dataset made here to the Hugging Face Hub, with a card that says what is simulated, and how.
-
-    Log in first: `hf auth login`. Run it again to continue after an interruption: what the hub has is not sent again.
-
-    Example: millisight dataset push data OWNER/NAME --license cc-by-4.0 --dry-run
-    """
-    with progress("push", compiles=False) as report:
-        try:
-            done = datasets.push(
-                folder, repository, licence=licence, public=public, revision=revision, dry_run=dry_run, progress=report
-            )
-        except ImportError as error:
-            raise InputError(str(error)) from error
-    if dry_run:
-        say(done.card)
-    for path in done.left_out:
-        say(f"not pushed, since the manifest does not list it: {path}")
-    if licence is None:
-        say("note: the card names no licence, so nobody may use the data; choose one with --license")
-    told = f"{done.repository}: {done.files} files, {done.size / 1e6:.1f} MB"
-    say(f"{told}; nothing was sent" if dry_run else f"{told}; {done.there} files existed already")
-    if not dry_run:
-        say(f"pushed to {done.address}")
+app.command("download")(download)
+app.command("push")(push)
 
 
 _HEADER = ("id", "name", "exp", "angles", "los", "nlos", "radars", "images", "simulated", "masks", "camera", "raw",

@@ -27,9 +27,16 @@ def generate(
         str,
         typer.Option(
             help="processes: one job per core. threads: one job at a time, all cores. tcp://HOST:PORT: a Dask cluster "
-            "whose workers see DIR under the same path."
+            "whose workers see DIR under the same path, or a store."
         ),
     ] = "processes",
+    store: Annotated[
+        str | None,
+        typer.Option(
+            metavar="URL",
+            help="Object store through which workers that do not see DIR hand over files: s3://BUCKET/PREFIX.",
+        ),
+    ] = None,
     workers: Annotated[
         int | None, typer.Option(min=1, help="Number of processes or threads. [default: one per core, at most eight]")
     ] = None,
@@ -44,6 +51,8 @@ def generate(
     gives the same files with every scheduler.
 
     Example: millisight generate examples/recipes/tiny.toml -o tiny --dry-run
+
+    Example: millisight generate RECIPE.toml -o data --scheduler tcp://HOST:8786 --store s3://BUCKET/PREFIX
     """
     from millisight.core import check_folder
     from millisight.datasets.generation import check_room, engine_of, plan_dataset, read_recipe, run_plan
@@ -60,7 +69,7 @@ def generate(
     if dry_run:
         return
     with progress("generate") as report:
-        done = run_plan(plan, engine, progress=report)
+        done = run_plan(plan, engine, store=store, progress=report)
     size = sum(entry.size for entry in done.manifest.entries.values())
     say(f"made {done.made} of {len(plan.jobs)} jobs; {done.kept} were done before; "
         f"{len(done.manifest.entries)} files, {size / 1e6:.1f} MB in {output}")  # fmt: skip

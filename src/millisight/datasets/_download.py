@@ -1,43 +1,24 @@
-"""The published dataset from the Hugging Face Hub, whole or some objects of it; resumable."""
+"""The published dataset from the Hugging Face Hub, whole or some objects of it; resumable.
+
+Object stores are in `_store_download`.
+"""
 
 import os
 from collections.abc import Callable, Sequence
 from contextlib import closing
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import NamedTuple
 
-from millisight.core import make_folder, printable, record
-from millisight.core.errors import FileError, InputError, UnknownNameError
+from millisight.core import make_folder
+from millisight.core.errors import InputError
 from millisight.datasets._hub import explained, hub_library
 from millisight.datasets._manifest import size_of
-from millisight.datasets._published import empty_scenes_of
+from millisight.datasets._remote import Download, RemoteFile, check_inside, check_room, chosen
+from millisight.datasets._store import is_url
+from millisight.datasets._store_download import download_from_store
 from millisight.datasets._workers import each
-from millisight.io.mito import object_of
 
 REPOSITORY = "SignalKinetics/MITO_Dataset"
-
-
-class RemoteFile(NamedTuple):
-    """A file of the repository: its path there, and its size [bytes]."""
-
-    path: str
-    size: int
-
-
-@record
-class Download:
-    """What was downloaded, or would be."""
-
-    repository: str  # name on the hub
-    commit: str  # its revision, by hash; all files are of this one
-    files: tuple[RemoteFile, ...]  # those wanted
-    there: int  # how many of them were in the folder before, whole
-    failures: tuple[tuple[str, str], ...] = ()  # (path, why it was not downloaded)
-
-    @property
-    def size(self) -> int:
-        """Of all files wanted [bytes]."""
-        return sum(file.size for file in self.files)
 
 
 class _Job(NamedTuple):
@@ -58,18 +39,20 @@ def download(
     workers: int = 4,
     progress: Callable[[int, int], None] | None = None,
 ) -> Download:
-    """Download the processed files of the published dataset into the folder `out`.
+    """Download the processed files of the published dataset, or a dataset that was pushed, into the folder `out`.
 
     Existing files are not downloaded again, so an interrupted download continues where it stopped. Broken connections
-    are resumed, in large files at the same position. A file that cannot be downloaded does not stop the others.
+    are resumed, from the hub in large files at the same position. A file that cannot be downloaded does not stop the
+    others. Files of an object store are compared with the checksums of its manifest.
 
     Parameters
     ----------
     out : folder, created if missing
     objects : ids, names or folders, such as "004", "sugar_box" or "004_sugar_box"; none: everything. The empty scenes
         that the table of the published dataset names for them come along
-    repository : name of a dataset repository on the hub
-    revision : a branch, tag or commit of it
+    repository : name of a dataset repository on the hub; or the URL of a place in an object store where `push` put a
+        dataset, such as s3://bucket/prefix
+    revision : a branch, tag or commit, on the hub
     dry_run : list the files, and download nothing
     workers : number of parallel downloads
     progress : called with (bytes done, bytes in all)
@@ -77,24 +60,30 @@ def download(
     Raises
     ------
     ImportError
-        huggingface_hub is not installed: `pip install "millisight[hub]"`.
+        huggingface_hub, or the package for the store, is not installed: `pip install "millisight[hub]"` or
+        `"millisight[store]"`.
     FileError
-        The hub cannot be reached, has no such repository or revision, or asks for a login or consent first.
+        The hub cannot be reached, has no such repository or revision, or asks for a login or consent first. The store
+        cannot be reached, refuses, or has no whole dataset there; the folder holds another dataset.
     UnknownNameError
         There is no such object.
     InputError
-        There is not enough disk space.
+        There is not enough disk space; a revision is asked of a store, or its URL's protocol is not known.
     """
+    if is_url(repository):
+        if revision != "main":
+            raise InputError("revision applies to the hub; leave it out for an object store")
+        return download_from_store(out, objects, repository, dry_run=dry_run, workers=workers, progress=progress)
     endpoint = os.environ.get("HF_ENDPOINT") or None
     commit, listed = _listing(repository, revision, endpoint)
-    files = _chosen(listed, objects)
+    files = chosen(listed, objects)
     root = Path(out)
     lacking = [file for file in files if size_of(root / file.path) != file.size]
     wanted = Download(repository=repository, commit=commit, files=files, there=len(files) - len(lacking))
     if dry_run:
         return wanted
     root = make_folder(out)
-    _check_room(root, sum(file.size for file in lacking))
+    check_room(root, sum(file.size for file in lacking))
     jobs = [_Job(repository, commit, file.path, os.fspath(root), endpoint) for file in files]
     done, failures = 0, []
     with closing(each(_fetch, jobs, workers=workers)) as outcomes:
@@ -121,24 +110,8 @@ def _listing(repository: str, revision: str, endpoint: str | None) -> tuple[str,
         commit = str(api.dataset_info(repository, revision=revision).sha)
         tree = api.list_repo_tree(repository, recursive=True, revision=commit, repo_type="dataset")
         files = [RemoteFile(entry.path, int(entry.size)) for entry in tree if hasattr(entry, "size")]
-    for file in files:
-        if PurePosixPath(file.path).is_absolute() or ".." in PurePosixPath(file.path).parts:
-            raise FileError(f"{repository} lists the file {file.path!r}, which would lie outside the folder; refused")
+    check_inside(repository, [file.path for file in files])
     return commit, files
-
-
-def _chosen(files: list[RemoteFile], objects: Sequence[str]) -> tuple[RemoteFile, ...]:
-    """The files of the objects asked for; all where none is."""
-    if not objects:
-        return tuple(files)
-    folders = {file.path.split("/")[0] for file in files if "/" in file.path}
-    named = {folder: (*identity, folder) for folder in folders if (identity := object_of(folder)) is not None}
-    for name in objects:
-        if not any(name in names for names in named.values()):
-            raise UnknownNameError("object", name, named)
-    chosen = {folder for folder, names in named.items() if set(objects) & set(names)}
-    chosen |= {scene for folder in chosen for scene in empty_scenes_of(folder)}
-    return tuple(file for file in files if file.path.split("/")[0] in chosen)
 
 
 def _fetch(job: _Job) -> None:
@@ -153,15 +126,4 @@ def _fetch(job: _Job) -> None:
             revision=job.commit,
             local_dir=job.out,
             endpoint=job.endpoint,
-        )
-
-
-def _check_room(root: Path, needed: int) -> None:
-    import shutil
-
-    room = shutil.disk_usage(root).free
-    if room < needed:
-        raise InputError(
-            f"{needed / 1e9:.1f} GB must be downloaded, but the free space in {printable(root)} is {room / 1e9:.1f} "
-            "GB; choose another folder, or fewer objects"
         )

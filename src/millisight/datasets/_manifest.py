@@ -11,13 +11,13 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path, PurePosixPath
 from typing import Any, NamedTuple
 
-from millisight.core import check_readable, checked_metadata, printable, put, record, write_text
+from millisight.core import check_readable, checked_metadata, printable, put, quoted, record, write_text
 from millisight.core.errors import DamagedFileError, FileError, FormatError
 
 MANIFEST_NAME = "manifest.jsonl"
 _FORMAT = "millisight dataset manifest"
 _VERSION = 1
-_LARGEST = 1 << 30  # bytes; a published dataset has some thousand files of a few hundred bytes each
+LARGEST_MANIFEST = 1 << 30  # bytes; a published dataset has some thousand files of a few hundred bytes each
 
 
 class ManifestSource(NamedTuple):
@@ -110,9 +110,22 @@ def read_manifest(folder: str | os.PathLike[str]) -> Manifest | None:
     if not path.exists():
         return None
     name = printable(check_readable(path))
-    if path.stat().st_size > _LARGEST:
-        raise FormatError(f"{name} has {path.stat().st_size} bytes; expected a manifest, of {_LARGEST} at most")
-    lines = path.read_bytes().splitlines()
+    if path.stat().st_size > LARGEST_MANIFEST:
+        raise FormatError(f"{name} has {path.stat().st_size} bytes; expected a manifest, of {LARGEST_MANIFEST} at most")
+    return parsed_manifest(name, path.read_bytes())
+
+
+def parsed_manifest(name: str, content: bytes) -> Manifest:
+    """The manifest that a file of this content is; `name`: of the file, for messages.
+
+    Raises
+    ------
+    FormatError
+        It is no manifest, or of a newer version.
+    DamagedFileError
+        A line cannot be right.
+    """
+    lines = content.splitlines()
     head = _parsed(name, 1, lines[0] if lines else b"")
     if head.get("format") != _FORMAT:
         raise FormatError(f"{name} is not a manifest of millisight: its first line does not identify it")
@@ -186,6 +199,8 @@ def manifest_entry(value: Any, place: str) -> ManifestEntry:
         isinstance(one.path, str) and isinstance(one.sha256, str) and isinstance(one.size, int)
         for one in (entry, *sources)
     )
-    if not right or not inside:
+    if not right:
         raise DamagedFileError(f"{place}: sizes, checksum or path are invalid; convert again")
+    if not inside:
+        raise DamagedFileError(f"{place}: the path {quoted(entry.path)} would lie outside the folder; refused")
     return entry

@@ -1,42 +1,26 @@
-"""A dataset made here, to the Hugging Face Hub: what is there is not sent again, so a push that broke is continued."""
+"""A dataset made here, to the Hugging Face Hub: what is there is not sent again, so a push that broke is continued.
+
+Object stores are in `_store_push`.
+"""
 
 import hashlib
 import os
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
-from millisight.core import files_under, printable, record
-from millisight.core.errors import FileError
+from millisight.core.errors import InputError
 from millisight.datasets._hub import explained, hub_library
 from millisight.datasets._hub_card import CARD_NAME, hub_card
-from millisight.datasets._manifest import MANIFEST_NAME, checksum, read_manifest, size_of
+from millisight.datasets._manifest import MANIFEST_NAME
+from millisight.datasets._remote import LocalFile, Push, RemoteFile, checked_manifest, files_left_out, files_to_send
+from millisight.datasets._store import is_url
+from millisight.datasets._store_push import push_to_store
 from millisight.io.mito import SPLITS_NAME
 
 _BATCH_FILES = 200
 _BATCH_SIZE = 2 * 10**9  # bytes
-
-
-class _File(NamedTuple):
-    """A file to push: its path in the repository, its content or where that is, its size [bytes] and SHA-256."""
-
-    path: str
-    content: Path | bytes
-    size: int
-    sha256: str
-
-
-@record
-class Push:
-    """What was pushed, or would be."""
-
-    repository: str  # name on the hub
-    files: int  # of the dataset
-    size: int  # of all of them [bytes]
-    there: int  # how many of them the hub had before
-    left_out: tuple[str, ...]  # files of the folder that its manifest does not name
-    card: str  # README.md as it is on the hub
-    address: str  # of its page; empty: nothing was sent
 
 
 def push(
@@ -49,34 +33,49 @@ def push(
     dry_run: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> Push:
-    """Push a dataset that millisight generated or converted to the Hugging Face Hub, with a card.
+    """Push a dataset that millisight generated or converted to the Hugging Face Hub or an object store.
 
-    The files of its manifest are sent in commits of up to 2 GB, the manifest and the card last. Files that the hub has
-    already, by their checksums, are not sent again, so an interrupted push continues where it stopped. The user must
-    be logged in (`hf auth login`). The card says what is simulated, with which physics, and by what it was made.
+    The files of its manifest are sent, to the hub in commits of up to 2 GB, the manifest last. Files that are there
+    already, by their checksums, are not sent again, so an interrupted push continues where it stopped. The hub gets a
+    card, which says what is simulated, with which physics, and by what it was made; a store gets the dataset's own
+    files, byte for byte. Log in to the hub first (`hf auth login`). fsspec finds the credentials for a store where its
+    protocol's programs keep them, in ~/.aws for S3.
 
     Parameters
     ----------
     folder : the dataset's, with a `manifest.jsonl`
-    repository : owner/name on the hub; it is made if missing
-    licence : for the card, by its name on the hub, such as "cc-by-4.0"; None: "unknown"
-    public : make a new repository public; by default only its owner sees it
-    revision : branch
-    dry_run : make the card, and send nothing
+    repository : owner/name on the hub, which is made if missing; or the URL of a place in an object store, such as
+        s3://bucket/prefix, whose bucket is there
+    licence : for the hub's card, by its name on the hub, such as "cc-by-4.0"; None: "unknown"
+    public : make a new repository on the hub public; by default only its owner sees it
+    revision : branch, on the hub
+    dry_run : make the card, see what a store has, and send nothing
     progress : called with (bytes done, bytes in all)
 
     Raises
     ------
     ImportError
-        huggingface_hub is not installed: `pip install "millisight[hub]"`.
+        huggingface_hub, or the package for the store, is not installed: `pip install "millisight[hub]"` or
+        `"millisight[store]"`.
+    InputError
+        An option of the hub is set for a store, or the URL's protocol is not known.
     FileError
-        The folder holds no such dataset, or not all of it; the hub cannot be reached, or refuses.
+        The folder holds no such dataset, or not all of it; hub or store cannot be reached, or refuse; the store holds
+        another dataset there.
     """
     root = Path(folder)
-    files, left_out, card = _files_of(root, repository, licence)
+    if is_url(repository):
+        if licence is not None or public or revision != "main":
+            raise InputError("licence, public and revision apply to the hub; leave them out for an object store")
+        return push_to_store(root, repository, dry_run=dry_run, progress=progress)
+    manifest = checked_manifest(root)
+    card = hub_card(root, manifest, repository, licence)
+    content = card.encode()
+    files = files_to_send(root, manifest, SPLITS_NAME, MANIFEST_NAME)
+    files.append(LocalFile(CARD_NAME, content, len(content), hashlib.sha256(content).hexdigest()))
     told = Push(
-        repository=repository, files=len(files), size=sum(file.size for file in files), there=0, left_out=left_out,
-        card=card, address="",
+        repository=repository, files=len(files), size=sum(file.size for file in files), there=0, card=card, address="",
+        left_out=files_left_out(root, manifest), sent=_sizes(files),
     )  # fmt: skip
     if dry_run:
         return told
@@ -108,44 +107,14 @@ def push(
             done += sum(file.size for file in batch)
             if progress is not None:
                 progress(done, told.size)
-    return Push(
-        repository=repository, files=told.files, size=told.size, there=len(files) - len(lacking), left_out=left_out,
-        card=card, address=str(address),
-    )  # fmt: skip
+    return replace(told, there=len(files) - len(lacking), sent=_sizes(lacking), address=str(address))
 
 
-def _files_of(root: Path, repository: str, licence: str | None) -> tuple[list[_File], tuple[str, ...], str]:
-    """The files in the order in which they are sent, those of the folder that are not, and the card."""
-    manifest = read_manifest(root)
-    if manifest is None:
-        raise FileError(
-            f"{printable(root)} holds no {MANIFEST_NAME}; expected a dataset that `millisight generate` or `millisight "
-            "dataset convert` made"
-        )
-    wrong = [path for path, entry in manifest.entries.items() if size_of(root / path) != entry.size]
-    if wrong:
-        raise FileError(
-            f"{printable(root)}: {len(wrong)} of {len(manifest.entries)} files are missing or not as {MANIFEST_NAME} "
-            f"says, the first {printable(wrong[0])}; make the dataset again, or see `millisight dataset verify`"
-        )
-    card = hub_card(root, manifest, repository, licence)
-    files = [_File(path, root / path, entry.size, entry.sha256) for path, entry in sorted(manifest.entries.items())]
-    for name in (SPLITS_NAME, MANIFEST_NAME):
-        if (root / name).exists():
-            files.append(_File(name, root / name, size_of(root / name), checksum(root / name)))
-    content = card.encode()
-    files.append(_File(CARD_NAME, content, len(content), hashlib.sha256(content).hexdigest()))
-    known = {file.path for file in files}
-    found = (path.relative_to(root) for path in files_under(root))
-    left_out = tuple(
-        path.as_posix()
-        for path in found
-        if path.as_posix() not in known and not any(part.startswith(".") for part in path.parts)
-    )
-    return files, left_out, card
+def _sizes(files: Sequence[LocalFile]) -> tuple[RemoteFile, ...]:
+    return tuple(RemoteFile(file.path, file.size) for file in files)
 
 
-def _same(entry: Any, file: _File) -> bool:
+def _same(entry: Any, file: LocalFile) -> bool:
     """Whether the hub has that file: large ones by their SHA-256, small ones as git names them."""
     if entry is None or entry.size != file.size:
         return False
@@ -155,9 +124,9 @@ def _same(entry: Any, file: _File) -> bool:
     return entry.blob_id == hashlib.sha1(b"blob %d\0" % len(content) + content, usedforsecurity=False).hexdigest()
 
 
-def _batches(files: Sequence[_File]) -> Iterator[list[_File]]:
+def _batches(files: Sequence[LocalFile]) -> Iterator[list[LocalFile]]:
     """Files that go into one commit."""
-    batch: list[_File] = []
+    batch: list[LocalFile] = []
     for file in files:
         if batch and (len(batch) == _BATCH_FILES or sum(one.size for one in batch) + file.size > _BATCH_SIZE):
             yield batch

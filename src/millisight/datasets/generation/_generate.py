@@ -1,40 +1,38 @@
 """A dataset from a recipe: planned, checked, its cost told, then made on any engine, and resumable at any point."""
 
 import hashlib
-import importlib.metadata
 import json
 import os
-import secrets
 import shutil
 import tempfile
-import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import closing
 from functools import partial
 from operator import methodcaller
 from pathlib import Path
 from typing import Any
 
-from millisight.core import make_folder, printable, record, write_text
+from millisight.core import make_folder, printable, record
 from millisight.core.errors import FileError, InputError
-from millisight.datasets import DatasetObject, Manifest, ManifestEntry, checksum, prepare_objects
+from millisight.datasets import DatasetObject, Manifest, ManifestEntry, prepare_objects
+from millisight.datasets._workers import attempt
 from millisight.datasets.generation._card import write_card
 from millisight.datasets.generation._cost import Cost, Remaining, Slowness, Total, slowness, total
 from millisight.datasets.generation._engine import Engine
 from millisight.datasets.generation._jobs import Job, jobs_of
-from millisight.datasets.generation._ledger import JOB_NAME, Ledger, job_source
+from millisight.datasets.generation._ledger import Ledger
 from millisight.datasets.generation._recipe import Recipe
+from millisight.datasets.generation._relay import Relay
 from millisight.datasets.generation._rig_job import PHYSICS as RIG_PHYSICS
 from millisight.datasets.generation._rig_job import RigJob
 from millisight.datasets.generation._simulator_job import PHYSICS as SIMULATOR_PHYSICS
 from millisight.datasets.generation._splits import write_splits
+from millisight.datasets.generation._work import PARTIAL_NAME, description_of, entry_of, make_in_place, version
 from millisight.io import SCHEMA_VERSION
-from millisight.io.mito import INFO, INFO_NAME, RAW, TRUTH, kind_of
 
 Progress = Callable[[int, int], None]
 
 _VERSION = 1  # of the generator: another one, and everything is made anew
-_PARTIAL_NAME = ".partial"
 _SHOWN = 5  # problems of a recipe
 _FEW = 10  # jobs that one process has checked before others have started
 
@@ -110,7 +108,7 @@ def plan_dataset(
     things = prepare_objects(recipe, meshes=meshes)
     jobs = jobs_of(recipe, things)
     texts = _texts(recipe, jobs)
-    todo = tuple(job for job in jobs if not ledger.kept(_description_of(job), _sha256(texts[job.key])))
+    todo = tuple(job for job in jobs if not ledger.kept(description_of(job), _sha256(texts[job.key])))
     with tempfile.TemporaryDirectory() as workspace:
         for thing in things.values():
             thing.write(Path(workspace))
@@ -142,7 +140,7 @@ def _checked(
     return tuple(costs[i] for i in sorted(costs)), [problems[i] for i in sorted(problems)]
 
 
-def run_plan(plan: Plan, engine: Engine, *, progress: Progress | None = None) -> Generated:
+def run_plan(plan: Plan, engine: Engine, *, store: str | None = None, progress: Progress | None = None) -> Generated:
     """Run the jobs of a plan; a job that fails does not stop the others, and finished jobs are kept.
 
     After an interruption, make a new plan to run the remaining jobs. The final bytes are the same as without
@@ -152,49 +150,69 @@ def run_plan(plan: Plan, engine: Engine, *, progress: Progress | None = None) ->
     ----------
     plan : as `plan_dataset` in the dataset's own folder
     engine : runs the jobs
+    store : URL of an object store, such as s3://bucket/prefix, through which workers get meshes and hand over files;
+        for a cluster whose workers do not see the dataset's folder. None: they see it under the same path
     progress : called with (core-seconds done, core-seconds in all): those done as measured, the others estimated,
         and corrected by what finished jobs of their kind took
 
     Raises
     ------
     FileError
-        There is not enough disk space, or another run is using the folder.
+        There is not enough disk space, another run is using the folder, or the store cannot be used.
+    DeviceError
+        The package for the store is not installed: `pip install "millisight[store]"`.
     """
     check_room(plan, engine.workers)
+    relay = None if store is None else Relay(store, plan.out)
     failures: dict[str, str] = {}
     costs = {job.key: cost.seconds for job, cost in zip(plan.todo, plan.costs, strict=True)}
     remaining = Remaining({job.key: (_kind_of(job), costs[job.key]) for job in plan.todo}, plan.slowness.median)
     expensive_first = sorted(plan.todo, key=lambda job: (-costs[job.key], job.key))
     with plan.ledger.writing():
-        shutil.rmtree(plan.out / _PARTIAL_NAME, ignore_errors=True)
-        make_folder(plan.out / _PARTIAL_NAME)
+        shutil.rmtree(plan.out / PARTIAL_NAME, ignore_errors=True)
+        make_folder(plan.out / PARTIAL_NAME)
         for thing in plan.things.values():
             thing.write(plan.out)
         try:
             for phase in (True, False):  # the empty scenes first: others subtract them
                 jobs = [job for job in expensive_first if _is_empty(job) == phase]
-                made = partial(_make, plan.out.absolute(), _version())
-                with closing(engine.run(made, [(job, plan.texts[job.key]) for job in jobs])) as outcomes:
-                    for outcome in outcomes:
-                        job = jobs[outcome.number]
-                        entries, took = outcome.result or ((), None)
-                        if outcome.failure:
-                            failures[job.key] = outcome.failure
+                with closing(_done(plan, engine, jobs, relay)) as outcomes:
+                    for job, entries, took, failure in outcomes:
+                        if failure:
+                            failures[job.key] = failure
                         else:
                             plan.ledger.add(entries)
                         count = remaining.finish(job.key, took)
                         if progress is not None:
                             progress(*count)
         finally:
-            shutil.rmtree(plan.out / _PARTIAL_NAME, ignore_errors=True)
+            if relay is not None:
+                relay.close()
+            shutil.rmtree(plan.out / PARTIAL_NAME, ignore_errors=True)
             manifest = _closed(plan)
     return Generated(
         manifest=manifest,
         made=len(plan.todo) - len(failures),
         kept=len(plan.jobs) - len(plan.todo),
         failures=tuple(sorted(failures.items())),
-        others=tuple(plan.ledger.others(map(_description_of, plan.jobs))),
+        others=tuple(plan.ledger.others(map(description_of, plan.jobs))),
     )
+
+
+def _done(
+    plan: Plan, engine: Engine, jobs: Sequence[Job], relay: Relay | None
+) -> Generator[tuple[Job, Sequence[ManifestEntry], float | None, str], None, None]:
+    """Jobs as they are done: the files that each tells of, the processor time it took [s], and why it failed."""
+    if relay is None:
+        function, items = partial(make_in_place, plan.out.absolute(), version()), [(j, plan.texts[j.key]) for j in jobs]
+    else:
+        function, items = relay.work(jobs, plan.texts)
+    with closing(engine.run(function, items)) as outcomes:
+        for number, result, failure in outcomes:
+            entries, took = result or ((), None)
+            if relay is not None and not failure:
+                entries, failure = attempt(partial(relay.take, jobs[number]), entries)
+            yield jobs[number], entries, took, failure
 
 
 def check_room(plan: Plan, workers: int) -> None:
@@ -216,9 +234,9 @@ def check_room(plan: Plan, workers: int) -> None:
 
 def _closed(plan: Plan) -> Manifest:
     """The manifest, card and splits of what is there."""
-    meshes = [_entry(plan.out, thing.path, "mesh", ()) for thing in plan.things.values()]
-    manifest = plan.ledger.close([_description_of(job) for job in plan.jobs], meshes)
-    made = [job for job in plan.jobs if _description_of(job) in manifest.entries]
+    meshes = [entry_of(plan.out, thing.path, "mesh", ()) for thing in plan.things.values()]
+    manifest = plan.ledger.close([description_of(job) for job in plan.jobs], meshes)
+    made = [job for job in plan.jobs if description_of(job) in manifest.entries]
     write_splits(plan.out, plan.recipe, made)
     write_card(plan.out, plan.recipe, plan.things.values(), made, manifest)
     return manifest
@@ -233,24 +251,15 @@ def _kind_of(job: Job) -> str:
     return f"{type(job).__name__} {job.radars if isinstance(job, RigJob) else job.radar}"
 
 
-def _description_of(job: Job) -> str:
-    """The path of a job's description, relative to the dataset."""
-    return f"{job.truth}/{JOB_NAME}"
-
-
 def _made_by(recipe: Recipe, job: Job) -> dict[str, Any]:
     """Provenance, as every file tells it that has room for it."""
     return {
         "simulated": True,
         "physics": RIG_PHYSICS if isinstance(job, RigJob) else SIMULATOR_PHYSICS,
-        "made_by": f"millisight generate {_version()}",
+        "made_by": f"millisight generate {version()}",
         "dataset": recipe.name,
         "job": job.key,
     }
-
-
-def _version() -> str:
-    return importlib.metadata.version("millisight")
 
 
 def _texts(recipe: Recipe, jobs: Sequence[Job]) -> dict[str, str]:
@@ -270,61 +279,3 @@ def _texts(recipe: Recipe, jobs: Sequence[Job]) -> dict[str, str]:
 
 def _sha256(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
-
-
-def _make(root: Path, version: str, item: tuple[Job, str]) -> tuple[tuple[ManifestEntry, ...], float]:
-    """Do one job, wherever this is: its files to their places; what they are, and the processor time it took [s]."""
-    started = time.process_time()
-    job, text = item
-    if version != _version():
-        raise InputError(f"this worker has millisight {_version()}, the run {version}; install the same everywhere")
-    if not (root / _PARTIAL_NAME).is_dir():
-        raise FileError(
-            f"{printable(root)} does not exist on this worker; the workers of a cluster must see the "
-            "dataset under the same path"
-        )
-    stage = make_folder(root / _PARTIAL_NAME / secrets.token_hex(6))
-    try:
-        job.make(root, stage, json.loads(text)["made_by"])
-        write_text(make_folder(stage / job.truth) / JOB_NAME, text)
-        source = job_source(stage / job.truth / JOB_NAME, _description_of(job))
-        paths = sorted(path.relative_to(stage).as_posix() for path in stage.rglob("*") if path.is_file())
-        entries = tuple(_entry(stage, path, _kind(path), (source,)) for path in paths if _answers_for(job, path))
-        _place(stage, root, job.owned, [path for path in paths if path.endswith(INFO_NAME)])
-    finally:
-        shutil.rmtree(stage, ignore_errors=True)
-    return entries, time.process_time() - started
-
-
-def _place(stage: Path, root: Path, folders: Sequence[str], files: Sequence[str]) -> None:
-    """Move what is whole to its place; what an earlier job of this name left there goes."""
-    for name in (*files, *folders):
-        target = root / name
-        if not (stage / name).exists():
-            continue
-        make_folder(target.parent)
-        if target.is_dir():
-            shutil.rmtree(target)
-        os.replace(stage / name, target)
-
-
-def _entry(root: Path, path: str, kind: str, sources: tuple[Any, ...]) -> ManifestEntry:
-    return ManifestEntry(path, kind, (root / path).stat().st_size, checksum(root / path), sources)
-
-
-def _answers_for(job: Job, path: str) -> bool:
-    """Whether the file is this job's to tell of: what several scans share, the first one tells of."""
-    return not path.endswith(INFO_NAME) or (isinstance(job, RigJob) and job.first)
-
-
-def _kind(path: str) -> str:
-    """What a file is, by its path in the dataset."""
-    parts = path.split("/")
-    if parts[0] == TRUTH:
-        return TRUTH
-    if parts[-1] == INFO_NAME:
-        return INFO
-    if "processed" not in parts and "camera" not in parts:
-        return RAW
-    known = kind_of("camera" if "camera" in parts else "radars", parts[-1])
-    return known[0] if known else RAW

@@ -84,6 +84,11 @@ class RigJob:
         of_camera = [f"{self.folder}/{state}/camera" for state in states] if self.camera else []
         return (*of_radars, *of_camera, self.truth)
 
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """The files of the dataset that it reads, relative to it: meshes, and captures of empty scenes."""
+        return (*self.sources, *(self._empty_capture(radar) for radar in self.empty))
+
     def description(self) -> dict[str, Any]:
         """All that the job's files follow from, as JSON holds it."""
         return {
@@ -168,8 +173,11 @@ class RigJob:
         """The capture less the first frame of the empty scene's, as the published 24 GHz images were made."""
         if radar not in self.empty:
             return capture
-        with open_capture(mito.radar_folder(root / self.empty[radar], radar, processed=False) / CAPTURE_NAME) as empty:
+        with open_capture(root / self._empty_capture(radar)) as empty:
             return subtract_background(capture, empty, frame="first")
+
+    def _empty_capture(self, radar: str) -> str:
+        return (mito.radar_folder(Path(self.empty[radar]), radar, processed=False) / CAPTURE_NAME).as_posix()
 
     def _write_truth(self, rig: VirtualRig, to: Path, made_by: Mapping[str, Any]) -> None:
         """The true path of each radar, each object's pixels in the picture, and the world."""

@@ -62,6 +62,11 @@ class SimulatorJob:
         """The folders that hold nothing but what this job makes, relative to the dataset."""
         return f"{self.folder}/processed/radars/{self.radar}", self.truth
 
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """The files of the dataset that it reads, relative to it: meshes."""
+        return tuple(self.sources)
+
     def description(self) -> dict[str, Any]:
         """All that the job's files follow from, as JSON holds it."""
         settings = dataclasses.asdict(self.settings)
