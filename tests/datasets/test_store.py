@@ -8,6 +8,7 @@ import http.server
 import json
 import shutil
 import socket
+import subprocess
 import sys
 import threading
 
@@ -312,7 +313,7 @@ def test_no_server_is_explained(s3, made, monkeypatch):
     ("url", "message"),
     [
         ("nowhere://bucket/small", "no protocol nowhere:// is known; expected one such as s3"),
-        ("s3://", "names no place in the store; expected a URL such as s3://bucket/prefix"),
+        ("memory://", "names no place in the store; expected a URL such as s3://bucket/prefix"),
         ("nowhere://me:secret@host/small", r"nowhere://\*\*\*@host/small: no protocol"),
     ],
 )
@@ -328,6 +329,15 @@ def test_options_of_the_hub_are_refused(made, tmp_path):
             push(made, "memory://small", **options)
     with pytest.raises(InputError, match="revision applies to the hub"):
         download(tmp_path, repository="memory://small", revision="v1")
+
+
+def test_nothing_of_stores_is_loaded_before_one_is_named():
+    code = (
+        "import sys, millisight.cli.dataset, millisight.cli.generate; from millisight.datasets import download, push;"
+        "from millisight.datasets.generation import run_plan; print({'fsspec', 's3fs', 'botocore'} & set(sys.modules))"
+    )
+    answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert answer.stdout == "set()\n"
 
 
 @pytest.mark.parametrize("package", ["fsspec", "s3fs"])

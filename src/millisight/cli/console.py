@@ -193,7 +193,7 @@ def check_outputs(
     described = source.read_bytes() if source is not None and source.suffix == ".toml" and source.is_file() else b""
     for path in outputs:
         for read in (source, *others):
-            if read is not None and os.path.exists(read) and same_file(path, read):
+            if read is not None and os.path.exists(read) and same_file(path, Path(read)):
                 what = "the input" if read is source else "an input, too,"
                 raise InputError(f"{path} is {what} and would be overwritten; choose another name for the output")
         if described and path.name.encode() in described and path.exists():

@@ -1,5 +1,6 @@
 """`millisight image`: from captures to 3-D images, one or a whole dataset."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -202,7 +203,7 @@ def image(
         check_outputs(records=(outputs.image,), figures=(plot, slices), source=found[0].path, others=also)
         _image_one(found[0], outputs, settings, label="")
         return
-    _image_all(found, output, plot, slices, settings, resume=resume)
+    _image_all(found, output, plot, slices, settings, resume=resume, also=also)
 
 
 def _calibrations(paths: list[Path]) -> "list[RadarCalibration]":
@@ -225,8 +226,9 @@ def _image_all(
     settings: ImageSettings,
     *,
     resume: bool,
+    also: Sequence[Path],
 ) -> None:
-    """Every capture after the other; what failed is said again at the end."""
+    """Every capture after the other; what failed is said again at the end. `also`: files that are read."""
     for folder in (output, plot, slices):
         if folder is not None:
             make_folder(folder)

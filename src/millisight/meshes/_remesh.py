@@ -60,8 +60,7 @@ def resample(
     InputError
         `vertices` is no whole number, below 100, or above 2 million.
     MeshError
-        The mesh falls apart into pieces that are all smaller than the new spacing, or has faces so long and thin that
-        splitting them takes too much memory.
+        The mesh falls apart into pieces smaller than the new spacing, or has faces too long and thin to be split.
     """
     if isinstance(vertices, bool) or not isinstance(vertices, int | np.integer) or vertices < FEWEST:
         raise InputError(
@@ -169,11 +168,10 @@ def _check_size(points: np.ndarray, faces: np.ndarray, longest: float, count: in
     pieces = 2.0 ** np.ceil(np.log2(np.maximum(sides[0], 1))) * (sides[1] + sides[2]) / 2
     expected, most = pieces.sum() + len(points), 4 * FINENESS * count + SPARE + 4 * len(points)
     if not expected <= most:
-        worst = int(pieces.argmax())
+        slender = sides[2, worst := int(pieces.argmax())] / max(sides[0, worst], 1e-9)
         raise MeshError(
-            f"resampling would take {expected:.3g} points, {most:.3g} at most: faces such as {worst} are "
-            f"{sides[2, worst] / max(sides[0, worst], 1e-9):.3g} times as long as wide; remove stray vertices, ask for "
-            "fewer vertices, or keep the mesh as it is (vertices=None, --vertices 0)"
+            f"resampling would take {expected:.3g} points, {most:.3g} at most: faces such as {worst} are {slender:.3g} times "
+            "as long as wide; remove stray vertices, ask for fewer, or keep the mesh's own (vertices=None, --vertices 0)"
         )
 
 

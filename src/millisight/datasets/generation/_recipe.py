@@ -34,8 +34,7 @@ from millisight.simulation import SCATTERING_MODELS
 KEEPS = ("raw", "captures", "images")
 BACKGROUNDS = ("tripod", "styrofoam")
 CONDITIONS = ("los", "carton", "cloth", "carton+cloth")
-_FINEST = 1e-5  # voxels [m]
-_LONGEST_NAME = 200  # characters: it is a folder's too
+_FINEST, _LONGEST_NAME = 1e-5, 200  # voxels [m]; characters, as of a folder's name
 
 
 def image_suffix(model: str) -> str:
