@@ -222,7 +222,7 @@ def test_faces_of_a_hundred_metres_are_refused_before_they_take_gigabytes():
         vertices=np.vstack([ball.vertices, [[100.0, 0, 0]]]),
         faces=np.vstack([ball.faces, [[0, 1, len(ball.vertices)]]]),
     )
-    with pytest.raises(MeshError, match=r"take 6\..*e\+06 points, 1\.2e\+06 at most: faces such as 1280 .* stray"):
+    with pytest.raises(MeshError, match=r"take 6\..*e\+06 points, 1\.2e\+06 at most: faces like 1280 .* stray"):
         resample(stray)
 
 

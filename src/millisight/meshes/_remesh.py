@@ -170,8 +170,8 @@ def _check_size(points: np.ndarray, faces: np.ndarray, longest: float, count: in
     if not expected <= most:
         slender = sides[2, worst := int(pieces.argmax())] / max(sides[0, worst], 1e-9)
         raise MeshError(
-            f"resampling would take {expected:.3g} points, {most:.3g} at most: faces such as {worst} are {slender:.3g} times "
-            "as long as wide; remove stray vertices, ask for fewer, or keep the mesh's own (vertices=None, --vertices 0)"
+            f"resampling would take {expected:.3g} points, {most:.3g} at most: faces like {worst} are {slender:.3g} "
+            "times as long as wide; remove stray vertices, ask for fewer, or take the mesh as it is (vertices=None)"
         )
 
 
