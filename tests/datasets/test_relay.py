@@ -80,23 +80,26 @@ def test_meshes_of_ones_own_travel_too(tmp_path):
     assert contents(tmp_path / "away") == contents(tmp_path / "here")
 
 
-def test_what_is_damaged_on_the_way_is_done_again_the_next_time(made, tmp_path):
-    url = f"memory://{tmp_path.name}/store"
+def test_what_is_damaged_on_the_way_is_done_again_the_next_time(tmp_path):
+    url, out = f"memory://{tmp_path.name}/store", tmp_path / "out"
+    quick = {"rig": None, "objects": {"names": ["golf_ball", "strawberry"]}}
 
     def damage(outcome):
         files = fsspec.filesystem("memory")
         for path in files.find(f"/{tmp_path.name}/store"):
-            if "nlos" in path and path.endswith("processed_image.pkl"):
+            if "golf" in path and path.endswith("processed_image_edges.pkl"):
                 files.pipe_file(path, files.cat_file(path)[::-1])
 
-    done = run_plan(plan(tmp_path / "out"), Watched(tmp_path / "out", damage), store=url)
+    done = run_plan(plan(out, **quick), Watched(out, damage), store=url)
     ((job, reason),) = done.failures
-    assert "nlos" in job
+    assert "golf" in job
     assert "came with other bytes" in reason
-    assert not (tmp_path / "out/058_golf_ball/robot_collected/0_0_0/exp1/nlos").exists()
-    again = run_plan(plan(tmp_path / "out"), Watched(tmp_path / "out"), store=url)
-    assert (again.made, again.kept) == (1, JOBS - 1)
-    assert contents(tmp_path / "out") == contents(made)
+    assert not (out / "058_golf_ball" / "simulation").exists()
+    again = run_plan(plan(out, **quick), Watched(out), store=url)
+    assert (again.made, again.kept, again.failures) == (1, 1, ())
+    run_plan(plan(tmp_path / "here", **quick), HERE)
+    assert contents(out) == contents(tmp_path / "here")
+    assert left_in(url) == []
 
 
 def test_a_job_that_fails_is_told_as_without_a_store(tmp_path, monkeypatch):

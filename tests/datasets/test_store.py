@@ -8,6 +8,7 @@ import http.server
 import json
 import shutil
 import socket
+import subprocess
 import sys
 import threading
 
@@ -277,6 +278,18 @@ def test_another_dataset_is_not_overwritten(url, made, tmp_path):
     assert files_of(tmp_path / "again") == files_of(made)
 
 
+def test_a_damaged_manifest_is_sent_again_and_one_of_something_else_is_not_overwritten(url, made):
+    push(made, url)
+    with in_store(url, "manifest.jsonl") as file:
+        file.write(b"{")
+    assert [file.path for file in push(made, url).sent] == ["manifest.jsonl"]
+    assert stored(url)["manifest.jsonl"] == (made / "manifest.jsonl").read_bytes()
+    with in_store(url, "manifest.jsonl") as file:
+        file.write(b'{"format": "other"}')
+    with pytest.raises(FileError, match="is not a manifest of millisight"):
+        push(made, url)
+
+
 def test_a_store_that_refuses_is_explained(s3, made, tmp_path, monkeypatch):
     place = "s3://nosuchbucket/small"
     with pytest.raises(FileError, match=f"{place}: there is no such bucket .*buckets are not made here"):
@@ -312,7 +325,7 @@ def test_no_server_is_explained(s3, made, monkeypatch):
     ("url", "message"),
     [
         ("nowhere://bucket/small", "no protocol nowhere:// is known; expected one such as s3"),
-        ("s3://", "names no place in the store; expected a URL such as s3://bucket/prefix"),
+        ("memory://", "names no place in the store; expected a URL such as s3://bucket/prefix"),
         ("nowhere://me:secret@host/small", r"nowhere://\*\*\*@host/small: no protocol"),
     ],
 )
@@ -328,6 +341,15 @@ def test_options_of_the_hub_are_refused(made, tmp_path):
             push(made, "memory://small", **options)
     with pytest.raises(InputError, match="revision applies to the hub"):
         download(tmp_path, repository="memory://small", revision="v1")
+
+
+def test_nothing_of_stores_is_loaded_before_one_is_named():
+    code = (
+        "import sys, millisight.cli.dataset, millisight.cli.generate; from millisight.datasets import download, push;"
+        "from millisight.datasets.generation import run_plan; print({'fsspec', 's3fs', 'botocore'} & set(sys.modules))"
+    )
+    answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert answer.stdout == "set()\n"
 
 
 @pytest.mark.parametrize("package", ["fsspec", "s3fs"])

@@ -1,6 +1,5 @@
 """An object store by its URL, such as s3://bucket/prefix: fsspec, loaded late, and its many errors as ours."""
 
-import base64
 import re
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
@@ -149,12 +148,7 @@ def told_md5(info: Mapping[str, Any]) -> str:
     S3 tells it as ETag of objects that were sent in one piece.
     """
     etag = str(info.get("ETag", "")).strip('"')
-    if _MD5.fullmatch(etag):
-        return etag
-    try:
-        return base64.b64decode(info.get("md5Hash", ""), validate=True).hex()
-    except (TypeError, ValueError):
-        return ""
+    return etag if _MD5.fullmatch(etag) else ""
 
 
 def in_threads(function: Callable[[T], Any], things: Sequence[T], workers: int) -> Generator[tuple[T, Any], None, None]:

@@ -2,8 +2,9 @@
 
 Engines: "processes", one a core; "threads", one job after the other in this process, its kernels on several cores, for
 machines with many cores and little memory; and an address such as "tcp://host:8786", the scheduler of a Dask cluster,
-whose workers see the dataset's folder under the same path. It repeats what a lost worker was at, and nothing else; a
-worker runs one job at a time, its kernels on as many cores as the worker has threads.
+whose workers see the dataset's folder under the same path, or share an object store with the run. It repeats what a
+lost worker was at, and nothing else; a worker runs one job at a time, its kernels on as many cores as the worker has
+threads.
 """
 
 import os
