@@ -278,6 +278,18 @@ def test_another_dataset_is_not_overwritten(url, made, tmp_path):
     assert files_of(tmp_path / "again") == files_of(made)
 
 
+def test_a_damaged_manifest_is_sent_again_and_one_of_something_else_is_not_overwritten(url, made):
+    push(made, url)
+    with in_store(url, "manifest.jsonl") as file:
+        file.write(b"{")
+    assert [file.path for file in push(made, url).sent] == ["manifest.jsonl"]
+    assert stored(url)["manifest.jsonl"] == (made / "manifest.jsonl").read_bytes()
+    with in_store(url, "manifest.jsonl") as file:
+        file.write(b'{"format": "other"}')
+    with pytest.raises(FileError, match="is not a manifest of millisight"):
+        push(made, url)
+
+
 def test_a_store_that_refuses_is_explained(s3, made, tmp_path, monkeypatch):
     place = "s3://nosuchbucket/small"
     with pytest.raises(FileError, match=f"{place}: there is no such bucket .*buckets are not made here"):
