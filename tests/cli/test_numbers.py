@@ -210,3 +210,27 @@ def test_options_with_absurd_numbers_are_refused_or_defined(words, folder, tmp_p
                 assert len(told) < 500
                 tried += 1
     assert tried >= 18
+
+
+def test_what_is_of_another_type_is_refused_by_an_error_of_ours(folder):
+    capture = ms.load(folder / "c.h5")
+    box = ms.VoxelGrid.regular((-0.02, -0.02, -0.27), (0.02, 0.02, -0.23), 0.01)
+    image = ms.form_image(capture, box)
+    for make in (
+        lambda: ms.Mask(grid_xy=3, inside=[[True]]),
+        lambda: ms.PointCloud(points=[[1], [1, 2]], magnitude=[1.0]),
+        lambda: ms.form_image(capture, box, oversampling="x"),
+        lambda: ms.form_image(capture, box, oversampling=float("inf")),
+        lambda: ms.form_image(capture, box, method=[]),
+        lambda: ms.segment(image, prompts={}),
+        lambda: ms.Radar.preset([]),
+    ):
+        with pytest.raises(MillisightError):
+            make()
+
+
+def test_what_is_divided_by_is_not_next_to_nothing():
+    with pytest.raises(MillisightError, match=r"acceleration is 4.94066e-324 m/s²; expected at least 1e-300 m/s²"):
+        World.from_table({"arm": {"acceleration": 5e-324}}, source="w")
+    with pytest.raises(MillisightError, match=r"frame_period is 4.94066e-324 s; expected at least 1e-300 s"):
+        World.from_table({"radars": [{"preset": "position2go", "frame_period": 5e-324}]}, source="w")

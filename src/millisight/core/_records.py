@@ -131,6 +131,7 @@ def check_shape(actual: tuple[int, ...], *, name: str, shape: tuple[int | str, .
 
 
 _LONGEST = 1e9  # lengths, of which squares and sums are taken [m]
+_LEAST = 1e-300  # of times, speeds and accelerations, which are divided by
 
 
 def checked_number(
@@ -155,6 +156,8 @@ def checked_number(
         raise InputError(f"{name} is {number}; expected a finite number{f' in{unit}' if unit else ''}")
     if above is not None and not number > above:
         raise InputError(f"{name} is {number:g}{unit}; expected more than {above:g}{unit}")
+    if above == 0 and unit in (" s", " m/s", " m/s²") and number < _LEAST:
+        raise InputError(f"{name} is {number:g}{unit}; expected at least {_LEAST:g}{unit}")
     if minimum is not None and not number >= minimum:
         raise InputError(f"{name} is {number:g}{unit}; expected at least {minimum:g}{unit}")
     if abs(number) > most:

@@ -86,6 +86,8 @@ class Registry(Generic[T]):
             A plug-in cannot be loaded, or does not fit the protocol.
         """
         self._find()
+        if not isinstance(name, str):
+            raise UnknownNameError(self.kind, name, self.names())
         if name in self._entries:
             return self._entries[name]
         plugin = (self._plugins or {}).get(name)

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from millisight.core import checked_array, late, put, record
+from millisight.core import checked_array, checked_record, late, put, record
 from millisight.data._grid import PixelGrid
 
 
@@ -22,6 +22,7 @@ class Mask:
     inside: np.ndarray
 
     def __post_init__(self) -> None:
+        checked_record(self.grid_xy, PixelGrid, name="grid_xy")
         put(self, inside=checked_array(self.inside, name="inside", shape=self.grid_xy.shape, dtype=np.bool_))
 
     def __repr__(self) -> str:

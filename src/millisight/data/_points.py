@@ -91,7 +91,11 @@ class PointCloud:
 
 def _some(value: Any, name: str, count: int | str, *rest: int, dtype: Any = np.float64) -> np.ndarray:
     """`value` as a read-only array (count, *rest), which may be empty."""
-    if np.shape(value) == (0, *rest) and count in (0, "N"):
+    try:
+        none = np.shape(value) == (0, *rest)
+    except ValueError:  # of rows that differ
+        none = False
+    if none and count in (0, "N"):
         empty = np.empty((0, *rest), dtype=dtype)
         empty.flags.writeable = False
         return empty

@@ -5,7 +5,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from millisight.core import check_device, checked_number, checked_record, with_step
+from millisight.core import check_device, checked_integer, checked_number, checked_record, with_step
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.data import Capture, SarImage, VoxelGrid
 from millisight.imaging._accuracy import (
@@ -91,7 +91,7 @@ def form_image(
     """
     checked_record(capture, Capture, name="capture")
     checked_record(grid, VoxelGrid, name="grid")
-    if method not in METHODS:
+    if not isinstance(method, str) or method not in METHODS:
         raise UnknownNameError("imaging method", method, METHODS)
     if method in ("exact", "sparse") and device == "cuda":
         raise InputError(f'method="{method}" runs on the CPU alone; leave device="cuda" out')
@@ -99,8 +99,8 @@ def form_image(
         raise InputError(f'method="{method}" has no tolerance; leave tolerance out, or use "fast"')
     check_device(device)
     check_behind(capture, grid)
-    if oversampling is not None and (int(oversampling) != oversampling or oversampling < 1):
-        raise InputError(f"oversampling is {oversampling}; expected a whole number of at least 1")
+    if oversampling is not None:
+        oversampling = checked_integer(oversampling, name="oversampling")
     if oversampling is not None and tolerance is not None:
         raise InputError("tolerance and oversampling are both given; pass one: the tolerance decides the oversampling")
     frequency = float(capture.radar.waveform.center_frequency)

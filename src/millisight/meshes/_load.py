@@ -167,9 +167,9 @@ def _flattened(scene: Any, name: str) -> tuple[np.ndarray, np.ndarray, float | N
                 f"{name} has a face with vertex {corners.max()}, but {len(part.vertices)} vertices: "
                 "it is truncated or damaged; export it again"
             )
-        mirrored = np.linalg.det(transform[:3, :3]) < 0
-        faces.append(start + (corners[:, ::-1] if mirrored else corners))
         with np.errstate(invalid="ignore", over="ignore"):  # infinite vertices are refused later, if a face uses them
+            mirrored = np.linalg.det(transform[:3, :3]) < 0
+            faces.append(start + (corners[:, ::-1] if mirrored else corners))
             vertices.append(np.asarray(part.vertices, dtype=float) @ transform[:3, :3].T + transform[:3, 3])
         start += len(part.vertices)
     stated = None

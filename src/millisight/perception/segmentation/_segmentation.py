@@ -5,7 +5,7 @@ from typing import Any, Literal, Protocol, overload, runtime_checkable
 
 import numpy as np
 
-from millisight.core import Registry, check_known, checked_array, checked_number, put, record
+from millisight.core import Registry, check_known, checked_array, checked_number, checked_record, put, record
 from millisight.core.errors import InputError
 from millisight.data import Mask, Picture, Prompts, SarImage, VolumeMask
 from millisight.perception import (
@@ -244,6 +244,7 @@ def find_mask(
         return power_prompts(picture, other=other, thresholds=thresholds, count=count, rng=generator)
 
     if prompts is not None:
+        checked_record(prompts, Prompts, name="prompts")
         prompts.check_on(picture)
         attempts = [lambda: prompts]
     else:
