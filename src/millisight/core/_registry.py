@@ -75,7 +75,7 @@ class Registry(Generic[T]):
     def __len__(self) -> int:
         return len(self.names())
 
-    def __getitem__(self, name: str) -> T:
+    def __getitem__(self, name: object) -> T:
         """The entry of that name.
 
         Raises
