@@ -351,12 +351,13 @@ def _write(to: Path, found: Segmented, source: ImageSource, by: Segmenter, told:
 
 def _check_not_marked(*outputs: Path | None, named: bool) -> None:
     """Refuse to write over masks that were marked by hand, where the user has not named the output."""
-    for path in outputs if not named else ():
-        if (
-            path is not None
-            and path.exists()
-            and path.with_name(f"{path.name.split('.mask.')[0]}.prompts.json").exists()
-        ):
+    there = [] if named else [path for path in outputs if path is not None and path.exists()]
+    if not there:
+        return
+    from millisight.viz.annotator import prompts_beside
+
+    for path in there:
+        if prompts_beside(path).exists():
             raise InputError(f"{path} was made by `millisight annotate`; choose another name with --output")
 
 
