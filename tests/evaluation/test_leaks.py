@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from millisight.core.errors import InputError
-from millisight.datasets.generation import catalogue_name
 from millisight.evaluation import TestImage, classes_of, plan_splits, training_of
 from millisight.evaluation._answers import CLOSED, DISJOINT
 from millisight.evaluation._leaks import (
@@ -21,6 +20,7 @@ from millisight.evaluation._leaks import (
     siblings,
     side_of,
 )
+from millisight.meshes import catalogue_name
 from millisight.perception.segmentation import WAVE_WEIGHTS
 
 RECIPES = Path(__file__).parents[2] / "examples" / "recipes"

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from millisight.cli.console import check_outputs, length, say
+from millisight.cli.console import check_outputs, complain, length, say
 from millisight.cli.interrupts import Interrupted
 from millisight.cli.options import SamDevice
 from millisight.core import make_folder, printable
@@ -105,7 +105,7 @@ def annotate(
         for path in (annotation.mask_path, annotation.prompts_path):
             say(f"wrote {path}")
     if annotation.unsaved:
-        typer.echo("millisight: the last points were not saved", err=True)
+        complain("the last points were not saved")
 
 
 def _depths(text: str) -> tuple[float, float]:

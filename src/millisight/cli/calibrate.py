@@ -98,7 +98,8 @@ def camera(
         write_text(output, lines)
         say(f"wrote {output}; put its lines into the rig file")
     else:
-        answer(lines.rstrip())
+        for line in lines.splitlines():
+            answer(line)
 
 
 def _corners(text: str) -> tuple[int, int]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from millisight.cli.console import answer, check_outputs, json_only, progress, say
+from millisight.cli.console import answer, check_outputs, complain, json_only, progress, say
 from millisight.cli.image_sources import (
     MASK_SUFFIX,
     ImageSource,
@@ -164,7 +164,7 @@ def classify(
         lambda source: one(source, None if folder is None else source.output(_SUFFIX, folder)),
         verb="classify",
         past="classified",
-        tell=_note if as_json else say,
+        tell=complain if as_json else say,
     )
 
 
@@ -263,8 +263,3 @@ def _say_bars(prediction: "Prediction") -> None:
         say(f"  threshold: {prediction.threshold:.2f}")
     if prediction.novelty_limit < 1:
         say(f"  novelty: {prediction.novelty:.2f}, at most {prediction.novelty_limit:.2f} to be sure")
-
-
-def _note(line: str) -> None:
-    """To standard error, apart from the answers."""
-    typer.echo(f"millisight: {line}", err=True)

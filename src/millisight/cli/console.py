@@ -89,9 +89,19 @@ def json_only(active: bool) -> Iterator[None]:
         _talk.aside = False
 
 
-def answer(text: str) -> None:
-    """Print what the user asked for, with --quiet, too."""
-    typer.echo(printable(text))
+def answer(line: str) -> None:
+    """Print a line that the user asked for, with --quiet, too."""
+    typer.echo(_one_line(line))
+
+
+def complain(line: str) -> None:
+    """Print an error on standard error while the work goes on."""
+    typer.echo(f"millisight: {_one_line(line)}", err=True)
+
+
+def _one_line(text: str) -> str:
+    """A text as any terminal can hold it, on one line whatever the names of files in it are."""
+    return printable(text).replace("\n", "\\n")
 
 
 def answer_table(rows: Sequence[Sequence[str]]) -> None:
@@ -220,7 +230,7 @@ def say(line: str) -> None:
     if line.startswith(WARNING):
         warn(line.removeprefix(WARNING))
     elif not _talk.quiet:
-        typer.echo(printable(line), err=_talk.aside)
+        typer.echo(_one_line(line), err=_talk.aside)
 
 
 def warn(text: str) -> None:
@@ -229,7 +239,7 @@ def warn(text: str) -> None:
         _talk.counted[text] = _talk.counted.get(text, 0) + 1
         if _talk.counted[text] > 1:
             return
-    typer.echo(printable(WARNING + text), err=_talk.quiet or _talk.aside)
+    typer.echo(_one_line(WARNING + text), err=_talk.quiet or _talk.aside)
 
 
 @contextmanager
@@ -264,7 +274,7 @@ def end_with_failures(lines: Sequence[str]) -> None:
     if lines:
         typer.echo(f"failed: {len(lines)}", err=True)
         for line in lines:
-            typer.echo(f"  {printable(line)}", err=True)
+            typer.echo(f"  {_one_line(line)}", err=True)
         raise typer.Exit(1)
 
 

@@ -13,6 +13,7 @@ from millisight import datasets
 from millisight.cli.console import (
     SMALL,
     Commands,
+    answer,
     answer_json,
     answer_table,
     end_with_failures,
@@ -73,7 +74,7 @@ def list_(
     for path in stray:
         say(f"not part of the layout: {path}")
     for path in replace(dataset, objects=tuple(chosen)).unreadable:
-        say(f"problem: {path}: {CANNOT_LIST}")
+        answer(f"problem: {path}: {CANNOT_LIST}")
     say(f"{len(chosen)} objects, {sum(len(one.experiments) for one in chosen)} experiments")
 
 
@@ -91,8 +92,9 @@ def info(
     failed = False
     for path in paths:
         for line in describe(path):
-            failed |= line.startswith("failed: ")
-            say(line)
+            damaged = line.startswith("failed: ")
+            failed |= damaged
+            (answer if damaged else say)(line)
     if failed:
         raise typer.Exit(1)
 
@@ -110,7 +112,7 @@ def verify(root: Root, objects: Objects = None, workers: Workers = None) -> None
         results = datasets.verify(dataset, workers=workers, progress=report)
     for one in results:
         for text in one.problems:
-            say(f"problem: {one.path}: {text}")
+            answer(f"problem: {one.path}: {text}")
         for text in one.notes:
             say(f"note: {one.path}: {text}")
     bad = sum(not one.ok for one in results)

@@ -54,10 +54,10 @@ def demo(
     from millisight.cli.demo_carton import look_into_carton
     from millisight.core import make_folder
     from millisight.datasets import beside
-    from millisight.viz import PageItem, write_page
+    from millisight.viz import PageItem, check_page, write_page
 
     started = time.monotonic()
-    make_folder(output)
+    check_page(make_folder(output))
     # Beside the three objects: on two cores the first run, which compiles, takes three quarters of the time.
     with beside(look_into_carton, output) as looked_into:
         items = _three_objects(output)

@@ -356,8 +356,10 @@ def _evaluate(
 ) -> None:
     """Run a task, print its main tables, and end with its failures."""
     from millisight.datasets import evaluate
+    from millisight.viz import check_page
 
     sight = checked_sight(sight)
+    check_page(output)
     with progress(label, compiles=False) as report:
         result = evaluate(
             task,
@@ -384,7 +386,8 @@ def _evaluate(
         if result.cached:
             say(f"{result.cached} results came from an earlier run")
         for table in () if as_json else result.summary:
-            answer(table.markdown() + "\n")
+            for line in (*table.markdown().splitlines(), ""):
+                answer(line)
         if page is not None:
             say(f"wrote {page}")
         for note in result.planned.notes:

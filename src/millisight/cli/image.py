@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from millisight.cli.console import check_outputs, end_with_failures, in_options, say, summed_up
+from millisight.cli.console import check_outputs, complain, end_with_failures, in_options, say, summed_up
 from millisight.cli.grids import outline_mesh, parse_bytes
 from millisight.cli.image_steps import ImageSettings, check_stated, image_of, large_image_of, oddities
 from millisight.cli.options import DataFolder, RadarChoice
@@ -253,7 +253,7 @@ def _image_all(
                 _image_one(source, outputs, settings, label=f"[{number}/{len(found)}] ")
             except (MillisightError, MemoryError, OSError) as error:
                 failures.append(f"{source.name}: {' '.join(in_options(str(error)).split())}")
-                typer.echo(f"millisight: {failures[-1]}", err=True)
+                complain(failures[-1])
     already = f", {passed_over} already done" if passed_over else ""
     say(f"imaged {len(found) - len(failures) - passed_over} of {len(found)} captures{already}")
     end_with_failures(failures)

@@ -5,9 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
-import typer
-
-from millisight.cli.console import end_with_failures, in_options, progress, say, summed_up, warn
+from millisight.cli.console import complain, end_with_failures, in_options, progress, say, summed_up, warn
 from millisight.core import check_known, check_readable, files_under, printable
 from millisight.core.errors import FileError, FormatError, InputError, MillisightError
 from millisight.data import SarImage
@@ -133,7 +131,7 @@ def one_by_one(
                 work(source)
             except (MillisightError, MemoryError, OSError) as error:
                 failures.append(f"{source.name}: {' '.join(in_options(str(error)).split())}")
-                typer.echo(f"millisight: {failures[-1]}", err=True)
+                complain(failures[-1])
     tell(f"{past} {len(found) - len(failures)} of {len(found)} images")
     end_with_failures(failures)
 

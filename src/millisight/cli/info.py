@@ -8,9 +8,9 @@ from typing import Annotated, Any
 
 import typer
 
-from millisight.cli.console import answer, answer_json, in_options, json_only
+from millisight.cli.console import answer, answer_json, complain, in_options, json_only
 from millisight.cli.options import DataFolder
-from millisight.core import check_readable, printable
+from millisight.core import check_readable
 from millisight.core.errors import FileError, InputError, MillisightError
 from millisight.data import RawScan
 
@@ -64,7 +64,7 @@ def info(
                 lines = _describe(path, declared, data)
         except MillisightError as error:
             told.append({"file": str(path), "error": in_options(str(error))})
-            typer.echo(f"millisight: {printable(told[-1]['error'])}", err=True)
+            complain(told[-1]["error"])
             continue
         # A line without a name is a remark.
         named = [line.partition(": ") if ": " in line else ("remark", "", line) for line in lines]

@@ -54,6 +54,7 @@ from ._records import for_kernel as for_kernel
 from ._records import lengths_of as lengths_of
 from ._records import put as put
 from ._records import record as record
+from ._records import seed_or_generator as seed_or_generator
 from ._records import with_step as with_step
 from ._registry import Registry as Registry
 from ._rotations import euler_deg_from_rotation as euler_deg_from_rotation

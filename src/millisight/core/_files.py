@@ -106,6 +106,10 @@ def checked_path(path: object) -> Path:
         raise FileError(f"path is of type {type(path).__name__}; expected a str or a Path")
     if not text or "\0" in text:
         raise FileError(f"path is {text!r}; expected the name of a file, not empty and without NUL characters")
+    try:
+        os.fsencode(text)
+    except UnicodeEncodeError as error:
+        raise FileError(f"path is {printable(text)}, which no file can be called; expected another name") from error
     return Path(text)
 
 

@@ -108,7 +108,7 @@ def as_array(
             array = np.asarray(given, dtype=dtype)
         if given.dtype.kind == "f" and dtype.kind in "iu" and not np.array_equal(given, array):
             raise TypeError("it holds values that are not whole numbers")
-    except (TypeError, ValueError, OverflowError) as error:
+    except (TypeError, ValueError, ArithmeticError) as error:
         raise InputError(f"{name} cannot be read as an array of {dtype}: {error}") from error
     check_shape(array.shape, name=name, shape=shape)
     if array.dtype.kind in "fc" and not np.isfinite(array).all():
@@ -224,6 +224,21 @@ def checked_record(value: Any, cls: type[T], *, name: str) -> T:
     if not isinstance(value, cls):
         raise InputError(f"{name} is of type {type(value).__name__}; expected {cls.__name__}")
     return value
+
+
+def seed_or_generator(rng: int | np.random.Generator) -> np.random.Generator:
+    """A generator of the seed `rng`, or `rng` itself.
+
+    Raises
+    ------
+    InputError
+        It is neither.
+    """
+    if isinstance(rng, np.random.Generator):
+        return rng
+    if isinstance(rng, bool) or not isinstance(rng, int | np.integer) or rng < 0:
+        raise InputError(f"rng is {rng!r}; expected a seed, a whole number from 0 on, or a numpy Generator")
+    return np.random.default_rng(int(rng))
 
 
 def checked_metadata(value: Metadata) -> Metadata:

@@ -21,6 +21,7 @@ _FEW = 20  # Names: a longer list is printed only where none of it is close, sin
 
 
 _LONGEST = 200  # characters of a value in a message
+_LONGEST_MESSAGE = 4000  # characters, of which the last quarter says what to do
 
 
 def quoted(value: object) -> str:
@@ -33,6 +34,15 @@ def quoted(value: object) -> str:
 
 class MillisightError(Exception):
     """Base of every error raised on purpose by millisight."""
+
+    def __str__(self) -> str:
+        """The message; of one that repeats a file's long texts the beginning and the end."""
+        text = super().__str__()
+        left_out = len(text) - _LONGEST_MESSAGE
+        if left_out <= 0:
+            return text
+        end = _LONGEST_MESSAGE // 4
+        return f"{text[: _LONGEST_MESSAGE - end]} [... {left_out} characters ...] {text[-end:]}"
 
     def at(self, place: str) -> Self:
         """The same kind of error, which says first what it is about: an entry of a file, say."""

@@ -13,7 +13,7 @@ from millisight.core import atomic_path, make_folder, printable
 from millisight.core.errors import MillisightError
 from millisight.data import TriangleMesh
 from millisight.datasets._manifest import checksum
-from millisight.datasets.generation import MeshFile, Recipe, catalogue_name
+from millisight.datasets.generation import MeshFile, Recipe
 from millisight.meshes import CATALOGUE, build_object, find_scans, load_mesh
 
 logger = logging.getLogger(__name__)

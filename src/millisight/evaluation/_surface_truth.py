@@ -50,7 +50,7 @@ def true_surface(
     corners = np.concatenate([mesh.vertices[mesh.faces] for mesh in meshes])
     crosses = np.concatenate([mesh.face_crosses for mesh in meshes])
     areas = np.linalg.norm(crosses, axis=1)
-    generator = np.random.default_rng(rng)
+    generator = seed_or_generator(rng)
     face = generator.choice(len(areas), _SAMPLES, p=areas / areas.sum())
     u, v = np.sqrt(generator.random(_SAMPLES)), generator.random(_SAMPLES)
     shares = np.stack([1 - u, u * (1 - v), u * v], axis=1)

@@ -5,7 +5,7 @@ from dataclasses import field, replace
 
 import numpy as np
 
-from millisight.core import checked_array, checked_number, checked_record, put, record, with_step
+from millisight.core import checked_array, checked_number, checked_record, put, record, seed_or_generator, with_step
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.data import Capture, VoxelGrid
 from millisight.imaging._autofocus_model import Pieces
@@ -126,6 +126,7 @@ def autofocus(
         raise UnknownNameError("focus", focus, FOCUSES)
     max_offset = checked_number(max_offset, name="max_offset", unit="frames", above=0)
     smoothness = checked_number(smoothness, name="smoothness", unit="m", above=0)
+    generator = seed_or_generator(rng)
     path = capture.trajectory
     if capture.tx_points is not None or capture.rx_points is not None:
         raise InputError(
@@ -147,7 +148,7 @@ def autofocus(
     mean = np.mean([capture.frames_of(slice(i, i + 1)).mean(axis=0) for i in range(len(path))], axis=0)
     subject = Subject(capture, rows, Pieces.of(path, rows, capture.radar.waveform.wavelength), mean, grid.bounds)
     search = _Search(
-        subject, max_offset, smoothness, rng, _Steps(progress, (2 * len(_HALVES) + len(_ALL)) * len(tried))
+        subject, max_offset, smoothness, generator, _Steps(progress, (2 * len(_HALVES) + len(_ALL)) * len(tried))
     )
     reasons = []
     for what in tried:
@@ -186,9 +187,9 @@ class _Steps:
 class _Search:
     """Fits the path to each half of the scene, lets the other half judge it, and then fits it to all."""
 
-    def __init__(self, subject: Subject, most: float, smoothness: float, rng, steps: _Steps):
+    def __init__(self, subject: Subject, most: float, smoothness: float, rng: np.random.Generator, steps: _Steps):
         self._subject, self._smoothness, self._steps = subject, smoothness, steps
-        self._rng = np.random.default_rng(rng)
+        self._rng = rng
         self._nothing = np.zeros_like(subject.capture.trajectory.positions)
         # What the given path shows, for every attempt alike.
         self._bright = self._points(self._nothing, None)

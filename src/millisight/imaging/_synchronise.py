@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from millisight.core import checked_number, checked_record, record
+from millisight.core import checked_number, checked_record, record, seed_or_generator
 from millisight.data import Capture, ClockCorrection, Trajectory, VoxelGrid, check_follows_log, check_log
 from millisight.imaging import _focus as _focus
 from millisight.imaging._focus import Focus, Scene
@@ -103,9 +103,10 @@ def estimate_clock(
         checked_number(max_offset, name="max_offset", unit="s", above=0),
         checked_number(max_drift, name="max_drift", unit="s/s", above=0),
     )
+    generator = seed_or_generator(rng)
     found = {"against": 0.0, "coarse_offset": 0.0, "coherence": 0.0}
     try:
-        clock, errors = _estimate(capture, log, grid, limits, np.random.default_rng(rng), _Steps(progress, 6), found)
+        clock, errors = _estimate(capture, log, grid, limits, generator, _Steps(progress, 6), found)
     except Unobservable as reason:
         return ClockEstimate(
             clock=None,

@@ -73,6 +73,8 @@ def save(
     if type(record).__name__ not in RECORDS:
         raise InputError(f"save got {type(record).__name__}; expected one of {', '.join(sorted(RECORDS))}")
     check_record_suffix(path)
+    if extras is not None and not isinstance(extras, Mapping):
+        raise InputError(f"extras is of type {type(extras).__name__}; expected a dictionary of values by name")
     if isinstance(record, Capture):
         record.frames_of(slice(0, 1))  # refuses, before anything is written, one whose file was closed
     newer = ("tx_points", "rx_points", "layers")

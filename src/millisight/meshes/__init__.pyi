@@ -3,6 +3,7 @@ from ._catalogue import CATEGORIES as CATEGORIES
 from ._catalogue import ObjectPart as ObjectPart
 from ._catalogue import build_object as build_object
 from ._catalogue import build_parts as build_parts
+from ._catalogue import catalogue_name as catalogue_name
 from ._catalogue import find_meshes as find_meshes
 from ._catalogue import find_scans as find_scans
 from ._catalogue import object_name as object_name

@@ -29,7 +29,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from millisight.core import check_known, checked_number, printable, put, record
-from millisight.core.errors import FileError, InputError
+from millisight.core.errors import FileError, InputError, UnknownNameError
 from millisight.data import MATERIALS, Material, SceneObject, TriangleMesh
 from millisight.meshes._shape_classes import SHAPE_CLASSES
 
@@ -193,6 +193,21 @@ def _spellings(entry: CatalogueObject) -> Iterator[str]:
 
 
 _NAMES = {_key(known): name for name, entry in CATALOGUE.items() for known in _spellings(entry) if known}
+
+
+_YCB = {entry.ycb_id: name for name, entry in CATALOGUE.items()}
+
+
+def catalogue_name(name: str) -> str:
+    """The catalogue's name of an object, given as that or as in the YCB set: "mug" of "025_mug".
+
+    Raises
+    ------
+    UnknownNameError
+    """
+    if name not in CATALOGUE and name not in _YCB:
+        raise UnknownNameError("catalogue object", name, CATALOGUE)
+    return _YCB.get(name, name)
 
 
 def object_name(spelled: str) -> str:

@@ -1,12 +1,12 @@
 """The one ray caster: what rays meet first, and what lies between two places. Embree does the work, in float32."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
 from millisight.data import TriangleMesh
 
-_RAYS = 1_000_000  # in one call of Embree: about 100 bytes each
+_RAYS = 100_000  # in one call of Embree, which nothing interrupts: a second or two where thousands of faces overlap
 
 LIFT = 1e-5
 """Rays start and end so far above a surface [m]: a hundredth of a wave at most, and a hundred times float32's error."""
@@ -19,10 +19,11 @@ class RayCaster:
     ----------
     triangles : (F, 3, 3) corners [m]
     centered : count from the middle of all, where float32 is finest, at the price of an addition a ray
+    each : called after every hundred thousand rays of `first`
     """
 
-    def __init__(self, triangles: np.ndarray, *, centered: bool = False):
-        self._scene, self._middle = None, None
+    def __init__(self, triangles: np.ndarray, *, centered: bool = False, each: Callable[[], object] = lambda: None):
+        self._scene, self._middle, self._each = None, None, each
         if not len(triangles):
             return
         from embreex.mesh_construction import TriangleMesh as EmbreeMesh
@@ -64,6 +65,7 @@ class RayCaster:
         for some in _blocks(len(directions)):
             rays = self._scene.run(self._placed(starts[some]), _float32(directions[some]), output=True)
             face[some], reach[some] = rays["primID"], rays["tfar"]
+            self._each()
         reach[face < 0] = np.inf
         return face, reach
 

@@ -36,7 +36,7 @@ MEND_ROUNDS = 12  # of splitting clusters that meet each other twice
 ATTEMPTS = 3  # at meeting the number of vertices asked for
 EXCESS = 4  # times as many, at most: a mesh of slivers never meets it
 MERGE_ROUNDS = 3  # of joining clusters whose vertices nearly coincide
-SPARE = 800_000  # fine vertices above four times as many as clusters need: of long, thin faces, a kilobyte each
+SPARE = 200_000  # fine vertices above four times as many as clusters need: of long, thin faces, 2 kB each
 CLOSEST = 0.15  # spacing between neighbours below which their clusters are joined
 STIFFNESS = 0.003  # pull of a cluster's centre on its vertex, as a share of the pull of its planes
 

@@ -31,4 +31,3 @@ from ._prompts import RETRY_COUNT as RETRY_COUNT
 from ._prompts import Thresholds as Thresholds
 from ._prompts import depth_prompts as depth_prompts
 from ._prompts import power_prompts as power_prompts
-from ._prompts import seed_or_generator as seed_or_generator

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from millisight.core import checked_integer, checked_number, checked_numbers, checked_record
+from millisight.core import checked_integer, checked_number, checked_numbers, checked_record, seed_or_generator
 from millisight.core.errors import InputError
 from millisight.data import CameraFrame, Picture, Prompts
 from millisight.perception._projection import power_on
@@ -137,18 +137,3 @@ def _drawn(on: np.ndarray, beside: np.ndarray, wanted: float, rng: int | np.rand
         drawn.append(candidates[generator.permutation(len(candidates))[:number]])
     points = np.concatenate(drawn)
     return Prompts(points=points, positive=np.arange(len(points)) < len(drawn[0]))
-
-
-def seed_or_generator(rng: int | np.random.Generator) -> np.random.Generator:
-    """A generator of the seed `rng`, or `rng` itself.
-
-    Raises
-    ------
-    InputError
-        It is neither.
-    """
-    if isinstance(rng, np.random.Generator):
-        return rng
-    if isinstance(rng, bool) or not isinstance(rng, int | np.integer) or rng < 0:
-        raise InputError(f"rng is {rng!r}; expected a seed, a whole number from 0 on, or a numpy Generator")
-    return np.random.default_rng(int(rng))

@@ -79,6 +79,7 @@ def check_coverage(scene: Scene, trajectory: Trajectory) -> None:
     CoverageError
     """
     lower, upper = checked_record(scene, Scene, name="scene").mesh.bounds
+    checked_record(trajectory, Trajectory, name="trajectory")
     first, last = trajectory.positions.min(axis=0), trajectory.positions.max(axis=0)
     for i, name in enumerate("xy"):
         if upper[i] - lower[i] > last[i] - first[i] + 1e-9:

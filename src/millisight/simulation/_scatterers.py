@@ -6,6 +6,8 @@ changes inside the cell is cast one by one. An occluder's shadow is magnified on
 antennas, so that few are narrower than a cell: the tests compare with casting every ray.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 
 from millisight.core.errors import InputError
@@ -22,9 +24,12 @@ _CELLS = 32
 
 
 class Scatterers:
-    """The vertices of a mesh that can answer under a model (`indices`), ready to be asked from many antennas."""
+    """The vertices of a mesh that can answer under a model (`indices`), ready to be asked from many antennas.
 
-    def __init__(self, mesh: TriangleMesh, model: ScatteringModel):
+    `each` is called again and again while rays are cast.
+    """
+
+    def __init__(self, mesh: TriangleMesh, model: ScatteringModel, *, each: Callable[[], object] = lambda: None):
         candidates = np.zeros(len(mesh.vertices), dtype=bool)
         candidates[mesh.faces] = True
         candidates &= model.candidates(mesh)
@@ -34,7 +39,7 @@ class Scatterers:
         self._normals = mesh.vertex_normals[self.indices]
         self._vertices = mesh.vertices.astype(np.float32)
         self._center = mesh.bounds.mean(axis=0)
-        self._caster = RayCaster(self._vertices[mesh.faces])
+        self._caster = RayCaster(self._vertices[mesh.faces], each=each)
 
     @property
     def points(self) -> np.ndarray:

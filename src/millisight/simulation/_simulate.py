@@ -74,7 +74,8 @@ def simulate(
     if snr_db is not None:
         check_noise(snr_db, rng)
     scattering = scattering_model(model, **parameters)
-    scatterers = Scatterers(scene.mesh, scattering)
+    done, tell = 0, progress or (lambda done, total: None)
+    scatterers = Scatterers(scene.mesh, scattering, each=lambda: tell(done, len(trajectory)))
     array = radar.array
     tx, rx = trajectory.placed(array.tx_positions), trajectory.placed(array.rx_positions)
     _check_clearance(scene, tx, rx)
@@ -92,8 +93,8 @@ def simulate(
         _add_signals(
             kernels, weights, tx[block], rx[block], scatterers.points, reflections, radar, spreading, block, frames
         )
-        if progress is not None:
-            progress(start + len(block), poses)
+        done = start + len(block)
+        tell(done, poses)
 
     settings = {
         "model": scattering.name,

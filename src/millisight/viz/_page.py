@@ -8,7 +8,7 @@ from html import escape
 from pathlib import Path, PurePosixPath
 from urllib.parse import quote
 
-from millisight.core import make_folder, put, record, write_text
+from millisight.core import make_folder, printable, put, record, write_text
 from millisight.core.errors import FileError, InputError
 from millisight.evaluation import ReportFigure, Table
 from millisight.viz._panels import save_figure
@@ -90,6 +90,21 @@ class PageItem:
         put(self, facts=dict(self.facts), alt=self.alt or self.heading)
 
 
+_FOOTER = "<footer><p>Made by millisight.</p></footer>"
+
+
+def check_page(folder: str | os.PathLike[str]) -> None:
+    """Refuse a folder whose `index.html` is not a page of `write_page`: it would be overwritten.
+
+    Raises
+    ------
+    FileError
+    """
+    page = Path(folder) / "index.html"
+    if page.is_file() and _FOOTER.encode() not in page.read_bytes():
+        raise FileError(f"{printable(page)} was not made by millisight and would be overwritten; choose another folder")
+
+
 def write_page(
     folder: str | os.PathLike[str],
     *,
@@ -116,8 +131,9 @@ def write_page(
     Raises
     ------
     FileError
-        A picture is not in the folder, or the page cannot be written there.
+        A picture is not in the folder, another page is, or the page cannot be written there.
     """
+    check_page(folder)
     folder = Path(folder)
     for item in items:
         if not (folder / item.picture).is_file():
@@ -143,7 +159,7 @@ def write_page(
 </header>
 <main>
 {sections}</main>
-<footer><p>Made by millisight.</p></footer>
+{_FOOTER}
 </body>
 </html>
 """

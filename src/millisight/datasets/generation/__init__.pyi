@@ -10,7 +10,6 @@ from ._jobs import Job as Job
 from ._recipe import MeshFile as MeshFile
 from ._recipe import Recipe as Recipe
 from ._recipe import Shares as Shares
-from ._recipe import catalogue_name as catalogue_name
 from ._recipe import read_recipe as read_recipe
 from ._recipe import recipe_from_table as recipe_from_table
 from ._recipe import record_from_file as record_from_file

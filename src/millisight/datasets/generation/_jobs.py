@@ -16,7 +16,7 @@ import numpy as np
 from millisight.core import rotation_from_euler_deg
 from millisight.core.errors import FormatError
 from millisight.datasets import DatasetObject
-from millisight.datasets.generation._recipe import PoseSettings, Recipe, Rig, catalogue_name
+from millisight.datasets.generation._recipe import PoseSettings, Recipe, Rig
 from millisight.datasets.generation._rig_job import PHYSICS, RigJob
 from millisight.datasets.generation._simulator_job import Seen, SimulatorJob, cover
 from millisight.io.mito import angles_folder, experiment_folder
@@ -111,11 +111,10 @@ def _subjects(recipe: Recipe, things: Mapping[str, DatasetObject]) -> Iterator[R
 
 def poses_of(poses: PoseSettings, rng: np.random.Generator) -> list[Pose]:
     """The stated poses of an object, then the drawn ones, no two with the same angles."""
-    angles = list(poses.stated)
+    angles = dict.fromkeys(poses.stated)  # in the order in which they came
     while len(angles) < len(poses.stated) + poses.count:
         x, y, z = (int(rng.integers(low, high + 1)) for low, high in (poses.x_deg, poses.y_deg, poses.z_deg))
-        if (x, y, z) not in angles:
-            angles.append((x, y, z))
+        angles[x, y, z] = None
     shifts = np.round(rng.uniform(-poses.shift, poses.shift, (len(angles), 2)), 4)
     return [Pose(turned, (float(x), float(y))) for turned, (x, y) in zip(angles, shifts, strict=True)]
 

@@ -28,33 +28,14 @@ from millisight.core.errors import InputError, UnknownNameError, quoted
 from millisight.data import material_named
 from millisight.datasets.generation._covers import Covers
 from millisight.io.mito import RADARS
-from millisight.meshes import CATALOGUE, CATEGORIES, PUBLISHED_CLASSES, SHAPE_CLASSES
+from millisight.meshes import CATALOGUE, CATEGORIES, PUBLISHED_CLASSES, SHAPE_CLASSES, catalogue_name
 from millisight.simulation import SCATTERING_MODELS
 
 KEEPS = ("raw", "captures", "images")
 BACKGROUNDS = ("tripod", "styrofoam")
 CONDITIONS = ("los", "carton", "cloth", "carton+cloth")
 _FINEST, _LONGEST_NAME = 1e-5, 200  # voxels [m]; characters, as of a folder's name
-
-
-def image_suffix(model: str) -> str:
-    """What the names of the images by a scattering model end with, as published: "_specular", "_edges"."""
-    return "_edges" if model == "edge" else f"_{model}"
-
-
-_YCB = {entry.ycb_id: name for name, entry in CATALOGUE.items()}
-
-
-def catalogue_name(name: str) -> str:
-    """The catalogue's name of an object, given as that or as in the YCB set: "mug" of "025_mug".
-
-    Raises
-    ------
-    UnknownNameError
-    """
-    if name not in CATALOGUE and name not in _YCB:
-        raise UnknownNameError("catalogue object", name, CATALOGUE)
-    return _YCB.get(name, name)
+_MOST_POSES, _MOST_OBJECTS = 10_000, 100  # of an object; of a scene
 
 
 @record
@@ -147,6 +128,8 @@ class SceneRecipe:
             raise InputError(
                 f"objects has {len(self.objects)} entries; expected at least two; for a single one use object"
             )
+        if len(self.objects) > _MOST_OBJECTS:
+            raise InputError(f"objects has {len(self.objects)} entries; expected {_MOST_OBJECTS} at most")
 
 
 @record
@@ -172,6 +155,8 @@ class PoseSettings:
         room = int(np.prod([high - low + 1 for low, high in ranges.values()])) - len(angles)
         if count > room:
             raise InputError(f"count is {count}, but the ranges hold only {max(room, 0)} other whole angles")
+        if count + len(angles) > _MOST_POSES:
+            raise InputError(f"{count + len(angles)} poses; expected {_MOST_POSES} at most of an object")
         shift = checked_number(self.shift, name="shift", unit="m", minimum=0)
         put(self, angles_deg=angles, count=count, shift=shift, **ranges)
 

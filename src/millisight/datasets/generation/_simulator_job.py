@@ -12,7 +12,7 @@ from millisight.core import SPEED_OF_LIGHT, make_folder, record
 from millisight.core.errors import CoverageError, InputError
 from millisight.data import Radar, Scene, Trajectory, VoxelGrid
 from millisight.datasets.generation._cost import Cost, simulator_cost
-from millisight.datasets.generation._recipe import Simulator, image_suffix
+from millisight.datasets.generation._recipe import Simulator
 from millisight.datasets.generation._rig_job import cut_grid, with_provenance, write_masks
 from millisight.imaging import form_image
 from millisight.io.mito import TRUTH, radar_folder, write_published
@@ -35,6 +35,11 @@ class Seen(NamedTuple):
     material: str  # of a mesh file
     angles_deg: tuple[int, int, int]  # about the fixed x, then y, then z axis
     offset: tuple[float, float]  # x and y of its middle from the aperture's [m]
+
+
+def image_suffix(model: str) -> str:
+    """What the names of the images by a scattering model end with, as published: "_specular", "_edges"."""
+    return "_edges" if model == "edge" else f"_{model}"
 
 
 @record

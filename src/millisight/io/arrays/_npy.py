@@ -81,28 +81,29 @@ def _npy_array(path: Any, start: int, header: _Header) -> np.ndarray:
 def npz_entries(path: Any, size: int, limit: int) -> dict[str, Entry]:
     """The arrays of an archive that `numpy.savez` or `savez_compressed` wrote."""
     entries: dict[str, Entry] = {}
-    with zipfile.ZipFile(path) as archive:
-        members = [info for info in archive.infolist() if not info.is_dir()]
-        total = sum(info.file_size for info in members)
-        if sum(info.compress_size for info in members) > size:
-            raise ValueError("its members overlap: it claims more than it holds")
-        if any(info.compress_type != zipfile.ZIP_STORED for info in members) and total > limit:
-            raise too_large(total, limit)
-        for info in members:
-            name = info.filename.removesuffix(".npy")
-            if name in entries:
-                raise ValueError(f"it holds two arrays of the name {name!r}")
-            if name == info.filename:
-                entries[name] = Entry(refusal="no array, but another file in the archive")
-            elif info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-                entries[name] = Entry(refusal="compressed in a way that NumPy does not write")
-            else:
-                with in_array(name), archive.open(info) as file:
-                    header = _npy_header(file, info.file_size)
-                entries[name] = Entry(header.shape, partial(_npz_array, path, info), header.refusal)
+    # Open for as long as an entry is there: to open it anew for each takes time that grows with their square.
+    archive = zipfile.ZipFile(path)
+    members = [info for info in archive.infolist() if not info.is_dir()]
+    total = sum(info.file_size for info in members)
+    if sum(info.compress_size for info in members) > size:
+        raise ValueError("its members overlap: it claims more than it holds")
+    if any(info.compress_type != zipfile.ZIP_STORED for info in members) and total > limit:
+        raise too_large(total, limit)
+    for info in members:
+        name = info.filename.removesuffix(".npy")
+        if name in entries:
+            raise ValueError(f"it holds two arrays of the name {name!r}")
+        if name == info.filename:
+            entries[name] = Entry(refusal="no array, but another file in the archive")
+        elif info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+            entries[name] = Entry(refusal="compressed in a way that NumPy does not write")
+        else:
+            with in_array(name), archive.open(info) as file:
+                header = _npy_header(file, info.file_size)
+            entries[name] = Entry(header.shape, partial(_npz_array, archive, info), header.refusal)
     return entries
 
 
-def _npz_array(path: Any, info: zipfile.ZipInfo) -> np.ndarray:
-    with zipfile.ZipFile(path) as archive, archive.open(info) as file:
+def _npz_array(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> np.ndarray:
+    with archive.open(info) as file:
         return _npy_header(file, info.file_size).array(file)

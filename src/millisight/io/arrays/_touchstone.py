@@ -76,6 +76,9 @@ def read_touchstone(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
     table = values.reshape(-1, width)
     with np.errstate(over="ignore"):
         frequencies = unit * table[:, 0]
+        sizes = table[:, 1::2] if form != "DB" else 10 ** (table[:, 1::2] / 20)
+    if not np.isfinite(sizes).all():
+        raise DamagedFileError(f"{source}: a level in dB is beyond all numbers")
     if not np.isfinite(frequencies).all():
         raise DamagedFileError(f"{source}: a frequency is beyond all numbers, in the unit that the file states")
     if (np.diff(frequencies) <= 0).any():
@@ -83,11 +86,8 @@ def read_touchstone(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
         raise DamagedFileError(
             f"{source}: frequency {place + 1} is {frequencies[place]:g} Hz, not above the one before"
         )
-    first, second = table[:, 1::2], table[:, 2::2]
-    if form == "RI":
-        matrix = first + 1j * second
-    else:
-        matrix = (first if form == "MA" else 10 ** (first / 20)) * np.exp(1j * np.radians(second))
+    second = table[:, 2::2]
+    matrix = sizes + 1j * second if form == "RI" else sizes * np.exp(1j * np.radians(second))
     names = [f"S{row}{column}" for row in range(1, count + 1) for column in range(1, count + 1)]
     if count == 2 and not by_rows:
         names = ["S11", "S21", "S12", "S22"]

@@ -243,7 +243,8 @@ def _complex_reading(counts: np.ndarray, order: str, receivers: int, samples: in
     upper, lower, doubt = _lit_pairs(power[:, _GUARD:half], power[:, -_GUARD:-half:-1], len(chirps))
     positive = upper.sum() >= lower.sum()
     bright, dark = (upper, lower) if positive else (lower, upper)
-    line = (np.square(bright).sum() + doubt**2) / (max(bright.sum(), 0) + doubt)
+    total = max(bright.sum(), 0) + doubt
+    line = (np.square(bright).sum() + doubt**2) / total if total else 0.0  # a receiver that gives one value
     slow = bright[:, : half // (2 * receivers)].sum() > 0.95 * bright.sum()
     return _Reading(
         _ratio_db(bright.sum(), dark.sum(), doubt), _db(line), "positive" if positive else "negative", bool(slow)

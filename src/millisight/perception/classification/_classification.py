@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any, Literal, Protocol, get_args, runtime_checkable
 
-from millisight.core import Registry, check_known
+from millisight.core import Registry, check_known, checked_record
 from millisight.core.errors import InputError
 from millisight.data import Mask, Prediction, SarImage
 from millisight.perception import HIGH_BAND, LOW_BAND, Condition, without_sheets
@@ -114,6 +114,10 @@ def classify(
     ImportError, DamagedFileError, FormatError, FileError
         See NetworkClassifier.
     """
+    checked_record(image, SarImage, name="image")
+    checked_record(mask, Mask, name="mask")
+    if other_band is not None:
+        checked_record(other_band, SarImage, name="other_band")
     check_known("condition", condition, get_args(Condition))
     if isinstance(method, str):
         by = _by_name(method, None if weights is None else os.path.abspath(weights))

@@ -12,11 +12,17 @@ from typing import Any
 
 import numpy as np
 
-from millisight.core import checked_number, put, record
+from millisight.core import checked_number, checked_record, put, record
 from millisight.core.errors import InputError
 from millisight.data import Instances, Prompts, SarImage
 from millisight.perception import project
-from millisight.perception.segmentation._segmentation import Segmenter, find_mask, largest_share, segmenter
+from millisight.perception.segmentation._segmentation import (
+    Segmenter,
+    checked_segmenter,
+    find_mask,
+    largest_share,
+    segmenter,
+)
 
 _NEIGHBOURS = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0)]
 _LOWEST_DB = -120.0
@@ -218,7 +224,7 @@ def segment_instances(
     InputError, UnknownNameError
         As `segment`, of the segmenter.
     """
-    settings = settings or InstanceSettings()
+    settings = InstanceSettings() if settings is None else checked_record(settings, InstanceSettings, name="settings")
     picture = project(image, other_band=other_band, values=values)
     if picture.power is None or not picture.power.any():
         return Instances(grid_xy=image.grid.xy, labels=np.zeros(image.grid.xy.shape, np.int32), scores=np.zeros(0))
@@ -226,7 +232,7 @@ def segment_instances(
     dark = float(np.percentile(levels, _DARK))
     shown = levels
     if method is not None:
-        by = segmenter(method) if isinstance(method, str) else method
+        by = segmenter(method) if isinstance(method, str) else checked_segmenter(method)
         other = None if other_band is None else project(other_band, values=values)
         found = find_mask(by, picture, other=other, prompts=prompts, rng=rng, condition=condition, largest=1.0)
         shown = np.where(found.inside, levels, -np.inf)

@@ -5,7 +5,16 @@ from typing import Any, Literal, Protocol, overload, runtime_checkable
 
 import numpy as np
 
-from millisight.core import Registry, check_known, checked_array, checked_number, checked_record, put, record
+from millisight.core import (
+    Registry,
+    check_known,
+    checked_array,
+    checked_number,
+    checked_record,
+    put,
+    record,
+    seed_or_generator,
+)
 from millisight.core.errors import InputError
 from millisight.data import Mask, Picture, Prompts, SarImage, VolumeMask
 from millisight.perception import (
@@ -18,7 +27,6 @@ from millisight.perception import (
     Thresholds,
     power_prompts,
     project,
-    seed_or_generator,
     without_sheets,
 )
 from millisight.perception.segmentation._heights import between
@@ -111,10 +119,11 @@ def segmenter(name: Method | str, **options: Any) -> Segmenter:
     InputError
         A plug-in's is no `Segmenter`.
     """
-    return _checked(SEGMENTERS[name](**options))
+    return checked_segmenter(SEGMENTERS[name](**options))
 
 
-def _checked(by: Any) -> Segmenter:
+def checked_segmenter(by: Any) -> Segmenter:
+    """`by`, if it is a segmenter; else an InputError."""
     if isinstance(by, type) or not isinstance(by, Segmenter):
         raise InputError(
             f"method is of type {type(by).__name__}; expected a segmenter's name, or an object with name, "
@@ -338,7 +347,7 @@ def segment(
     UnknownNameError
         Unknown method or condition.
     """
-    by = segmenter(method) if isinstance(method, str) else _checked(method)
+    by = segmenter(method) if isinstance(method, str) else checked_segmenter(method)
     picture = project(image, other_band=other_band)
     other = None if other_band is None else project(other_band)
     mask = find_mask(by, picture, other=other, prompts=prompts, rng=rng, condition=condition, support=support).mask
