@@ -14,7 +14,7 @@ import numpy as np
 
 CORE = 16 * 2 * 2.6e9  # operations of float32 a second and core
 PAIR = 40 / CORE + 0.5e-9  # direct backprojection: 40 operations, and two reads from the range profile [s]
-MIDDLE = 16 / CORE  # a voxel of a field, interpolated along one axis by eight taps [s]
+MIDDLE = 16 / CORE  # a voxel of a field, interpolated along its first axis by eight taps [s]
 MERGED = 44 / CORE  # the same along the other axis, its phase turned, and summed [s]
 PRODUCT = 8 / CORE  # a complex product and sum [s]
 PATCH_PAIR = 165 / CORE  # a patch and a channel that it faces (see test_rig.py) [s]
@@ -110,13 +110,11 @@ class _Counted:
         self._counted["pairs"] += len(x) * profiles.shape[0] * profiles.shape[1] * profiles.shape[2]
         self._kernels.backproject(*args)
 
-    def interpolate_middle(self, fields: Any, base: Any, weights: Any, out: Any) -> None:
-        self._counted["interpolated voxels"] += out.size // 2  # the real or the imaginary part
-        self._kernels.interpolate_middle(fields, base, weights, out)
-
     def merge(self, *args: Any) -> None:
         fields, out = args[0], args[-1]
-        self._counted["merged voxels"] += len(fields) * out[0].size
+        _, _, rows, columns, depth = out.shape
+        self._counted["interpolated voxels"] += fields.shape[1] * rows * min(columns, fields.shape[3]) * depth
+        self._counted["merged voxels"] += fields.shape[1] * rows * columns * depth
         self._kernels.merge(*args)
 
     def product(self, rows: Any, matrix: Any, *out: Any) -> Any:

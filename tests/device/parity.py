@@ -94,28 +94,24 @@ def imaging(rng):
     yield "leaf_fields through layers", *bent
     fields = fields.reshape(2, 2, 2, 9, 11, 2)
 
-    base, weights = rng.integers(0, 4, 13), rng.normal(size=(13, 8)).astype(np.float32)
-    wide = np.empty((2, 2, 9, 13, 2), np.float32)
-    _kernels.interpolate_middle(fields[1][0], base, weights, wide[1])
-    _cuda.interpolate_middle(fields[1][0], base, weights, wide[0])
-    yield "interpolate_middle", *wide
+    def taps(coarse, fine):
+        return np.sort(rng.integers(0, coarse - 7, fine)), rng.normal(size=(fine, 8)).astype(np.float32)
 
-    fine = np.linspace(-0.04, 0.04, 5, dtype=np.float32)
-    base, weights = rng.integers(0, 2, 5), rng.normal(size=(5, 8)).astype(np.float32)
+    fine, wide = (np.linspace(-0.04, 0.04, n, dtype=np.float32) for n in (5, 13))
     parents, far_parents = (antenna_rows(rng.uniform(-0.03, 0.03, (2, 3)) + o, 0.0, 0.0, 0.0) for o in (0.0, far))
-    for has_parents, starts, rows, ends in (
-        (True, np.array([0, 1, 2]), 2, (centers, parents)),
-        (True, np.array([0, 1, 2]), 2, (far_centers, far_parents)),
-        (False, np.array([0, 2]), 1, (centers, parents)),
+    for has_parents, starts, rows, ends, along, across, finer in (
+        (True, np.array([0, 1, 2]), 2, (centers, parents), taps(9, 5), taps(11, 13), (fine, wide)),
+        (True, np.array([0, 1, 2]), 2, (far_centers, far_parents), taps(9, 5), None, (fine, y)),
+        (True, np.array([0, 1, 2]), 2, (centers, parents), None, taps(11, 13), (x, wide)),
+        (False, np.array([0, 2]), 1, (centers, parents), taps(9, 5), taps(11, 13), (fine, wide)),
     ):
-        out = np.empty((2, 2, rows, 5, 11, 2), np.float32)
-        out[:] = rng.normal(size=out.shape[1:])  # what was there is added to
+        out = np.empty((2, 2, rows, *map(len, finer), 2), np.float32)
+        out[:] = rng.normal(size=out.shape[1:])  # the image is added to
         for kernels, result in ((_cuda, out[0]), (_kernels, out[1])):
             kernels.merge(
-                *fields[1], np.array([1, 0]), starts, *ends, has_parents, CARRIER, base, weights,
-                fine, y, z, *result,
-            )  # fmt: skip
-        where = ", far off" if ends[0] is far_centers else ""
+                fields[1], np.array([1, 0]), starts, *ends, has_parents, CARRIER, along, across, *finer, z, result
+            )
+        where = (", far off" if ends[0] is far_centers else "") + ("" if along and across else ", along one axis")
         yield f"merge {'to parents' if has_parents else 'to the image'}{where}", *out
 
 

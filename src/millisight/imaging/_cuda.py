@@ -38,9 +38,10 @@ from millisight.core.gpu import (
     zeros,
 )
 from millisight.imaging._lengths import EXACT_CYCLES, rows_of_pairs
+from millisight.imaging._plan import as_it_is
 
 __all__ = [
-    "backproject", "empty", "interpolate_middle", "leaf_fields", "merge", "product", "to_device", "to_host", "zeros",
+    "backproject", "empty", "leaf_fields", "merge", "product", "to_device", "to_host", "zeros",
 ]  # fmt: skip
 
 PAIR_INSTRUCTIONS = 56
@@ -208,8 +209,12 @@ def _merge(
             cos, sin = cosine(turn), sine(turn)
             total_re += re * cos - im * sin
             total_im += re * sin + im * cos
-        out_re[s, i, j, k] += total_re
-        out_im[s, i, j, k] += total_im
+        if has_parents:
+            out_re[s, i, j, k] = total_re
+            out_im[s, i, j, k] = total_im
+        else:
+            out_re[s, i, j, k] += total_re
+            out_im[s, i, j, k] += total_im
 
 
 def _exact_within(carrier):
@@ -239,18 +244,16 @@ def _tables(excess):
     return (None, None) if excess is None else tuple(excess[:2])
 
 
-def interpolate_middle(field, base, weights, out):
-    """See `_kernels.interpolate_middle`."""
-    fields, rows, columns, depth = out.shape
-    launch(_interpolate_middle, (columns * depth, fields * rows), field, base, weights, out=(out,))
-
-
-def merge(
-    field_re, field_im, children, starts, centers, parents, has_parents, carrier, base, weights, x, y, z, out_re, out_im
-):
+def merge(fields, children, starts, centers, parents, has_parents, carrier, along, across, x, y, z, out):
     """See `_kernels.merge`."""
+    wide, (_, count, rows, _, depth), columns = fields, fields.shape, y.shape[0]
+    if across is not None:
+        wide = empty((2, count, rows, columns, depth))
+        for part in (0, 1):
+            launch(_interpolate_middle, (columns * depth, count * rows), fields[part], *across, out=(wide[part],))
+    base, weights = along or as_it_is(x.shape[0])
     launch(
-        _merge, (y.shape[0] * z.shape[0], (starts.shape[0] - 1) * x.shape[0]),
-        field_re, field_im, children, starts, centers, parents, has_parents, carrier, _exact_within(carrier),
-        base, weights, x, y, z, out=(out_re, out_im),
+        _merge, (columns * depth, (starts.shape[0] - 1) * x.shape[0]),
+        wide[0], wide[1], children, starts, centers, parents, has_parents, carrier, _exact_within(carrier),
+        base, weights, x, y, z, out=(out[0], out[1]),
     )  # fmt: skip

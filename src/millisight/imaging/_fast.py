@@ -26,7 +26,7 @@ from millisight.imaging._backprojection import (
 )
 from millisight.imaging._check import Check, Deviation, of_whole
 from millisight.imaging._lengths import antenna_rows, boxes, grid_in, rows_of_pairs
-from millisight.imaging._plan import TAPS, Plan, axis_weights, cells_of, make_plan, means_of, middles
+from millisight.imaging._plan import Plan, axis_weights, cells_of, make_plan, means_of, middles
 from millisight.imaging._refraction import Excess
 from millisight.imaging._windows import Window
 
@@ -213,42 +213,46 @@ def _add_sub_apertures(
         for level, target in zip(levels, targets, strict=True)
     ]
     points = [kernels.to_device(_f32(p.ravel())) for p in np.meshgrid(*levels[0].axes, axes[2], indexing="ij")]
+    buffers = _Buffers(kernels)
     for top in range(tops.max() + 1):
         members = np.flatnonzero(tops == top)
         cells = [cells_of(middle[members], corner, level.size) for level in levels]
         centers = [antenna_rows(means_of(middle[members], cell), 0.0, 0.0, 0.0) for cell in cells]
         order = np.argsort(cells[0], kind="stable")
-        fields = kernels.empty((2, len(centers[0]), *map(len, levels[0].axes), len(axes[2])))
+        fields = buffers.take(0, 2, len(centers[0]), *map(len, levels[0].axes), len(axes[2]))
         flat = fields.reshape(2, len(centers[0]), len(points[0]))
         kernels.leaf_fields(
             scan.profiles, scan.per_metre, scan.carrier, tx, rx, members[order], _starts(cells[0]), centers[0],
             *points, flat[0], flat[1], scan.excess,
         )  # fmt: skip
-        for n, (target, (along, across)) in enumerate(zip(targets, weights, strict=True)):
+        for n, (target, pair) in enumerate(zip(targets, weights, strict=True)):
             last = n == len(levels) - 1
             # Which parent each child belongs to; in the last step all belong to the image.
             parent = np.zeros(len(centers[n]), dtype=np.int64)
             if not last:
                 parent[cells[n]] = cells[n + 1]
-            out = image if last else kernels.zeros((2, len(centers[n + 1]), *map(len, target), len(axes[2])))
-            wide = fields
-            if across is not None:
-                wide = kernels.empty((2, *fields.shape[1:3], len(target[1]), len(axes[2])))
-                for part in (0, 1):
-                    kernels.interpolate_middle(fields[part], *across, wide[part])
+            shape = () if last else (2, len(centers[n + 1]), *map(len, target), len(axes[2]))
+            out = image if last else buffers.take(n + 1, *shape)
             kernels.merge(
-                wide[0], wide[1], np.argsort(parent, kind="stable"), _starts(parent), centers[n],
-                centers[n] if last else centers[n + 1], not last, scan.carrier, *(along or _one_to_one(len(target[0]))),
-                *map(_f32, target), inner, out[0], out[1],
+                fields, np.argsort(parent, kind="stable"), _starts(parent), centers[n],
+                centers[n] if last else centers[n + 1], not last, scan.carrier, *pair, *map(_f32, target), inner, out,
             )  # fmt: skip
             fields = out
         yield top + 1, tops.max() + 1
 
 
-def _one_to_one(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """First tap and weights that leave an axis of `count` points as it is."""
-    base = np.minimum(np.arange(count), count - TAPS)
-    return base, np.eye(TAPS, dtype=np.float32)[np.arange(count) - base]
+class _Buffers:
+    """Arrays that are used again for one largest sub-aperture after the other: new memory costs more than the work."""
+
+    def __init__(self, kernels: Any):
+        self._kernels, self._kept = kernels, {}
+
+    def take(self, name: int, *shape: int) -> Any:
+        """An array of that shape, with anything in it; what was taken by this name before is lost."""
+        size = int(np.prod(shape))
+        if name not in self._kept or self._kept[name].size < size:
+            self._kept[name] = self._kernels.empty((size,))
+        return self._kept[name][:size].reshape(shape)
 
 
 def _starts(cells: np.ndarray) -> np.ndarray:

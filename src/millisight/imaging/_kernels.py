@@ -13,6 +13,7 @@ from numba import prange
 from millisight.core import inline, kernel, phase, serial, subroutine
 from millisight.core import product as product
 from millisight.imaging._lengths import EXACT_CYCLES, rows_of_pairs
+from millisight.imaging._merge_kernels import merge as merge
 
 _distance = inline(phase.distance)
 _distance32 = inline(phase.distance, fastmath=True)
@@ -29,6 +30,8 @@ to_device = to_host = np.asarray
 # Voxels that one thread carries through all channels of a block: the scratch rows (nine of 4 bytes) and the range
 # profile stay in the first-level cache, and the loops are long enough for vector code.
 _TILE = 256
+
+_U = np.uint64  # of indices: Numba lets signed ones count from the end, and LLVM then reads no vectors
 
 
 @kernel()
@@ -115,13 +118,12 @@ def _path(points, v, antennas, p, a, layers):
 
 
 @subroutine
-def _beyond(x, y, z, end, exact, out):
-    """out[i] = |v_i - e| - |e| for voxels v and an antenna, or a sub-aperture's centre, e = end[:3] with |e| = end[3].
+def _beyond(x, y, z, ex, ey, ez, far, exact, out):
+    """out[i] = |v_i - e| - |e| for voxels v and an antenna, or a sub-aperture's centre, e = (ex, ey, ez), |e| = far.
 
     All is float32. Further than `exact` off, the difference of two lengths would lose the phase: there it is
     v . (v - 2 e) / (|v - e| + |e|), whose error grows with |v| alone.
     """
-    ex, ey, ez, far = end[0], end[1], end[2], end[3]
     if far < exact:
         for i in range(len(x)):
             out[i] = _distance32(x[i] - ex, y[i] - ey, z[i] - ez) - far
@@ -156,22 +158,23 @@ def _gather(profiles, per_metre, carrier, tx, rx, table, frame, poses, x, y, z, 
 
     Everything is float32; d counts from the path over the origin, whose place in the profile and whose phase the
     antennas' rows bring along. Three loops a channel rather than one: the first and the last become vector code,
-    which the gathers in the middle would prevent.
+    which the gathers in the middle would prevent. Those copy the real and imaginary parts of two entries at a time,
+    which lie side by side. Rows of antennas are read number by number: slices count references, for which cores wait.
     """
     count = len(x)
     exact = np.float32(EXACT_CYCLES) / carrier
     to, back, path = np.empty(count, np.float32), np.empty(count, np.float32), np.empty(count, np.float32)
     part, entry = np.empty(count, np.float32), np.empty(count, np.int32)
-    low_re, low_im = np.empty(count, np.float32), np.empty(count, np.float32)
-    high_re, high_im = np.empty(count, np.float32), np.empty(count, np.float32)
-    last = np.int32(profiles.shape[3] - 2)
+    ends = np.empty(4 * count, np.float32)
+    _, transmitters, receivers, entries = profiles.shape
+    flat, last = profiles.reshape(-1), np.int32(entries // 2 - 2)
     for p in poses:
-        for t in range(tx.shape[1]):
-            _beyond(x, y, z, tx[p, t], exact, to)
+        for t in range(transmitters):
+            _beyond(x, y, z, tx[p, t, 0], tx[p, t, 1], tx[p, t, 2], tx[p, t, 3], exact, to)
             if table is not None:
                 bend(x, y, z, tx[p, t], table, frame, to)
-            for r in range(rx.shape[1]):
-                _beyond(x, y, z, rx[p, r], exact, back)
+            for r in range(receivers):
+                _beyond(x, y, z, rx[p, r, 0], rx[p, r, 1], rx[p, r, 2], rx[p, r, 3], exact, back)
                 if table is not None:
                     bend(x, y, z, rx[p, r], table, frame, back)
                 start, turned = tx[p, t, 4] + rx[p, r, 4], tx[p, t, 5] + rx[p, r, 5]
@@ -182,17 +185,23 @@ def _gather(profiles, per_metre, carrier, tx, rx, table, frame, poses, x, y, z, 
                     # Nothing outside of a profile is read, whatever the rounding.
                     entry[i] = min(max(np.int32(place), np.int32(0)), last)
                     part[i] = place - np.float32(entry[i])
+                first = _U(((p * transmitters + t) * receivers + r) * entries)
                 for i in range(count):
-                    low, high = profiles[p, t, r, entry[i]], profiles[p, t, r, entry[i] + 1]
-                    low_re[i], low_im[i] = low.real, low.imag
-                    high_re[i], high_im[i] = high.real, high.imag
+                    e, j = first + _U(2) * _U(entry[i]), _U(4) * _U(i)
+                    low_re, low_im, high_re, high_im = flat[e], flat[e + _U(1)], flat[e + _U(2)], flat[e + _U(3)]
+                    ends[j], ends[j + _U(1)], ends[j + _U(2)], ends[j + _U(3)] = low_re, low_im, high_re, high_im
                 for i in range(count):
-                    real = low_re[i] + part[i] * (high_re[i] - low_re[i])
-                    imag = low_im[i] + part[i] * (high_im[i] - low_im[i])
+                    real = ends[4 * i] + part[i] * (ends[4 * i + 2] - ends[4 * i])
+                    imag = ends[4 * i + 1] + part[i] * (ends[4 * i + 3] - ends[4 * i + 1])
                     turn = _wrapped(turned + path[i] * carrier)
                     cosine, sine = _cosine(turn), _sine(turn)
                     total_re[i] += real * cosine - imag * sine
                     total_im[i] += real * sine + imag * cosine
+
+
+def _parts(profiles):
+    """(P, T, R, 2 M) float32 of (P, T, R, M) complex64: real and imaginary parts in turn."""
+    return np.ascontiguousarray(profiles).view(np.float32)
 
 
 def backproject(profiles, nearest, per_metre, carrier, tx, rx, x, y, z, sum_re, sum_im, excess=None):
@@ -211,7 +220,9 @@ def backproject(profiles, nearest, per_metre, carrier, tx, rx, x, y, z, sum_re, 
     """
     tx, rx = rows_of_pairs(tx, rx, nearest, per_metre, carrier)
     table, frame = (None, None) if excess is None else excess[:2]
-    _backproject(profiles, np.float32(per_metre), np.float32(carrier), tx, rx, table, frame, x, y, z, sum_re, sum_im)
+    _backproject(
+        _parts(profiles), np.float32(per_metre), np.float32(carrier), tx, rx, table, frame, x, y, z, sum_re, sum_im
+    )
 
 
 @kernel(fastmath=True, error_model="numpy")
@@ -238,7 +249,7 @@ def leaf_fields(profiles, per_metre, carrier, tx, rx, members, starts, centers, 
     memory. tx, rx and the centres (S, 6) are rows of `antenna_rows`; `excess` as of `backproject`.
     """
     bent = (None, None) if excess is None else excess[:2]
-    _leaf_fields(profiles, per_metre, carrier, tx, rx, *bent, members, starts, centers, x, y, z, out_re, out_im)
+    _leaf_fields(_parts(profiles), per_metre, carrier, tx, rx, *bent, members, starts, centers, x, y, z, out_re, out_im)
 
 
 @kernel(fastmath=True, error_model="numpy")
@@ -250,7 +261,7 @@ def _leaf_fields(profiles, per_metre, carrier, tx, rx, table, frame, members, st
         last = min(first + _TILE, len(x))
         vx, vy, vz = x[first:last], y[first:last], z[first:last]
         removed = np.empty(_TILE, np.float32)
-        _beyond(vx, vy, vz, centers[s], exact, removed)
+        _beyond(vx, vy, vz, centers[s, 0], centers[s, 1], centers[s, 2], centers[s, 3], exact, removed)
         for i in range(last - first):
             removed[i] *= np.float32(2.0)
         total_re, total_im = np.zeros(_TILE, np.float32), np.zeros(_TILE, np.float32)
@@ -260,77 +271,6 @@ def _leaf_fields(profiles, per_metre, carrier, tx, rx, table, frame, members, st
         )  # fmt: skip
         out_re[s, first:last] = total_re[: last - first]
         out_im[s, first:last] = total_im[: last - first]
-
-
-@kernel(fastmath=True, error_model="numpy")
-def interpolate_middle(field, base, weights, out):
-    """out[s, i, j, k] = sum over eight taps of weights[j, t] field[s, i, base[j] + t, k]; float32."""
-    fields, rows, _, depth = field.shape
-    for job in prange(fields * rows):
-        f, o = field[job // rows, job % rows].reshape(-1), out[job // rows, job % rows].reshape(-1)
-        for j in range(len(base)):
-            q, m = base[j] * depth, j * depth
-            a, b, c, d = weights[j, 0], weights[j, 1], weights[j, 2], weights[j, 3]
-            e, g, h, w = weights[j, 4], weights[j, 5], weights[j, 6], weights[j, 7]
-            u = f[q : q + 8 * depth]
-            v = o[m : m + depth]
-            for k in range(depth):
-                v[k] = (a * u[k] + b * u[k + depth] + c * u[k + 2 * depth] + d * u[k + 3 * depth]) + (
-                    e * u[k + 4 * depth] + g * u[k + 5 * depth] + h * u[k + 6 * depth] + w * u[k + 7 * depth]
-                )
-
-
-@kernel(fastmath=True, error_model="numpy")
-def merge(
-    field_re, field_im, children, starts, centers, parents, has_parents, carrier, base, weights, x, y, z, out_re, out_im
-):
-    """Carry the fields of sub-apertures over to a finer grid and the phase of their parents' centres, and add them up.
-
-    out[s, i] += sum over c in children[starts[s]:starts[s + 1]] of the field of c, interpolated by eight taps along
-    its first axis, times exp(+i 2 pi carrier 2 (b_c(v) - b_s(v))), b_c(v) = |v - c| - |c| of the centres, which are
-    rows of `antenna_rows`. Without parents, in the last step, all of b_c is put back: out is the image.
-    """
-    wide = len(y) * len(z)
-    twice = np.float32(2.0) * carrier
-    exact = np.float32(EXACT_CYCLES) / carrier
-    for job in prange((len(starts) - 1) * len(x)):
-        s, i = job // len(x), job % len(x)
-        sum_re, sum_im = out_re[s, i].reshape(-1), out_im[s, i].reshape(-1)
-        re, im = np.empty(wide, np.float32), np.empty(wide, np.float32)
-        cosine, sine = np.empty(wide, np.float32), np.empty(wide, np.float32)
-        vx, vy, vz = np.full(wide, x[i], np.float32), np.empty(wide, np.float32), np.empty(wide, np.float32)
-        away, removed = np.empty(wide, np.float32), np.zeros(wide, np.float32)
-        for j in range(len(y)):
-            for k in range(len(z)):
-                vy[j * len(z) + k], vz[j * len(z) + k] = y[j], z[k]
-        if has_parents:
-            _beyond(vx, vy, vz, parents[s], exact, removed)
-        first = base[i]
-        a, b, c, d = weights[i, 0], weights[i, 1], weights[i, 2], weights[i, 3]
-        e, g, h, w = weights[i, 4], weights[i, 5], weights[i, 6], weights[i, 7]
-        for n in range(starts[s], starts[s + 1]):
-            child = children[n]
-            # One array written a loop: with more, LLVM gives up proving that they do not overlap, and with that
-            # gives up vector code.
-            f = field_re[child, first : first + 8].reshape(-1)
-            for q in range(wide):
-                re[q] = (a * f[q] + b * f[q + wide] + c * f[q + 2 * wide] + d * f[q + 3 * wide]) + (
-                    e * f[q + 4 * wide] + g * f[q + 5 * wide] + h * f[q + 6 * wide] + w * f[q + 7 * wide]
-                )
-            f = field_im[child, first : first + 8].reshape(-1)
-            for q in range(wide):
-                im[q] = (a * f[q] + b * f[q + wide] + c * f[q + 2 * wide] + d * f[q + 3 * wide]) + (
-                    e * f[q + 4 * wide] + g * f[q + 5 * wide] + h * f[q + 6 * wide] + w * f[q + 7 * wide]
-                )
-            _beyond(vx, vy, vz, centers[child], exact, away)
-            for q in range(wide):
-                turn = _wrapped((away[q] - removed[q]) * twice)
-                cosine[q] = _cosine(turn)
-                sine[q] = _sine(turn)
-            for q in range(wide):
-                sum_re[q] += re[q] * cosine[q] - im[q] * sine[q]
-            for q in range(wide):
-                sum_im[q] += re[q] * sine[q] + im[q] * cosine[q]
 
 
 @serial()

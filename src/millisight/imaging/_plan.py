@@ -22,9 +22,11 @@ TAPS = 8
 _BANDS = ((0.6, 1.3e-3), (0.5, 2.6e-4), (0.4, 0.0))
 
 # Nanoseconds and core: a voxel-channel pair in a leaf and in direct backprojection, a voxel of a merged field, one that
-# is interpolated along the middle axis (less where the innermost one is long), one sub-aperture in one level.
-_COST_LEAF, _COST_DIRECT, _COST_MERGE = 1.8, 1.6, 2.4
-_COST_MIDDLE, _COST_SHORT = 0.6, 6.0
+# is interpolated along the first axis alone (less where the innermost one is long), one sub-aperture in one level.
+_COST_LEAF, _COST_DIRECT, _COST_MERGE = 1.35, 1.3, 1.7
+_COST_FIRST, _COST_SHORT = 0.5, 1.5
+# A voxel more, where the fields of one largest sub-aperture's parts take more than the caches hold [bytes].
+_COST_FAR, _CACHES = 0.5, 3e7
 _COST_PART = 2000.0
 _COST_TOP = 400_000.0  # Python between kernels, for each largest sub-aperture and level
 
@@ -136,14 +138,16 @@ def _cheapest(
     """The ladder of neighbouring levels of the least estimated cost, if that is below direct backprojection's."""
     best, cheapest = None, direct / _LEAST_GAIN
     depth = len(scan.axes[2])
-    middle = _COST_MIDDLE + _COST_SHORT / depth
+    first = _COST_FIRST + _COST_SHORT / depth
     for leaf in range(len(steps)):
         for top in range(leaf + 1):
             chosen = steps[top : leaf + 1]
             shapes = [(len(scan.axes[0]), len(scan.axes[1])), *(tuple(map(len, s.level.axes)) for s in chosen)]
             cost = _COST_LEAF * channels * shapes[-1][0] * shapes[-1][1] * depth
             for step, target, own in zip(chosen, shapes, shapes[1:], strict=False):
-                cost += step.count * depth * (_COST_MERGE * target[0] * target[1] + 2 * middle * own[0] * target[1])
+                held = 8 * depth * own[0] * own[1] * step.count / chosen[0].count
+                each = _COST_MERGE + (_COST_FAR if held > _CACHES else 0)
+                cost += step.count * depth * target[0] * (each * target[1] + first * own[1])
                 cost += _COST_PART * step.count + _COST_TOP * chosen[0].count
             if cost < cheapest:
                 best, cheapest = chosen, cost
@@ -314,6 +318,12 @@ def axis_weights(coarse: np.ndarray, fine: np.ndarray, band: float) -> tuple[np.
         return None
     base, weights = _taps(coarse, fine, band)
     return base, np.ascontiguousarray(weights, dtype=np.float32)
+
+
+def as_it_is(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """First tap (n,) and weights (n, taps) that leave an axis of `count` points as it is."""
+    base = np.maximum(np.minimum(np.arange(count), count - TAPS), 0)
+    return base, np.eye(TAPS, dtype=np.float32)[np.arange(count) - base]
 
 
 def _taps(coarse: np.ndarray, places: np.ndarray, band: float) -> tuple[np.ndarray, np.ndarray]:
