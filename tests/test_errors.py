@@ -26,6 +26,15 @@ def test_close_names_come_first_and_a_long_list_only_without_one(name, known, ex
     assert str(UnknownNameError("device", name, known, advice="Ask.")) == f"{expected} Ask."
 
 
+def test_a_long_message_keeps_its_beginning_and_its_end():
+    error = errors.InputError(f"name is {'x' * 100_000}; expected less").at("a.toml")
+    assert len(str(error)) < 5000
+    assert str(error).startswith("a.toml: name is xxx")
+    assert str(error).endswith("xxx; expected less")
+    assert " characters ...] " in str(error)
+    assert str(copy.copy(error)) == str(error)
+
+
 @pytest.mark.parametrize("kind", [kind for kind in vars(errors).values() if isinstance(kind, type)])
 def test_every_kind_can_name_a_place_and_go_to_another_process(kind):
     if not issubclass(kind, MillisightError):

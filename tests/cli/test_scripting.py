@@ -93,6 +93,18 @@ def test_equal_warnings_are_summed_up(capsys):
     assert capsys.readouterr().out == "warning: the log is late\n"
 
 
+def test_a_name_with_a_line_feed_stays_on_its_line(capsys):
+    console.say("wrote new\nwrote old.h5")
+    console.answer("file: new\nwrote old.h5")
+    console.warn("new\nline")
+    console.complain("new\nline")
+    told = capsys.readouterr()
+    assert told.out.splitlines() == [
+        r"wrote new\nwrote old.h5", r"file: new\nwrote old.h5", r"warning: new\nline"
+    ]  # fmt: skip
+    assert told.err.splitlines() == [r"millisight: new\nline"]
+
+
 @pytest.mark.parametrize("name", ["mask.npz", "mask.png", "mask.capture", "mask.mat"])
 def test_other_formats_are_refused_on_save(tmp_path, name):
     with pytest.raises(UnknownNameError, match=r"records are HDF5: .* Known: \.h5, \.hdf5\."):

@@ -401,3 +401,15 @@ def test_real_scans_lie_as_the_catalogue_does():
     for name in ("cracker_box", "padlock"):
         shape = build_object(name)
         assert lying_like(load_mesh(scans[name], unit="m"), shape).extent == pytest.approx(shape.extent, abs=0.004)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"poses": {"count": 10_001, "x_deg": [0, 359]}}, "10001 poses; expected 10000 at most of an object"),
+        ({"scenes": [{"objects": 101 * [{"object": "mug"}]}]}, "objects has 101 entries; expected 100 at most"),
+    ],
+)
+def test_poses_and_objects_are_bounded(changes, said):
+    with pytest.raises(FormatError, match=said):
+        small_recipe.recipe(**changes)

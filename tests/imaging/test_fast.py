@@ -11,7 +11,10 @@ import millisight as ms
 from helpers.oracles import point_frames, relative
 from millisight.imaging import _fast as module
 from millisight.imaging import _plan
-from millisight.imaging._plan import make_plan
+from millisight.imaging._kernels import merge
+from millisight.imaging._lengths import antenna_rows
+from millisight.imaging._plan import coarse_axis, make_plan
+from millisight.imaging._taps import axis_weights
 
 
 def scan_of(radar, positions, reflectors=300, box=((-0.1, -0.1, -0.34), (0.1, 0.1, -0.2)), seed=0):
@@ -183,3 +186,38 @@ def test_voxels_at_the_antennas_are_right_too():
     image = ms.form_image(capture, grid)
     picks = np.random.default_rng(5).choice(grid.size, 500, replace=False)
     assert relative(image.values.ravel()[picks], exact_at(capture, grid, picks)) < 0.005
+
+
+@pytest.mark.parametrize("away", [0.3, 1e4])
+@pytest.mark.parametrize(
+    ("depth", "across"), [(1, (12, 70)), (5, (12, 20)), (22, (12, 20)), (22, (3, 3)), (130, (9, 11)), (300, (9, 9))]
+)
+def test_merging_is_its_formula_whatever_the_shape(depth, across, away):
+    """Against float64; 150 rows by 1 lane, 1 row by 300, and axes that stay as they are."""
+    rng = np.random.default_rng(depth)
+    carrier, fine = 263.0, [np.linspace(-0.1, 0.1, n) for n in (150 if depth < 5 else 21, across[1], depth)]
+    coarse = [coarse_axis(fine[0], 12, 2), fine[1] if across[0] == across[1] else coarse_axis(fine[1], across[0], 1)]
+    pairs = [axis_weights(a, b, 0.5) for a, b in zip(coarse, fine, strict=False)]
+    fields = rng.normal(size=(2, 3, 12, across[0], depth)).astype(np.float32)
+    ends = rng.uniform([-0.05, -0.05, away], [0.05, 0.05, away + 0.1], (5, 3))
+    rows = antenna_rows(ends, 0.0, 0.0, 0.0)
+    children, starts = np.array([2, 0, 1]), np.array([0, 2, 3])
+    for last in (False, True):
+        out = rng.normal(size=(2, 1 if last else 2, *map(len, fine))).astype(np.float32)
+        expected = (out[0] + 1j * out[1]) * last
+        for s in range(len(out[0])):
+            for c in children if last else children[starts[s] : starts[s + 1]]:
+                wide = fields[0, c] + 1j * fields[1, c].astype(complex)
+                for axis, pair in enumerate(pairs):
+                    if pair is not None:
+                        tapped = np.take(wide, pair[0][:, None] + np.arange(8), axis)
+                        tapped = np.moveaxis(tapped, (axis, axis + 1), (0, 1))
+                        wide = np.moveaxis(np.einsum("nt,nt...->n...", pair[1], tapped), 0, axis)
+                grid = np.stack(np.meshgrid(*fine, indexing="ij"), -1)
+                beyond = [np.linalg.norm(grid - e, axis=-1) - np.linalg.norm(e) for e in (ends[c], ends[3 + s])]
+                expected[s] += wide * np.exp(4j * np.pi * carrier * (beyond[0] - (not last) * beyond[1]))
+        ours = np.array([0, 3]) if last else starts
+        merge(
+            fields, children, ours, rows[:3], rows[3:], not last, carrier, *pairs, *(np.float32(a) for a in fine), out
+        )
+        assert relative(out[0] + 1j * out[1], expected) < 3e-4

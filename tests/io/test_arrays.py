@@ -328,3 +328,12 @@ def test_members_that_share_their_bytes_are_refused(tmp_path):
     with pytest.raises(DamagedFileError, match="its members overlap: it claims more than it holds"):
         read_arrays(tmp_path / "a.npz")
     assert time.perf_counter() - began < 2
+
+
+def test_an_archive_is_opened_once_however_many_arrays_it_holds(tmp_path, monkeypatch):
+    """Each opening reads the directory of all: a time that grows with their square."""
+    np.savez(tmp_path / "many.npz", **{f"a{i}": np.float64(i) for i in range(50)})
+    opened, whole = [], zipfile.ZipFile
+    monkeypatch.setattr(zipfile, "ZipFile", lambda *args: opened.append(args) or whole(*args))
+    assert read_arrays(tmp_path / "many.npz")["a49"] == 49
+    assert len(opened) == 1

@@ -113,3 +113,13 @@ def test_only_pictures_of_the_folder(picture):
 def test_a_heading_is_needed():
     with pytest.raises(InputError, match="heading"):
         PageItem(heading=" ", picture="mug.png", caption="")
+
+
+def test_a_page_that_is_not_ours_is_kept(tmp_path):
+    (tmp_path / "index.html").write_text("<h1>mine</h1>")
+    with pytest.raises(FileError, match=r"index.html was not made by millisight and would be overwritten; choose"):
+        write_page(tmp_path, title="A", introduction="B", items=[])
+    assert (tmp_path / "index.html").read_text() == "<h1>mine</h1>"
+    (tmp_path / "ours").mkdir()
+    write_page(tmp_path / "ours", title="A", introduction="B", items=[])
+    assert "<h1>C</h1>" in write_page(tmp_path / "ours", title="C", introduction="B", items=[]).read_text()

@@ -25,7 +25,7 @@ def check_device(name: str) -> None:
         ...
     millisight.core.errors.UnknownNameError: unknown device 'gpu'. Did you mean 'cpu'? Known: cpu, cuda.
     """
-    if name not in DEVICES:
+    if not isinstance(name, str) or name not in DEVICES:
         raise UnknownNameError("device", name, DEVICES)
     if name == "cpu":
         return

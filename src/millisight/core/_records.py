@@ -147,7 +147,7 @@ def checked_number(
     most = _LONGEST if unit == "m" else np.inf
     unit = f" {unit}" if unit else ""
     try:
-        if np.ndim(value):
+        if isinstance(value, Sequence) or value is np.ma.masked or np.ndim(value):
             raise TypeError("not a single number")
         number = float(value)
     except (TypeError, ValueError, OverflowError) as error:
@@ -191,7 +191,8 @@ def checked_numbers(
     """
     if repeat and isinstance(value, int | float | np.number):
         value = [value] * count
-    if not isinstance(value, Sequence | np.ndarray) or isinstance(value, str | bytes) or not np.ndim(value):
+    single = isinstance(value, str | bytes) or (isinstance(value, np.ndarray) and not value.ndim)
+    if single or not isinstance(value, Sequence | np.ndarray):
         raise InputError(f"{name} is {quoted(value)}; expected {count} numbers{', or one' if repeat else ''}")
     numbers = list(value)
     if len(numbers) != count:

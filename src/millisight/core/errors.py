@@ -13,7 +13,7 @@
 Every message says what came, what was expected, and what to do.
 """
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Hashable, Iterable
 from difflib import get_close_matches
 from typing import Any, Self, TypeVar
 
@@ -39,7 +39,7 @@ class MillisightError(Exception):
         """The message; of one that repeats a file's long texts the beginning and the end."""
         text = super().__str__()
         left_out = len(text) - _LONGEST_MESSAGE
-        if left_out <= 0:
+        if left_out <= 100:  # what says so takes some characters, too
             return text
         end = _LONGEST_MESSAGE // 4
         return f"{text[: _LONGEST_MESSAGE - end]} [... {left_out} characters ...] {text[-end:]}"
@@ -92,7 +92,7 @@ class UnknownNameError(MillisightError, LookupError):
 
 def check_known(kind: str, name: object, known: Collection[str]) -> None:
     """Raise `UnknownNameError` unless `name` is one of the `known`; `kind` says what it names, for the message."""
-    if name not in known:
+    if not isinstance(name, Hashable) or name not in known:  # an array's comparison is no answer
         raise UnknownNameError(kind, name, known)
 
 

@@ -187,7 +187,7 @@ class Radar:
         >>> f"{radar.waveform.bandwidth / 1e9:.3f} GHz, {len(radar.array.rx_positions)} RX"
         '3.001 GHz, 4 RX'
         """
-        if rx_axis not in (None, "x", "y"):
+        if repr(rx_axis) not in ("None", "'x'", "'y'"):  # of an array, too
             raise InputError(f"rx_axis is {rx_axis!r}; expected 'x' or 'y'")
         entry = RADAR_PRESETS[name]
         if isinstance(entry, str | Path):

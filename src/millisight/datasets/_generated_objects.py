@@ -14,7 +14,7 @@ from millisight.core.errors import MillisightError
 from millisight.data import TriangleMesh
 from millisight.datasets._manifest import checksum
 from millisight.datasets.generation import MeshFile, Recipe
-from millisight.meshes import CATALOGUE, build_object, find_scans, load_mesh
+from millisight.meshes import CATALOGUE, build_object, catalogue_name, find_scans, load_mesh
 
 logger = logging.getLogger(__name__)
 

@@ -92,7 +92,10 @@ def align(
     least = 1 if mode == "translation" else 3
     clouds = []
     for name, points in (("moving", moving), ("fixed", fixed)):
-        count = len(np.atleast_2d(points)) if np.size(points) else 0
+        try:
+            count = len(np.atleast_2d(points)) if np.size(points) else 0
+        except ValueError:  # of rows that differ, which are refused below
+            count = least
         if count < least:
             what = {0: "is empty", 1: "is a single point"}.get(count, f"has {count} points")
             raise InputError(f"the {name} cloud {what}; a {mode} alignment needs at least {least}: lower the threshold")

@@ -90,7 +90,7 @@ def f_score(measured: ArrayLike, simulated: ArrayLike, within: float) -> FScore:
 
 
 def _cloud_points(points: ArrayLike, name: str) -> np.ndarray:
-    if np.shape(points) == (0, 3):
+    if isinstance(points, np.ndarray) and points.shape == (0, 3):
         return np.empty((0, 3))
     return checked_array(points, name=name, shape=("N", 3), unit="m")
 

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from millisight.core import seed_or_generator
 from millisight.core.errors import InputError
 from millisight.data import Capture, PointCloud, TriangleMesh
 from millisight.meshes import LIFT, RayCaster

@@ -5,8 +5,17 @@ from dataclasses import field, replace
 
 import numpy as np
 
-from millisight.core import checked_array, checked_number, checked_record, put, record, seed_or_generator, with_step
-from millisight.core.errors import InputError, UnknownNameError
+from millisight.core import (
+    check_known,
+    checked_array,
+    checked_number,
+    checked_record,
+    put,
+    record,
+    seed_or_generator,
+    with_step,
+)
+from millisight.core.errors import InputError
 from millisight.data import Capture, VoxelGrid
 from millisight.imaging._autofocus_model import Pieces
 from millisight.imaging._autofocus_search import Subject, bright_points, climb, path_modes, row_modes, without_common
@@ -122,8 +131,7 @@ def autofocus(
     """
     checked_record(capture, Capture, name="capture")
     checked_record(grid, VoxelGrid, name="grid")
-    if focus not in FOCUSES:
-        raise UnknownNameError("focus", focus, FOCUSES)
+    check_known("focus", focus, FOCUSES)
     max_offset = checked_number(max_offset, name="max_offset", unit="frames", above=0)
     smoothness = checked_number(smoothness, name="smoothness", unit="m", above=0)
     generator = seed_or_generator(rng)

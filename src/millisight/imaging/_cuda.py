@@ -38,7 +38,7 @@ from millisight.core.gpu import (
     zeros,
 )
 from millisight.imaging._lengths import EXACT_CYCLES, rows_of_pairs
-from millisight.imaging._plan import as_it_is
+from millisight.imaging._taps import as_it_is
 
 __all__ = [
     "backproject", "empty", "leaf_fields", "merge", "product", "to_device", "to_host", "zeros",

@@ -26,8 +26,9 @@ from millisight.imaging._backprojection import (
 )
 from millisight.imaging._check import Check, Deviation, of_whole
 from millisight.imaging._lengths import antenna_rows, boxes, grid_in, rows_of_pairs
-from millisight.imaging._plan import Plan, axis_weights, cells_of, make_plan, means_of, middles
+from millisight.imaging._plan import Plan, cells_of, make_plan, means_of, middles
 from millisight.imaging._refraction import Excess
+from millisight.imaging._taps import axis_weights
 from millisight.imaging._windows import Window
 
 # Range profiles are held for so many poses at a time [bytes].

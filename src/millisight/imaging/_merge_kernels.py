@@ -16,7 +16,7 @@ from numba import prange
 
 from millisight.core import inline, kernel, phase, subroutine
 from millisight.imaging._lengths import EXACT_CYCLES
-from millisight.imaging._plan import TAPS, as_it_is
+from millisight.imaging._taps import TAPS, as_it_is
 
 _wrapped = inline(phase.wrapped, fastmath=True)
 _cosine = inline(phase.cosine, fastmath=True)

@@ -14,8 +14,7 @@ import numpy as np
 from millisight.core import SPEED_OF_LIGHT
 from millisight.data import Capture
 from millisight.imaging._near import distances, near_first, some_ends
-
-TAPS = 8
+from millisight.imaging._taps import TAPS, taps_at
 
 # Fractions of the Nyquist frequency below which the interpolation's weights are optimal, and the error they make there
 # even so: the wider the band the coarser the axis, and the larger the error.
@@ -226,7 +225,7 @@ class _Probe(NamedTuple):
         from millisight.imaging._kernels import interpolation_errors
 
         points = np.repeat(self.points, len(self.wave_weights), axis=0)
-        base, weights = _taps(coarse, points[:, i], band)
+        base, weights = taps_at(coarse, points[:, i], band)
         squares = np.empty(len(points))
         interpolation_errors(
             points, self.tx, self.rx, self.centers, self.waves, self.carrier, i, coarse, base, weights, squares
@@ -309,31 +308,6 @@ def coarse_axis(fine: np.ndarray, count: int, margin: int) -> np.ndarray:
     """`count` even coordinates that reach `margin` steps beyond `fine` at both ends."""
     step = (fine[-1] - fine[0]) / (count - 1 - 2 * margin)
     return fine[0] + step * (np.arange(count) - margin)
-
-
-def axis_weights(coarse: np.ndarray, fine: np.ndarray, band: float) -> tuple[np.ndarray, np.ndarray] | None:
-    """First tap (n,) and float32 weights (n, taps) that carry a field from one axis to another; None where the two are
-    one."""
-    if np.array_equal(coarse, fine):
-        return None
-    base, weights = _taps(coarse, fine, band)
-    return base, np.ascontiguousarray(weights, dtype=np.float32)
-
-
-def as_it_is(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """First tap (n,) and weights (n, taps) that leave an axis of `count` points as it is."""
-    base = np.maximum(np.minimum(np.arange(count), count - TAPS), 0)
-    return base, np.eye(TAPS, dtype=np.float32)[np.arange(count) - base]
-
-
-def _taps(coarse: np.ndarray, places: np.ndarray, band: float) -> tuple[np.ndarray, np.ndarray]:
-    """First tap (n,) and weights (n, taps) that interpolate at `places` (n,) [m]: the least mean squared error over all
-    waves below the fraction `band` of the Nyquist frequency."""
-    places = (places - coarse[0]) * ((len(coarse) - 1) / (coarse[-1] - coarse[0]))
-    base = np.clip(np.floor(places).astype(np.int64) - TAPS // 2 + 1, 0, len(coarse) - TAPS)
-    taps = np.arange(TAPS)
-    normal = np.sinc(band * (taps[:, None] - taps)) + 1e-9 * np.eye(TAPS)
-    return base, np.sinc(band * ((places - base)[:, None] - taps)) @ np.linalg.inv(normal)
 
 
 def middles(tx: np.ndarray, rx: np.ndarray) -> np.ndarray:

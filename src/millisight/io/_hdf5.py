@@ -161,7 +161,7 @@ def load(path: str | os.PathLike[str], kind: type[Any] | None = None) -> Any:
     InputError
         `kind` is no record that files hold.
     """
-    if kind is not None and kind not in RECORDS.values():
+    if kind is not None and (not isinstance(kind, type) or kind not in RECORDS.values()):
         raise InputError(f"kind is {kind!r}; expected one of {', '.join(sorted(RECORDS))}")
     with opened(path) as file:
         if kind is not None:

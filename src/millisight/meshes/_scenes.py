@@ -30,7 +30,11 @@ def scene_from_mesh(
         mesh = mesh.moved(translation=-mesh.bounds.mean(axis=0))
     if vertices is not None:
         mesh = resample(mesh, vertices)
-    return Scene(objects=(SceneObject(name=name, mesh=mesh, material=material_named(material or catalogued)),))
+    return Scene(
+        objects=(
+            SceneObject(name=name, mesh=mesh, material=material_named(catalogued if material is None else material)),
+        )
+    )
 
 
 def _resolve(source: Any, unit: str | None) -> tuple[str, TriangleMesh, str | Material]:

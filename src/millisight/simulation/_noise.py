@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from millisight.core import checked_number, with_step
+from millisight.core import checked_number, checked_record, with_step
 from millisight.core.errors import InputError
 from millisight.data import Capture
 
@@ -23,6 +23,7 @@ def add_noise(capture: Capture, *, snr_db: float, rng: int | np.random.Generator
     InputError
         The ratio or the seed cannot be right, or the capture is empty.
     """
+    checked_record(capture, Capture, name="capture")
     snr_db = check_noise(snr_db, rng)
     # Squared in float32 and summed in float64: no second array of the frames' size.
     power = sum(float(np.sum(f.real**2 + f.imag**2, dtype=np.float64)) for f in capture.frames) / capture.frames.size

@@ -20,6 +20,7 @@ from millisight.datasets.generation._recipe import PoseSettings, Recipe, Rig
 from millisight.datasets.generation._rig_job import PHYSICS, RigJob
 from millisight.datasets.generation._simulator_job import Seen, SimulatorJob, cover
 from millisight.io.mito import angles_folder, experiment_folder
+from millisight.meshes import catalogue_name
 from millisight.rig.virtual import Carton, Cloth, ScanSettings, World, WorldObject, experiment_info
 
 Job = RigJob | SimulatorJob

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any, Literal, Protocol, get_args, runtime_checkable
 
-from millisight.core import Registry, check_known, checked_record
+from millisight.core import Registry, check_known, checked_path, checked_record
 from millisight.core.errors import InputError
 from millisight.data import Mask, Prediction, SarImage
 from millisight.perception import HIGH_BAND, LOW_BAND, Condition, without_sheets
@@ -75,7 +75,11 @@ def classifier(method: Method | str = "network", **options: Any) -> Classifier:
     InputError
         A plug-in's is no `Classifier`.
     """
-    if method == "network" and os.fspath(options.get("weights") or "").endswith(TORCH_SUFFIXES):
+    if (
+        isinstance(method, str)
+        and method == "network"
+        and os.fspath(options.get("weights") or "").endswith(TORCH_SUFFIXES)
+    ):
         method = "released"
     return _checked(CLASSIFIERS[method](**options))
 
@@ -120,7 +124,7 @@ def classify(
         checked_record(other_band, SarImage, name="other_band")
     check_known("condition", condition, get_args(Condition))
     if isinstance(method, str):
-        by = _by_name(method, None if weights is None else os.path.abspath(weights))
+        by = _by_name(method, None if weights is None else os.path.abspath(checked_path(weights)))
     elif weights is not None:
         raise InputError("weights go with a method's name; make the classifier with its weights, or pass its name")
     else:
