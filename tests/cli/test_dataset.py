@@ -10,6 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 import millisight as ms
+from helpers.commands import run_here
 from helpers.miniature import BOX, EMPTY, MUG, fault_folder
 from helpers.processes import alive, wait_for
 from helpers.small_hub import Hub
@@ -124,6 +125,16 @@ def test_verify_exits_with_1_where_there_are_problems(miniature):
         "are four-lane, I before Q",
         "verified 4 items: 1 with problems",
     ]
+
+
+def test_what_is_wrong_is_said_with_quiet_too(miniature):
+    for command, start in (
+        (("verify", miniature.faults, "--object", "row_missing", "--workers", "1"), "problem"),
+        (("info", fault_folder(miniature.faults, "nan_in_image")), "failed"),
+    ):
+        code, out, _, _ = run_here("dataset", *command, "-q")
+        assert code == 1
+        assert {line.partition(":")[0] for line in out.splitlines()} == {start}
 
 
 def test_a_dataset_is_converted_once(miniature, tmp_path):

@@ -81,7 +81,15 @@ def _arrays(make: "_Maker") -> list[Format]:
             text=True,
             found=(b"1;2;3\n" + b"9" * 49_000 + b"x;3\n",),
         ),
-        Format("touchstone", TOUCHSTONE.encode(), read_touchstone, 0, ".s2p", text=True, found=(b"#\n1 2 3",)),
+        Format(
+            "touchstone",
+            TOUCHSTONE.encode(),
+            read_touchstone,
+            0,
+            ".s2p",
+            text=True,
+            found=(b"#\n1 2 3", LOUD),
+        ),
         Format("hdf5", make.hdf5(), record, 8, ".h5"),
         Format(
             "hdf5 attributes",
@@ -406,6 +414,7 @@ sensorStart
 LOG = "time,x,y,z,qx,qy,qz,qw\n" + "".join(f"{0.01 * i:.3f},{0.001 * i:.4f},{0.1:.3f},0.2,0,0,0,1\n" for i in range(40))
 TABLE = "f;re;im\n" + "".join(f"{20 + 0.1 * i:.3f};{0.01 * i:.4f};1.5-2i\n" for i in range(40))
 TOUCHSTONE = "! VNA\n# GHz S MA R 50\n" + "".join(f"{20 + 0.1 * i:.3f} 0.1 0 0.5 {i} 0.5 0 0.1 0\n" for i in range(40))
+LOUD = b"# Hz S DB R 50\n1 1e308 0 0 0 0 0 0 0\n"  # a level beyond all numbers
 INFO = json.dumps({"aperture size": "normal", "rx offset": "x", "background": "tripod"})
 DESCRIPTION = """\
 title = "a plate"

@@ -147,3 +147,9 @@ def test_impossible_layouts_are_refused():
     with pytest.raises(InputError, match="5 receivers"):
         pack(np.zeros((5, 4), complex), "four-lane")
     assert values_per_chirp("four-lane", receivers=1, samples=15) == 120
+
+
+def test_a_receiver_that_gives_one_value_tells_no_order():
+    """Without a warning of NumPy's, which is an error here."""
+    for value in (32767, -1):
+        assert estimate_order(np.full(100_000, value, dtype="<i2")).order in (*ORDERS, UNKNOWN)

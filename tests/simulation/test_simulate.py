@@ -318,3 +318,14 @@ def test_antennas_inside_the_object_are_refused():
     inside = ms.Trajectory(times=[0.0], positions=[[0, 0, 0.01]])
     with pytest.raises(CoverageError, match="inside the object's bounding box"):
         ms.simulate(BOX, ms.Radar.preset("mito-sim-77ghz"), inside)
+
+
+def test_progress_is_told_while_rays_are_cast(monkeypatch):
+    """Of a mesh whose faces overlap by thousands, one block of positions takes minutes."""
+    monkeypatch.setattr("millisight.meshes._rays._RAYS", 100)
+    told = []
+    trajectory = ms.Trajectory.raster(size=(0.1, 0.1), step=0.05, center=(0, 0, 0.3))
+    radar = ms.Radar.preset("mito-sim-24ghz")
+    ms.simulate(BOX, radar, trajectory, model="edge", progress=lambda done, total: told.append((done, total)))
+    assert told.count((0, 9)) > 5
+    assert told[-1] == (9, 9)
