@@ -88,7 +88,8 @@ def push(
         except ImportError as error:
             raise InputError(str(error)) from error
     if dry_run and done.card:
-        say(done.card)
+        for line in done.card.splitlines():
+            say(line)
     elif dry_run:
         _say_sizes(done.sent)
     for path in done.left_out:
