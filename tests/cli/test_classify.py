@@ -13,7 +13,7 @@ import pytest
 import millisight as ms
 from helpers.commands import run_here
 from helpers.small_images import BRIGHT, GRID, image, publish
-from millisight.core.errors import InputError
+from millisight.core.errors import FileError, InputError
 from millisight.data import Prediction
 from millisight.io.mito import experiment_folder, radar_folder, write_published
 from millisight.perception.classification import CLASSIFIER_CHANNELS, CLASSIFIERS, NetworkClassifier
@@ -241,6 +241,22 @@ def test_the_network_is_run(mug, run, tmp_path, monkeypatch):
     assert run(*asked)[3] == "own.json: no such file; it describes own.onnx, and must lie beside it"
     own.unlink()
     assert run(*asked)[3] == "own.onnx: no such file"
+
+
+def test_weights_that_are_written_anew_are_read_anew(mug):
+    onnx = pytest.importorskip("onnx")
+    pytest.importorskip("onnxruntime")
+    image = ms.load(mug)
+    mask = ms.segment(image, "classical")
+    own = mug.with_name("own.onnx")
+    answers = []
+    for best in (0, 2):
+        write_network(own, 9 * np.eye(3, dtype=np.float32)[[best] * len(CLASSIFIER_CHANNELS)], onnx)
+        answers.append(ms.classify(image, mask, weights=own).label)
+    assert answers[0] != answers[1]
+    own.unlink()
+    with pytest.raises(FileError, match=r"own.onnx: no such file"):
+        ms.classify(image, mask, weights=own)
 
 
 def write_network(path, weights, onnx):

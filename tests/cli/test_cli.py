@@ -226,6 +226,27 @@ def test_a_full_disk(capture):
     assert [p.name for p in capture.parent.iterdir()] == [capture.name]
 
 
+def test_too_little_memory_is_said_before_libraries_are_opened(capture):
+    """With some hundred megabytes LLVM and Embree end the process, and others cannot be opened."""
+    import resource
+
+    def bounded(megabytes):
+        return lambda: resource.setrlimit(resource.RLIMIT_AS, (megabytes * 1_000_000, resource.RLIM_INFINITY))
+
+    for command in (("image", capture.name, "--grid", "2cm", "-o", "i.h5"), ("simulate", "mug", "-o", "m.h5")):
+        code, out, err = run(*command, cwd=capture.parent, preexec_fn=bounded(600))
+        assert (code, out) == (1, "")
+        assert err == (
+            "millisight: this process may have 600 MB of memory; expected 1000 MB or more: raise the limit, as by "
+            "ulimit -v unlimited\n"
+        )
+
+
+def test_a_module_is_the_command():
+    asked = [sys.executable, "-m", "millisight", "--version"]
+    assert subprocess.run(asked, capture_output=True, text=True, check=True).stdout == run("--version", cwd=".")[1]
+
+
 def started(*arguments, cwd):
     """The command under way, Ctrl-C heard even where the tests themselves run in the background."""
     return subprocess.Popen(
@@ -351,10 +372,6 @@ def test_an_input_is_never_overwritten(capture):
     line = refused("image", capture.name, "--grid", "2cm", "--background", "b.h5", "-o", "b.h5", cwd=folder)
     assert "b.h5 is an input, too, and would be overwritten" in line
     (folder / "b.h5").unlink()
-    (folder / "d.toml").write_text('[frames]\nfile = "cube.npz"\n')
-    (folder / "cube.npz").write_bytes(b"frames")
-    assert "cube.npz is named by d.toml and would be overwritten" in refused(
-        "image", "d.toml", "--plot", "p.png", "-o", "cube.npz", cwd=folder)  # fmt: skip
     os.link(capture, folder / "scan.png")
     assert "is the input" in refused("image", capture.name, "--slices", "scan.png", cwd=folder)
     assert "is given for two outputs" in refused(

@@ -172,7 +172,7 @@ def world(tmp_path, monkeypatch):
 def test_emulate_writes_a_rig_file_that_works():
     done = run("rig", "emulate", "world.toml", "-o", "rig.toml", "--loss", "0.001", "--seconds", "0")
     assert done.exit_code == 0, done.output
-    assert "wrote rig.toml; the emulators run until 0 s have passed" in done.output
+    assert "wrote rig.toml and rig.cfg; the emulators run until 0 s have passed" in done.output
     assert run("collect", "rig.toml", "--dry-run").exit_code == 0
     assert isinstance(run("rig", "emulate", "world.toml", "--loss", "2").exception, InputError)
     assert isinstance(run("rig", "emulate", "world.toml", "--live").exception, InputError)
@@ -180,10 +180,25 @@ def test_emulate_writes_a_rig_file_that_works():
 
 
 @pytest.mark.usefixtures("world")
+def test_emulate_keeps_files_of_others(tmp_path):
+    for name, own in (("rig.cfg", "rig.toml"), ("mine.toml", "mine.toml")):
+        (tmp_path / name).write_text("% my profile")
+        refusal = run("rig", "emulate", "world.toml", "-o", own, "--seconds", "0").exception
+        assert isinstance(refusal, FileError)
+        assert f"{name} was not made by millisight and would be overwritten; choose another name" in str(refusal)
+        assert (tmp_path / name).read_text() == "% my profile"
+    wrong = run("rig", "emulate", "world.toml", "-o", "both.cfg", "--seconds", "0").exception
+    assert isinstance(wrong, InputError)
+    assert "both.cfg; expected a name that ends in .toml" in str(wrong)
+    for _ in range(2):  # its own are replaced
+        assert run("rig", "emulate", "world.toml", "-o", "ours.toml", "--seconds", "0").exit_code == 0
+
+
+@pytest.mark.usefixtures("world")
 def test_one_command_emulates_and_scans(tmp_path):
     done = run("rig", "emulate", "world.toml", "--loss", "0.001", "--disorder", "0.01", "--collect", "data")
     assert done.exit_code == 0, done.output
-    assert "wrote rig.toml; the emulators run until the scan has ended" in done.output
+    assert "wrote rig.toml and rig.cfg; the emulators run until the scan has ended" in done.output
     folder = tmp_path / "data/000_scan/robot_collected/0_0_0/exp1/los"
     assert len(read_experiment(folder, "77_ghz").rows) == 2
     assert run("rig", "emulate", "world.toml", "--collect", "data").exit_code == 1  # it is there already

@@ -124,3 +124,10 @@ def test_an_unknown_name_is_refused_and_changes_nothing(setting):
     assert checked_colormap("jet") is not None
     assert checked_colormap(DUSK) is DUSK
     assert checked_colormap("gray").name == matplotlib.colormaps["gray"].name
+
+
+def test_a_wrong_name_in_the_environment_is_none_to_try(setting, monkeypatch):
+    monkeypatch.setenv("MILLISIGHT_COLORMAP", "n" * 100_000)
+    assert colormap_names()[0] == "inferno"
+    with pytest.raises(errors.InputError, match=r"unknown colour map 'n{80}'; try one of inferno, viridis"):
+        checked_colormap()

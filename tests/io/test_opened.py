@@ -13,6 +13,7 @@ import pytest
 
 import millisight as ms
 from helpers.forging import forge, patch
+from helpers.processes import files_to_open
 from helpers.small_records import same, small_capture
 from millisight.core import limits_of
 from millisight.core.errors import DamagedFileError, FileError, FormatError
@@ -367,3 +368,16 @@ def test_other_peoples_files_and_truncated_ones_are_named(tmp_path, saved):
     saved.write_bytes(whole[: len(whole) // 2])
     with pytest.raises(DamagedFileError, match=rf"t\.h5 is cut short: {len(whole) // 2} bytes are left of \d+"):
         ms.load(saved)
+
+
+def test_a_limit_of_the_process_is_not_called_damage(saved):
+    ms.load(saved)  # so that all is imported
+    told = []
+    for spare in range(4):
+        with files_to_open(spare):
+            try:
+                ms.load(saved)
+            except FileError as error:
+                told.append(str(error))
+    assert told
+    assert all("Too many open files" in text and "damaged" not in text for text in told)

@@ -2,7 +2,10 @@
 
 import hashlib
 import json
+import os
+import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -240,3 +243,89 @@ def test_a_network_that_makes_more_than_memory_holds_fails_as_it_runs(written, o
     session = open_network(*written(model.SerializeToString()), needed_by="this", channels=3)
     with pytest.raises(FormatError, match=rf"the network fails on \(2, 3\): .* running {operator} node"):
         run_network(session, np.zeros((2, 3), np.float32))
+
+
+def tensor(onnx, values, *, elsewhere):
+    made = onnx.numpy_helper.from_array(np.asarray(values, np.float32), "w")
+    if elsewhere:
+        made.ClearField("raw_data")
+        made.data_location = onnx.TensorProto.EXTERNAL
+        made.external_data.add(key="location", value="secret.bin")
+    return made
+
+
+def summing(onnx, *, elsewhere, within):
+    """x (n, 1024) to its sums weighted by a tensor: an initializer, a sparse one, a constant, or one in a function."""
+    helper, kind = onnx.helper, onnx.TensorProto.FLOAT
+    weights = tensor(onnx, np.ones((1024, 2)), elsewhere=elsewhere)
+    graph = {"nodes": [helper.make_node("MatMul", ["x", "w"], ["y"])], "initializer": [weights]}
+    functions = []
+    if within == "sparse":
+        flat = tensor(onnx, np.ones(2048), elsewhere=elsewhere)
+        places = onnx.numpy_helper.from_array(np.arange(2048, dtype=np.int64), "places")
+        graph = {"nodes": graph["nodes"], "initializer": []}
+        sparse = helper.make_sparse_tensor(flat, places, [1024, 2])
+    elif within != "initializer":
+        constant = helper.make_node("Constant", [], ["w"], value=weights)
+        graph = {"nodes": [constant, *graph["nodes"]], "initializer": []}
+        if within == "function":
+            opset = [helper.make_opsetid("", 17)]
+            functions = [helper.make_function("ours", "Sum", ["x"], ["y"], graph["nodes"], opset)]
+            graph["nodes"] = [helper.make_node("Sum", ["x"], ["y"], domain="ours")]
+    values = [helper.make_tensor_value_info(name, kind, ["n", count]) for name, count in (("x", 1024), ("y", 2))]
+    made = helper.make_graph(graph["nodes"], "sum", values[:1], values[1:], graph["initializer"])
+    if within == "sparse":
+        made.sparse_initializer.append(sparse)
+    opsets = [helper.make_opsetid("", 17), helper.make_opsetid("ours", 1)]
+    return helper.make_model(made, ir_version=8, opset_imports=opsets, functions=functions).SerializeToString()
+
+
+@pytest.mark.parametrize("within", ["initializer", "sparse", "constant", "function"])
+def test_numbers_in_a_file_of_the_working_directory_are_not_read(written, tmp_path, monkeypatch, within):
+    """Large ones, which ONNX Runtime would look for where the program was started."""
+    onnx = pytest.importorskip("onnx")
+    monkeypatch.chdir(tmp_path)
+    np.full(2048, 9, np.float32).tofile("secret.bin")
+    with pytest.raises(FormatError, match=r"w\.onnx is not a network .*: it has numbers read from another file"):
+        open_network(*written(summing(onnx, elsewhere=True, within=within)), needed_by="this")
+    if within != "function":  # an operator of others
+        session = open_network(*written(summing(onnx, elsewhere=False, within=within)), needed_by="this")
+        np.testing.assert_array_equal(run_network(session, np.ones((1, 1024), np.float32)), [[1024, 1024]])
+
+
+def test_a_network_that_takes_too_long_is_ended(written, monkeypatch):
+    onnx = pytest.importorskip("onnx")
+    helper, kind = onnx.helper, onnx.TensorProto.FLOAT
+    shape = onnx.numpy_helper.from_array(np.array([1500, 1500]), "shape")
+    node = helper.make_node
+    nodes = [node("ReduceMean", ["x"], ["mean"], keepdims=0), node("Expand", ["mean", "shape"], ["m0"])]
+    nodes += [node("MatMul", [f"m{i}", "m0"], [f"m{i + 1}"]) for i in range(2000)]
+    nodes += [
+        helper.make_node("ReduceMean", ["m2000"], ["end"], keepdims=0),
+        helper.make_node("Add", ["x", "end"], ["y"]),
+    ]
+    values = [helper.make_tensor_value_info(name, kind, ["n", 3]) for name in "xy"]
+    graph = helper.make_graph(nodes, "long", values[:1], values[1:], [shape])
+    opset = [helper.make_opsetid("", 17)]
+    session = open_network(
+        *written(helper.make_model(graph, ir_version=8, opset_imports=opset).SerializeToString()), needed_by="this"
+    )
+    monkeypatch.setattr(networks, "_SECONDS", 0)
+    began = time.monotonic()
+    with pytest.raises(FormatError, match=r"the network takes over 1 s for \(1, 3\)"):
+        run_network(session, np.zeros((1, 3), np.float32))
+    assert time.monotonic() - began < 20  # all of it takes minutes
+
+
+def test_onnx_runtime_sends_and_stores_nothing_of_its_own(tmp_path, written):
+    """It does where nobody says otherwise: see `_onnx_runtime`."""
+    onnx = pytest.importorskip("onnx")
+    path, told = written(doubler(onnx))
+    home = tmp_path / "home"
+    home.mkdir()
+    script = f"from millisight.perception._networks import open_network as o; o({str(path)!r}, {told!r}, needed_by='x')"
+    known = {
+        name: value for name, value in os.environ.items() if name not in ("ORT_DISABLE_TELEMETRY", "XDG_CACHE_HOME")
+    }
+    subprocess.run([sys.executable, "-c", script], env={**known, "HOME": str(home)}, check=True, timeout=120)
+    assert not [file for file in home.rglob("*") if "onnxruntime" in str(file)]

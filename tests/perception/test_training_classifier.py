@@ -369,6 +369,8 @@ def test_damaged_descriptions_and_other_weights_are_refused(tmp_path):
         ({"class_names": ["box"]}, DamagedFileError, "expected lists of names"),
         ({"bands": []}, DamagedFileError, "expected lists of names"),
         ({"temperature": 0}, DamagedFileError, "temperature is 0"),
+        ({"temperature": 1e-320}, DamagedFileError, "temperature is 1e-320; expected a number above 1e-06, at most 1e"),
+        ({"temperature": 10**400}, DamagedFileError, "does not describe weights: .*a number of 401 digits"),
         ({"threshold": 2}, DamagedFileError, "threshold is 2"),
         ({"never_sure": ["pen"]}, DamagedFileError, "never_sure is .'pen'.; expected a list of classes"),
         ({"never_sure": "can"}, DamagedFileError, "expected a list of classes"),

@@ -5,6 +5,8 @@ import http.client
 import json
 import socket
 import struct
+import subprocess
+import sys
 import threading
 import time
 import zlib
@@ -18,6 +20,7 @@ from PIL import Image
 import millisight as ms
 from helpers.annotating import Discs, radar_image
 from helpers.commands import refused
+from helpers.processes import files_to_open
 from millisight.cli.annotate import _beside
 from millisight.cli.segment import segment
 from millisight.core.errors import DamagedFileError, FileError, FormatError, InputError, UnknownNameError
@@ -25,7 +28,7 @@ from millisight.data import CameraFrame, Intrinsics, Picture, Prompts
 from millisight.io import load_extras
 from millisight.io.mito import write_published
 from millisight.perception.segmentation import segmenter
-from millisight.viz import _page_server
+from millisight.viz import MOST_WAITING, _page_server
 from millisight.viz.annotator import Annotation, AnnotatorServer, OpenedPicture, open_picture, segmenters_for
 from millisight.viz.annotator._coarse import Coarse
 
@@ -396,6 +399,22 @@ class TestTheServer:
             for one in held:
                 one.close()
             resource.setrlimit(resource.RLIMIT_NOFILE, before)
+
+    def test_connections_that_ask_nothing_keep_nobody_out(self, server):
+        """Beyond a number the oldest ends, so that no files are left to open for the page."""
+        script = (
+            "import socket, sys; here = '127.0.0.1', int(sys.argv[1]); sys.stdin.readline(); "
+            "held = [socket.create_connection(here, 10) for _ in range(400)]; "
+            "print('held', flush=True); sys.stdin.read()"
+        )
+        asked = [sys.executable, "-c", script, str(server.server_address[1])]
+        with subprocess.Popen(asked, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
+            with files_to_open(2 * MOST_WAITING + 30):  # of this process, not of the other
+                other.stdin.write(b"go\n")
+                other.stdin.flush()
+                assert other.stdout.readline() == b"held\n"
+                assert self.get(server, urlsplit(server.address).path + "about")[0] == 200
+            other.stdin.close()
 
     def test_an_address_that_cannot_be_split_is_answered(self, server):
         for target in ("http://[/x", "//[/x"):

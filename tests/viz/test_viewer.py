@@ -9,6 +9,7 @@ import threading
 import time
 import urllib.error
 import urllib.request
+from contextlib import suppress
 from pathlib import Path
 
 import h5py
@@ -18,6 +19,7 @@ from typer.testing import CliRunner
 
 import millisight as ms
 from helpers.miniature import MUG
+from helpers.processes import files_to_open
 from millisight.cli.app import app
 from millisight.core.errors import DamagedFileError, DeviceError, FileError, FormatError, InputError, UnknownNameError
 from millisight.meshes import write_mesh
@@ -619,6 +621,35 @@ def test_a_viser_that_opens_its_own_port_is_refused(monkeypatch):
     monkeypatch.setattr(server_module, "_guarded", lambda listener, host, secret: viser.ViserServer)
     with pytest.raises(DeviceError, match="is not known here"):
         start()
+
+
+def test_where_no_files_may_be_opened_it_is_said_at_once():
+    start().stop()  # so that all is imported
+    for spare in (2, 6, 12):
+        match = r"the viewer cannot start: .*; allow more open files"
+        with files_to_open(spare), pytest.raises(DeviceError, match=match):
+            start()
+
+
+def test_connections_that_ask_nothing_are_not_held(monkeypatch):
+    """The oldest of too many ends; the page's own is answered."""
+    monkeypatch.setattr(server_module, "MOST_WAITING", 5)
+    server = start()
+    held = []
+    try:
+        held = [socket.create_connection(("127.0.0.1", server.get_port()), timeout=10) for _ in range(9)]
+        for one in held[:4]:
+            with suppress(ConnectionResetError):
+                assert one.recv(1) == b""
+        own = b"GET /%b/ HTTP/1.1\r\nHost: 127.0.0.1:%d\r\n\r\n" % (server.secret.encode(), server.get_port())
+        assert answered(server, own) == "HTTP/1.1 200 OK"
+        held[-1].settimeout(0.2)
+        with pytest.raises(TimeoutError):
+            held[-1].recv(1)
+    finally:
+        for one in held:
+            one.close()
+        server.stop()
 
 
 def test_without_viser_it_is_said_what_to_install(monkeypatch):

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from millisight.cli.console import check_outputs, complain, length, say
+from millisight.cli.console import complain, length, say
 from millisight.cli.interrupts import Interrupted
 from millisight.cli.options import SamDevice
+from millisight.cli.outputs import check_outputs
 from millisight.core import make_folder, printable
 from millisight.core.errors import InputError
 

@@ -7,21 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 import typer
 
-from millisight.cli.console import (
-    SMALL,
-    WARNING,
-    Commands,
-    answer,
-    answer_json,
-    check_outputs,
-    json_only,
-    length,
-    progress,
-    say,
-)
+from millisight.cli.console import SMALL, WARNING, Commands, answer, answer_json, json_only, length, progress, say
 from millisight.cli.image_steps import on_time, one_opened, without_background
 from millisight.cli.options import DataFolder, RadarChoice
-from millisight.cli.sources import Opened, sources
+from millisight.cli.outputs import check_outputs
+from millisight.cli.sources import Opened, files_read, sources
 from millisight.core import check_known, printable, toml_of, write_text
 from millisight.core.errors import InputError
 from millisight.data import VoxelGrid
@@ -213,7 +203,8 @@ def radar(
     )
     with json_only(as_json), one_opened(source, radar, data) as (opened, found):
         to = output or Path(f"{opened.capture.radar.name}.calibration.toml")
-        check_outputs(to, source=source, others=(background,))
+        also = () if background is None else (background, *files_read(background, data))
+        check_outputs(to, source=source, others=also, data=data)
         empties = [] if background is None else sources([background], radar)
         capture = without_background(opened.capture, found, empties, data)
         if clock == "apply":

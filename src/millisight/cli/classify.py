@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from millisight.cli.console import answer, check_outputs, complain, json_only, progress, say
+from millisight.cli.console import answer, complain, json_only, progress, say
 from millisight.cli.image_sources import (
     MASK_SUFFIX,
     ImageSource,
@@ -18,6 +18,7 @@ from millisight.cli.image_sources import (
     read_as,
 )
 from millisight.cli.options import Images, Multispectral, RadarChoice
+from millisight.cli.outputs import check_outputs, is_folder, output_path
 from millisight.cli.segment import Condition, OtherBand, PromptSeed, mask_of
 from millisight.core import make_folder, printable, write_text
 from millisight.core.errors import FileError, InputError
@@ -40,6 +41,8 @@ def classify(
         typer.Option(
             "-o",
             "--output",
+            metavar="PATH",
+            parser=output_path,
             help="Write the full result as JSON, and a picture beside it; a folder for several images. [default: only "
             "print it]",
         ),
@@ -151,7 +154,7 @@ def classify(
         answer(json.dumps(result) if as_json else words)
         return prediction
 
-    if len(found) == 1 and not any(path.is_dir() for path in images):
+    if len(found) == 1 and not any(map(is_folder, (output, *images))):
         if output is not None and output.suffix.lower() != ".json":
             raise InputError(f"--output is {output}; expected a name that ends in .json")
         prediction = one(found[0], output)

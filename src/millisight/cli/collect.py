@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from millisight.cli.console import check_outputs, duration, progress, say, say_sampling
+from millisight.cli.console import duration, progress, say, say_sampling
+from millisight.cli.outputs import check_outputs
 from millisight.cli.rig import collect_with_rig, is_rig_file
 from millisight.cli.scanning import published_grids, scan, scan_live
 from millisight.core import box, make_folder

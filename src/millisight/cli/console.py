@@ -3,22 +3,19 @@
 import functools
 import inspect
 import json
-import os
 import re
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from itertools import combinations
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
 from millisight.cli import interrupts
-from millisight.core import FIGURE_SUFFIXES, check_record_suffix, check_writable, claimed, printable, same_file
-from millisight.core.errors import InputError, UnknownNameError
+from millisight.core import printable
+from millisight.core.errors import InputError
 
 if TYPE_CHECKING:
     from millisight.imaging import Sampling
@@ -42,7 +39,8 @@ class _Talk:
 
 
 _talk = _Talk()
-_claims = ExitStack()  # on the outputs of the command that runs now: another run may not write them as well
+claims = ExitStack()
+"""On the outputs of the command that runs now: another run may not write them as well."""
 
 
 class Commands(typer.Typer):
@@ -70,7 +68,7 @@ def _with_quiet(function: Any) -> Any:
             return function(*arguments, **options)
         finally:
             _talk.quiet = False
-            _claims.close()
+            claims.close()
 
     signature, command = inspect.signature(function), cast("Any", run)
     added = inspect.Parameter("quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=kind)
@@ -181,48 +179,6 @@ def slices(text: str, *, option: str) -> tuple[int, int]:
     if len(parts) != 2 or not all(part.strip().isdecimal() for part in parts):
         raise InputError(f"{option} is {text!r}; expected two whole numbers such as 12,7")
     return int(parts[0]), int(parts[1])
-
-
-def check_outputs(
-    *paths: Path | None,
-    records: tuple[Path | None, ...] = (),
-    figures: tuple[Path | None, ...] = (),
-    source: Path | None = None,
-    others: Iterable[str | Path | None] = (),
-) -> None:
-    """Check before the work that its outputs can be written.
-
-    Refused are: the `source` itself, `others` that are read, files that a description as source names, one file twice,
-    a missing folder, an unknown format of figures or records, and what another run is to write.
-
-    Raises
-    ------
-    FileError, InputError, UnknownNameError
-    """
-    outputs = [path for path in (*records, *paths, *figures) if path is not None]
-    described = source.read_bytes() if source is not None and source.suffix == ".toml" and source.is_file() else b""
-    for path in outputs:
-        for read in (source, *others):
-            if read is not None and os.path.exists(read) and same_file(path, Path(read)):
-                what = "the input" if read is source else "an input, too,"
-                raise InputError(f"{path} is {what} and would be overwritten; choose another name for the output")
-        if described and path.name.encode() in described and path.exists():
-            raise InputError(
-                f"{path} is named by {source} and would be overwritten; choose another name for the output"
-            )
-    for path in records:
-        if path is not None:
-            check_record_suffix(path)
-    for one, other in combinations(outputs, 2):
-        if same_file(one, other):
-            raise InputError(f"{one} is given for two outputs; choose two names")
-    _claims.close()  # of the source before, where a command has many
-    for path in outputs:
-        check_writable(path)
-        _claims.enter_context(claimed(path))
-    for figure in figures:
-        if figure is not None and figure.suffix.lower() not in FIGURE_SUFFIXES:
-            raise UnknownNameError("figure format", figure.suffix or figure.name, FIGURE_SUFFIXES)
 
 
 def say(line: str) -> None:

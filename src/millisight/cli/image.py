@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from millisight.cli.console import check_outputs, complain, end_with_failures, in_options, say, summed_up
+from millisight.cli.console import complain, end_with_failures, in_options, say, summed_up
 from millisight.cli.grids import outline_mesh, parse_bytes
 from millisight.cli.image_steps import ImageSettings, check_stated, image_of, large_image_of, oddities
 from millisight.cli.options import DataFolder, RadarChoice
-from millisight.cli.sources import Source, sources
+from millisight.cli.outputs import check_outputs, named, output_path
+from millisight.cli.sources import Source, files_read, sources
 from millisight.core import check_known, checked_colormap, colormap_in_use, make_folder, record_from_file
 from millisight.core.errors import InputError, MillisightError
 from millisight.data import SarImage
@@ -45,6 +46,8 @@ def image(
         typer.Option(
             "-o",
             "--output",
+            metavar="PATH",
+            parser=output_path,
             help="Image to write (HDF5), or a folder for several captures. [default: CAPTURE.image.h5 beside the "
             "capture; for experiments of a dataset, in the current folder]",
         ),
@@ -128,11 +131,19 @@ def image(
     ] = None,
     plot: Annotated[
         Path | None,
-        typer.Option(help="Write a picture of the three projections (PNG, SVG, PDF); a folder for several captures."),
+        typer.Option(
+            metavar="PATH",
+            parser=output_path,
+            help="Write a picture of the three projections (PNG, SVG, PDF); a folder for several captures.",
+        ),
     ] = None,
     slices: Annotated[
         Path | None,
-        typer.Option(help="Write a picture of three slices (PNG, SVG, PDF); a folder for several captures."),
+        typer.Option(
+            metavar="PATH",
+            parser=output_path,
+            help="Write a picture of three slices (PNG, SVG, PDF); a folder for several captures.",
+        ),
     ] = None,
     outline: Annotated[
         str | None,
@@ -159,7 +170,7 @@ def image(
 
     Example: millisight image MITO_Dataset/004_sugar_box -o images/ --plot images/ --clock apply
     """
-    if colormap is not None:
+    if colormap is not None or plot is not None or slices is not None:
         checked_colormap(colormap)
     check_known("--clock", clock, _CLOCKS)
     check_known("--focus", focus, _FOCUSES)
@@ -197,10 +208,13 @@ def image(
         raise InputError(
             "--background holds no capture of a radar that is to be imaged; pass one, or choose with --radar"
         )
-    also = [*(path for path, _ in empties), *(calibration or []), *(source.path for source in found)]
+    read = [*(path for path, _ in empties), *(source.path for source in found)]
+    also = [*read, *(calibration or []), *(file for path in read for file in files_read(path, data))]
     if len(found) == 1:
-        outputs = _Outputs(output or _image_path(found[0], None), plot, slices)
-        check_outputs(records=(outputs.image,), figures=(plot, slices), source=found[0].path, others=also)
+        to, name = _image_path(found[0], None), found[0].name
+        figures = named(plot, f"{name}.png"), named(slices, f"{name}.slices.png")
+        outputs = _Outputs(named(output, to.name) or to, *figures)
+        check_outputs(records=(outputs.image,), figures=figures, source=found[0].path, others=also, data=data)
         _image_one(found[0], outputs, settings, label="")
         return
     _image_all(found, output, plot, slices, settings, resume=resume, also=also)
@@ -247,8 +261,9 @@ def _image_all(
                 if resume and _done(outputs, settings):
                     passed_over += 1
                     continue
+                figures = outputs.plot, outputs.slices
                 check_outputs(
-                    records=(outputs.image,), figures=(outputs.plot, outputs.slices), source=source.path, others=also
+                    records=(outputs.image,), figures=figures, source=source.path, others=also, data=settings.data
                 )
                 _image_one(source, outputs, settings, label=f"[{number}/{len(found)}] ")
             except (MillisightError, MemoryError, OSError) as error:

@@ -5,10 +5,11 @@ from typing import Annotated
 
 import typer
 
-from millisight.cli.console import answer_json, answer_table, check_outputs, json_only, optional_length, progress, say
+from millisight.cli.console import answer_json, answer_table, json_only, optional_length, progress, say
 from millisight.cli.grids import check_memory, parse_grid
 from millisight.cli.image_steps import one_capture
 from millisight.cli.options import DataFolder, FalseAlarms, RadarChoice, SheetClutter, SupportHeight
+from millisight.cli.outputs import check_outputs
 from millisight.core import check_known, printable, write_text
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.data import Located, TriangleMesh
@@ -84,7 +85,7 @@ def locate(
         meshes = _meshes(mesh, unit)
         capture, name = one_capture(source, radar, data)
         to = output or source.parent / f"{name}.pose.json"
-        check_outputs(to, placed, figures=(plot,), source=source, others=mesh)
+        check_outputs(to, placed, figures=(plot,), source=source, others=mesh, data=data)
         voxels = parse_grid(grid, capture)
         check_memory(capture, voxels, advice="")
         say(f"grid: {' x '.join(map(str, voxels.shape))} voxels, {capture.channels} channels")

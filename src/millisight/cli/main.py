@@ -13,6 +13,7 @@ GO_ON = (
 )  # fmt: skip
 """Commands whose next run continues where this one stopped."""
 
+_LEAST_ADDRESSES = 1_000_000_000  # [bytes] with fewer, libraries cannot be opened, or end the process
 _MOST_THREADS = 1024  # more than machines have cores; with some ten thousand, Numba ends the process
 
 
@@ -22,6 +23,7 @@ def run() -> None:
         interrupts.listen()  # before anything else, since imports take half a second
         _open_streams()
         _check_threads()
+        _check_addresses()
         from millisight.cli.commands import application
 
         application(*sys.argv[1:])()
@@ -74,6 +76,27 @@ def _check_threads() -> None:
         )
 
 
+def _check_addresses() -> None:
+    """Refuse a limit of this process's memory under which libraries fail to open, or end the process.
+
+    Raises
+    ------
+    InputError
+    """
+    try:
+        import resource
+    except ImportError:  # not on Windows
+        return
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    if limit != resource.RLIM_INFINITY and limit < _LEAST_ADDRESSES:
+        from millisight.core.errors import InputError
+
+        raise InputError(
+            f"this process may have {limit / 1e6:.0f} MB of memory; expected {_LEAST_ADDRESSES / 1e6:.0f} MB or more: "
+            "raise the limit, as by ulimit -v unlimited"
+        )
+
+
 def _ending(error: BaseException) -> tuple[str, int]:
     """The line to print for an exception, and the exit code; an empty line: raise it."""
     if interrupts.received() and not isinstance(error, SystemExit):
@@ -89,7 +112,8 @@ def _ending(error: BaseException) -> tuple[str, int]:
         return in_options(str(error)), 1
     if isinstance(error, ImportError) and "pip install" in str(error):  # an extra that is missing
         return str(error), 1
-    if isinstance(error, MemoryError):
+    unmapped = isinstance(error, ImportError) and re.search("failed to map|annot allocate memory", str(error))
+    if isinstance(error, MemoryError) or unmapped:
         reason = f": {error}" if str(error) else ""
         return f"not enough memory{reason}; use a coarser grid, fewer positions, or a larger machine", 1
     if isinstance(error, OSError):

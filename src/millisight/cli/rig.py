@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from millisight.cli.console import Commands, answer, check_outputs, duration, end_with_failures, progress, say
+from millisight.cli.console import Commands, answer, duration, end_with_failures, progress, say
+from millisight.cli.outputs import check_outputs
 from millisight.cli.scanning import published_grids, scan, scan_live
 from millisight.core import check_folder, make_folder, read_toml, turn_between_deg, write_text
 from millisight.core.errors import FileError, InputError, MillisightError
@@ -197,10 +198,12 @@ def emulate(
 
     millisight rig check rig.toml && millisight collect rig.toml -o data
     """
-    from millisight.rig.emulators import EmulatedLab, PacketFaults
+    from millisight.rig.emulators import EmulatedLab, PacketFaults, files_of_lab
     from millisight.rig.virtual import World
 
-    check_outputs(output, source=world)
+    files = files_of_lab(output)
+    check_outputs(*files, source=world)
+    wrote = " and ".join(map(str, files))
     if collect is not None and seconds is not None:
         raise InputError("the emulators end with the scan; leave --seconds or --collect out")
     if live and collect is None:
@@ -212,10 +215,10 @@ def emulate(
     with lab:
         path = lab.write(output.absolute().parent, output.name)
         if collect is not None:
-            say(f"wrote {output}; the emulators run until the scan has ended")
+            say(f"wrote {wrote}; the emulators run until the scan has ended")
             _collect_beside(path, collect, ["--live"] * live + ["--no-browser"] * no_browser)
             return
-        say(f"wrote {output}; the emulators run until {'Ctrl-C' if seconds is None else f'{seconds:g} s have passed'}")
+        say(f"wrote {wrote}; the emulators run until {'Ctrl-C' if seconds is None else f'{seconds:g} s have passed'}")
         say(f"in another terminal: millisight collect {path}")
         until = None if seconds is None else time.monotonic() + seconds
         while until is None or time.monotonic() < until:

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from millisight.cli.console import answer_json, check_outputs, in_options, json_only, optional_length, say
+from millisight.cli.console import answer_json, in_options, json_only, optional_length, say
 from millisight.cli.image_sources import (
     INSTANCES_SUFFIX,
     MASK_SUFFIX,
@@ -18,6 +18,7 @@ from millisight.cli.image_sources import (
     one_by_one,
 )
 from millisight.cli.options import Images, Multispectral, RadarChoice, SamDevice
+from millisight.cli.outputs import check_outputs, is_folder, output_path
 from millisight.core import check_readable, make_folder, printable
 from millisight.core.errors import FormatError, InputError, MillisightError
 from millisight.data import Instances, Prompts, SarImage, VolumeMask
@@ -57,6 +58,8 @@ def segment(
         typer.Option(
             "-o",
             "--output",
+            metavar="PATH",
+            parser=output_path,
             help="Mask to write (HDF5), or a folder for several images. [default: IMAGE.mask.h5 beside the image; for "
             "experiments of a dataset, in the current folder]",
         ),
@@ -239,7 +242,7 @@ def segment(
 
     try:
         with json_only(as_json):
-            if len(found) == 1 and not any(path.is_dir() for path in images):
+            if len(found) == 1 and not any(map(is_folder, (output, *images))):
                 noted(found[0], output or found[0].output(suffix))
                 return
             folder = None if output is None else make_folder(output)

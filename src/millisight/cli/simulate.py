@@ -7,7 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
-from millisight.cli.console import SMALL, check_outputs, length, optional_length, progress, say, say_sampling, size
+from millisight.cli.console import SMALL, length, optional_length, progress, say, say_sampling, size
+from millisight.cli.outputs import check_outputs
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.data import Radar, Scene, Trajectory, radar_names
 from millisight.imaging import combine, grid_around, sampling

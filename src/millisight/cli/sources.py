@@ -9,7 +9,7 @@ import numpy as np
 
 from millisight.cli.console import progress
 from millisight.core import SPEED_OF_LIGHT, check_readable, files_under, printable
-from millisight.core.errors import FileError, FormatError, InputError
+from millisight.core.errors import FileError, FormatError, InputError, MillisightError
 from millisight.data import Capture, RawScan, Trajectory
 
 CAPTURE_SUFFIX = ".capture.h5"
@@ -216,11 +216,36 @@ def _notes(record: Capture | RawScan) -> tuple[str, ...]:
     return tuple(f"warning: {note}" for name in ("left_out", "notes") for note in record.metadata.get(name, ()))
 
 
+def files_read(path: Path, data: Path | None = None) -> list[Path]:
+    """Files that are read along with `path`: those that a description, a world or a rig names, in the folder `data` or
+    beside it; the robot log beside a capture; of a folder, all of that for what is imaged in it."""
+    from millisight.io.description import files_named
+
+    if path.is_dir():
+        try:
+            found = [source.path for source in _under(path, None)]
+        except MillisightError:
+            return []  # what cannot be read is not read
+        return [
+            each for file in found for each in (file, *(files_under(file) if file.is_dir() else files_read(file, data)))
+        ]
+    if path.suffix.lower() == ".toml":
+        return files_named(path, data)
+    log = _log_path(path)
+    return [] if log is None else [log]
+
+
 def _log_beside(path: Path) -> Trajectory | None:
     """Robot log beside a converted or a recorded capture."""
     from millisight.io import load
+
+    log = _log_path(path)
+    return None if log is None else load(log)
+
+
+def _log_path(path: Path) -> Path | None:
     from millisight.io.mito import RAW_CAPTURE, RAW_LOG
 
     name = RAW_LOG if path.name == RAW_CAPTURE else f"{path.name.removesuffix(CAPTURE_SUFFIX)}.log.h5"
     log = path.with_name(name)
-    return load(log) if path.name.endswith((RAW_CAPTURE, CAPTURE_SUFFIX)) and log.is_file() else None
+    return log if path.name.endswith((RAW_CAPTURE, CAPTURE_SUFFIX)) and log.is_file() else None

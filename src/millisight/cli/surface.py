@@ -6,12 +6,13 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from millisight.cli.console import SMALL, answer_json, check_outputs, json_only, optional_length, progress, say
+from millisight.cli.console import SMALL, answer_json, json_only, optional_length, progress, say
 from millisight.cli.grids import check_memory, parse_grid
 from millisight.cli.image_sources import read_as
 from millisight.cli.image_steps import one_capture
 from millisight.cli.options import DataFolder, FalseAlarms, RadarChoice, SheetClutter, SupportHeight
-from millisight.core import atomic_path, check_known, printable
+from millisight.cli.outputs import check_outputs
+from millisight.core import atomic_path, check_known, checked_colormap, printable
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.data import Capture, PointCloud, SarImage, Surface
 from millisight.imaging import CLUTTER
@@ -127,7 +128,8 @@ def surface(
             raise UnknownNameError("mesh format", to.suffix or to.name, (".ply",))
         picture = None if no_picture else to.with_name(f"{to.stem.removesuffix('.surface')}.surface.png")
         alone = to.with_name(f"{to.stem}.guessed.ply") if completed else None
-        check_outputs(to, points, depth, alone, figures=(picture,), source=source)
+        checked_colormap(None)  # of the vertices
+        check_outputs(to, points, depth, alone, figures=(picture,), source=source, data=data)
         if completed and not isinstance(opened, Capture):
             raise InputError("--complete asks which antennas saw the object; pass a capture, not an image")
         found = _points(
@@ -200,7 +202,6 @@ def _points(opened: Capture | SarImage, grid: str | None, **settings: Any) -> Po
 def _write(to: Path, made: Surface) -> None:
     """The mesh, its vertices coloured by their standard deviation; those that were not seen are grey."""
     from millisight.meshes import write_mesh
-    from millisight.viz import checked_colormap
 
     seen = made.sigma[: made.metadata.get("seen_vertices")]
     worst = float(np.percentile(seen, 95)) if len(seen) else 1.0

@@ -10,7 +10,8 @@ from typing import Annotated
 import typer
 
 from millisight.cli import interrupts
-from millisight.cli.console import check_outputs, length, progress, say
+from millisight.cli.console import length, progress, say
+from millisight.cli.outputs import check_outputs
 from millisight.core import colormap_in_use, files_under, printable
 from millisight.core.errors import FileError, InputError
 
@@ -90,7 +91,8 @@ def view(
 
     Example: millisight view mug.image.h5 --slices --html mug.html --screenshot mug.png
     """
-    check_outputs(screenshot, html)
+    read = [one for path in files for one in _files_of(path)]
+    check_outputs(screenshot, html, others=read)
     for option, path, suffix in (("--screenshot", screenshot, ".png"), ("--html", html, ".html")):
         if path is not None and path.suffix.lower() != suffix:
             raise InputError(f"{option} is {path}; expected a name that ends in {suffix}")
@@ -99,8 +101,7 @@ def view(
 
     with progress("read", compiles=False):
         contents = gather(
-            [one for path in files for one in _files_of(path)], combine=not separate, alpha=alpha, unit=unit,
-            clutter=clutter,
+            read, combine=not separate, alpha=alpha, unit=unit, clutter=clutter,
         )  # fmt: skip
     if alpha != (0.5, 0.5) and not any(exhibit.pair for exhibit in contents.exhibits):
         raise InputError(

@@ -19,6 +19,7 @@ from ._files import FIGURE_SUFFIXES as FIGURE_SUFFIXES
 from ._files import RECORD_SUFFIXES as RECORD_SUFFIXES
 from ._files import atomic_path as atomic_path
 from ._files import check_folder as check_folder
+from ._files import check_own as check_own
 from ._files import check_readable as check_readable
 from ._files import check_record_suffix as check_record_suffix
 from ._files import check_writable as check_writable

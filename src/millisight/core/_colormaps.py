@@ -54,7 +54,7 @@ def checked_colormap(name: "str | Colormap | None" = None) -> "Colormap":
     try:
         return matplotlib.colormaps.get_cmap(name)
     except (ValueError, TypeError) as error:
-        raise InputError(f"unknown colour map {name!r}; try one of {', '.join(colormap_names())}") from error
+        raise InputError(f"unknown colour map {str(name)[:80]!r}; try one of {', '.join(colormap_names())}") from error
 
 
 def colormap_in_use() -> str:
@@ -82,4 +82,8 @@ def set_colormap(name: str | None) -> None:
 
 def colormap_names() -> tuple[str, ...]:
     """Names to choose from: the one in use, well-known ones, those of plug-ins."""
-    return tuple(dict.fromkeys((colormap_in_use(), *_OFFERED, *PLUGIN_COLORMAPS.names())))
+    from matplotlib import colormaps
+
+    known = (*_OFFERED, *PLUGIN_COLORMAPS.names())
+    used = (colormap_in_use(),) if colormap_in_use() in (*colormaps, *known) else ()
+    return tuple(dict.fromkeys((*used, *known)))

@@ -80,6 +80,21 @@ def check_writable(path: str | os.PathLike[str]) -> None:
     _claim(checked_path(path))[0].unlink()
 
 
+def check_own(path: str | os.PathLike[str], mark: str, *, other: str = "name") -> None:
+    """Refuse a file that is there and does not hold the `mark` of what we write, for it would be overwritten.
+
+    Raises
+    ------
+    FileError
+        With the advice to choose another `other`.
+    """
+    path = checked_path(path)
+    if path.is_file() and mark.encode() not in path.read_bytes():
+        raise FileError(
+            f"{printable(path)} was not made by millisight and would be overwritten; choose another {other}"
+        )
+
+
 def check_record_suffix(path: str | os.PathLike[str]) -> None:
     """Refuse a name for a file of a record that has the suffix of another format; one without suffix is taken.
 

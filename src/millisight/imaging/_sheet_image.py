@@ -79,7 +79,7 @@ class ImageScene:
 
 def _size(axis: np.ndarray) -> int:
     """How many places along an axis make a cell of about `_CELL`."""
-    return max(1, round(_CELL / float(np.diff(axis).mean()))) if len(axis) > 1 else 1
+    return min(len(axis), max(1, round(_CELL / float(np.diff(axis).mean())))) if len(axis) > 1 else 1
 
 
 def _summed(values: np.ndarray, size: int) -> np.ndarray:

@@ -1,5 +1,6 @@
 """The one ray caster: what rays meet first, and what lies between two places. Embree does the work, in float32."""
 
+import mmap
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
@@ -7,6 +8,9 @@ import numpy as np
 from millisight.data import TriangleMesh
 
 _RAYS = 100_000  # in one call of Embree, which nothing interrupts: a second or two where thousands of faces overlap
+
+# Addresses that Embree takes, and for each triangle [bytes]: a little more than measured.
+_RESERVED, _EACH = 280_000_000, 400
 
 LIFT = 1e-5
 """Rays start and end so far above a surface [m]: a hundredth of a wave at most, and a hundred times float32's error."""
@@ -20,6 +24,11 @@ class RayCaster:
     triangles : (F, 3, 3) corners [m]
     centered : count from the middle of all, where float32 is finest, at the price of an addition a ray
     each : called after every hundred thousand rays of `first`
+
+    Raises
+    ------
+    MemoryError
+        Embree would not find the memory that it needs.
     """
 
     def __init__(self, triangles: np.ndarray, *, centered: bool = False, each: Callable[[], object] = lambda: None):
@@ -34,6 +43,7 @@ class RayCaster:
         # No ray need be longer to meet anything.
         self._longest = float(np.linalg.norm(upper - lower)) + 4 * LIFT
         self._middle = (lower + upper) / 2 if centered else None
+        _check_memory(_RESERVED + _EACH * len(triangles))
         self._scene = EmbreeScene()
         EmbreeMesh(self._scene, self._placed(triangles))
 
@@ -87,6 +97,14 @@ class RayCaster:
                 hits = self._scene.run(self._placed(starts[some]), _float32(ways), dists=ends, query="OCCLUDED")
                 blocked[some] = hits == 0
         return blocked
+
+
+def _check_memory(count: int) -> None:
+    """Raise MemoryError where `count` bytes cannot be had: Embree would end the process."""
+    try:
+        mmap.mmap(-1, count).close()  # addresses alone
+    except OSError as error:
+        raise MemoryError(f"the search for what rays meet needs {count / 1e6:.0f} MB") from error
 
 
 def _blocks(count: int) -> Iterator[slice]:

@@ -7,6 +7,7 @@ import logging
 import os
 import warnings
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -26,6 +27,8 @@ INPUT, OUTPUT = "channels", "logits"
 
 _MOST_WEIGHTS = 1 << 26  # bytes
 _MOST_DESCRIPTION = 1 << 24
+_MOST_DIGITS = 18  # of a whole number
+_SECONDS = 10  # that a network may take, and one more for each that it is run on
 _MOST_MEMORY = 1 << 32  # bytes that the networks of a process take; the largest canvas takes a quarter
 
 
@@ -52,7 +55,7 @@ def read_description(path: str | os.PathLike[str], *keys: str) -> dict[str, Any]
         raise FileError(f"{printable(path)}: no such file; it describes {weights}, and must lie beside it")
     path = _of_size(check_readable(path), _MOST_DESCRIPTION, "a description of weights")
     try:
-        held = json.loads(path.read_text(encoding="utf-8"))
+        held = json.loads(path.read_text(encoding="utf-8"), parse_int=_whole)
         for key in ("sha256", *keys):
             held[key]
     except (ValueError, KeyError, TypeError, RecursionError) as error:
@@ -62,6 +65,12 @@ def read_description(path: str | os.PathLike[str], *keys: str) -> dict[str, Any]
     if not isinstance(held["sha256"], str):
         raise DamagedFileError(f"{printable(path)}: sha256 is {held['sha256']!r}; expected the weights' as text")
     return held
+
+
+def _whole(digits: str) -> int:
+    if len(digits) > _MOST_DIGITS:
+        raise ValueError(f"a number of {len(digits)} digits")
+    return int(digits)
 
 
 def open_network(path: str | os.PathLike[str], sha256: str, *, needed_by: str, channels: int | None = None) -> Any:
@@ -89,7 +98,7 @@ def open_network(path: str | os.PathLike[str], sha256: str, *, needed_by: str, c
         It is another file than the one described.
     """
     try:
-        import onnxruntime
+        onnxruntime = _onnx_runtime()
     except ImportError as error:
         raise ImportError(f'{needed_by} runs by ONNX Runtime: pip install "millisight[perception]"') from error
     path = _of_size(check_readable(path), _MOST_WEIGHTS, "weights")
@@ -134,10 +143,12 @@ def run_network(session: Any, channels: np.ndarray) -> np.ndarray:
     Raises
     ------
     FormatError
-        It fails at that, or makes something else.
+        It fails at that, takes too long, or makes something else.
     """
     try:
-        (made,) = session.run(None, {session.get_inputs()[0].name: channels})
+        (made,) = _within_seconds(session, {session.get_inputs()[0].name: channels}, _SECONDS + len(channels))
+    except TimeoutError as error:
+        raise FormatError(f"the network takes over {_SECONDS + len(channels)} s for {channels.shape}") from error
     except Exception as error:  # of ONNX Runtime's own kinds, as above
         raise FormatError(f"the network fails on {channels.shape}: {_one_line(error)}; train it again") from error
     if not isinstance(made, np.ndarray) or made.ndim < 2 or len(made) != len(channels):
@@ -146,11 +157,40 @@ def run_network(session: Any, channels: np.ndarray) -> np.ndarray:
     return made
 
 
+def _within_seconds(session: Any, inputs: dict[str, np.ndarray], seconds: float) -> Any:
+    """What a session makes; it runs in a thread of its own, so that it ends, between two operators, when time is over,
+    or the user does not wait.
+
+    Raises
+    ------
+    TimeoutError
+    """
+    options = _onnx_runtime().RunOptions()
+    with ThreadPoolExecutor(1) as pool:
+        running = pool.submit(session.run, None, inputs, options)
+        try:
+            return running.result(seconds)
+        finally:
+            options.terminate = not running.done()
+
+
+def _onnx_runtime() -> Any:
+    """The module, its telemetry off unless ORT_DISABLE_TELEMETRY is set otherwise.
+
+    Version 1.32 writes a number of this machine and what runs here into the user's folder, and sends both to its maker.
+    """
+    off = os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1") == "1"
+    import onnxruntime
+
+    if off:
+        onnxruntime.disable_telemetry_events()  # where another package has imported it before
+    return onnxruntime
+
+
 @cache
 def _bound_memory() -> None:
     """Bound what networks may take: 170 bytes can ask for 6 GB, and a few operators more for any amount."""
-    import onnxruntime as ort
-
+    ort = _onnx_runtime()
     memory = ort.OrtMemoryInfo("Cpu", ort.OrtAllocatorType.ORT_ARENA_ALLOCATOR, 0, ort.OrtMemType.DEFAULT)
     with suppress(Exception):  # the process has such a bound already, and only one can be set
         ort.create_and_register_allocator(memory, ort.OrtArenaCfg(_MOST_MEMORY, -1, -1, -1))

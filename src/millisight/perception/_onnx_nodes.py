@@ -2,15 +2,23 @@
 
 The file is protocol buffers; the numbers of the fields are those of `onnx.proto3`: a model holds a graph (7) and
 functions (25), both hold nodes (1 and 7), a node has an operator (4), a domain (7) and attributes (5), and these hold
-graphs (6, 11).
+graphs (6, 11). Tensors are in graphs (5; sparse ones, of two, 15) and in attributes (5, 10; 22, 23), functions have
+attributes (11); a tensor may name a file that its numbers are to be read from (13).
 """
 
 from collections.abc import Iterator
 
-_MODEL, _GRAPH, _FUNCTION, _NODE = {7: "graph", 25: "function"}, {1: "node"}, {7: "node"}, {5: "attribute"}
-_ATTRIBUTE = {6: "graph", 11: "graph"}
-_PARTS = {"model": _MODEL, "graph": _GRAPH, "function": _FUNCTION, "node": _NODE, "attribute": _ATTRIBUTE}
+_PARTS = {
+    "model": {7: "graph", 25: "function"},
+    "graph": {1: "node", 5: "tensor", 15: "sparse"},
+    "function": {7: "node", 11: "attribute"},
+    "node": {5: "attribute"},
+    "attribute": {5: "tensor", 6: "graph", 10: "tensor", 11: "graph", 22: "sparse", 23: "sparse"},
+    "sparse": {1: "tensor", 2: "tensor"},
+    "tensor": {},
+}
 _OPERATOR, _DOMAIN = 4, 7  # of a node
+_ELSEWHERE = 13  # of a tensor
 _DEEPEST = 20
 
 
@@ -20,7 +28,7 @@ def operators(content: bytes) -> set[tuple[str, str]]:
     Raises
     ------
     ValueError
-        The bytes are no protocol buffers, or nest too deep.
+        The bytes are no protocol buffers, nest too deep, or have numbers read from another file.
     """
     found: set[tuple[str, str]] = set()
     pending = [("model", memoryview(content), 0)]
@@ -36,6 +44,8 @@ def operators(content: bytes) -> set[tuple[str, str]]:
                 operator = bytes(value).decode("utf-8", "replace")
             elif kind == "node" and number == _DOMAIN:
                 domain = bytes(value).decode("utf-8", "replace")
+            elif kind == "tensor" and number == _ELSEWHERE:
+                raise ValueError("it has numbers read from another file, which no checksum covers")
         if kind == "node":
             found.add((domain, operator))
     return found

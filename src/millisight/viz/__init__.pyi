@@ -38,6 +38,7 @@ from ._images import plot_image as plot_image
 from ._images import plot_sheet as plot_sheet
 from ._images import plot_slices as plot_slices
 from ._images import view_coordinates as view_coordinates
+from ._local_page import MOST_WAITING as MOST_WAITING
 from ._local_page import asked_by_own_page as asked_by_own_page
 from ._local_page import listen as listen
 from ._local_page import open_browser as open_browser

@@ -13,6 +13,10 @@ from urllib.parse import urlsplit
 from millisight.core import checked_integer
 from millisight.core.errors import InputError
 
+MOST_WAITING = 64
+"""Connections of which it is not known whether they are the page's: beyond, the oldest ends. No program can keep others
+from a page by opening all that a process may open."""
+
 _PATIENCE = 2.0  # with a browser that does not say whether it opened [s]
 
 

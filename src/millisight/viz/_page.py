@@ -8,7 +8,7 @@ from html import escape
 from pathlib import Path, PurePosixPath
 from urllib.parse import quote
 
-from millisight.core import make_folder, printable, put, record, write_text
+from millisight.core import check_own, make_folder, put, record, write_text
 from millisight.core.errors import FileError, InputError
 from millisight.evaluation import ReportFigure, Table
 from millisight.viz._panels import save_figure
@@ -100,9 +100,7 @@ def check_page(folder: str | os.PathLike[str]) -> None:
     ------
     FileError
     """
-    page = Path(folder) / "index.html"
-    if page.is_file() and _FOOTER.encode() not in page.read_bytes():
-        raise FileError(f"{printable(page)} was not made by millisight and would be overwritten; choose another folder")
+    check_own(Path(folder) / "index.html", _FOOTER, other="folder")
 
 
 def write_page(

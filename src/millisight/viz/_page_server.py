@@ -11,7 +11,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.resources import files
@@ -20,7 +20,7 @@ from typing import Any, Self
 from urllib.parse import urlsplit
 
 from millisight.core.errors import MillisightError
-from millisight.viz._local_page import asked_by_own_page, listen
+from millisight.viz._local_page import MOST_WAITING, asked_by_own_page, listen
 
 _POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
@@ -58,6 +58,7 @@ class PageServer(ThreadingHTTPServer):
         self.ending: threading.Event = threading.Event()
         self.room: str = room
         self.static: dict[str, str] = {"": static[0], **{name: name for name in static[1:]}}
+        self._waiting: dict[socket.socket, None] = {}  # not known to be of the page, the oldest first
         self._pages = 0
         self._left: float | None = None
         self._counting = threading.Lock()
@@ -66,6 +67,31 @@ class PageServer(ThreadingHTTPServer):
         self.socket.close()
         self.socket = listener
         self._thread = threading.Thread(target=self.serve_forever, kwargs={"poll_interval": 0.05}, daemon=True)
+
+    def get_request(self) -> tuple[socket.socket, Any]:
+        """Accept a connection; where too many wait to be judged, the oldest of them ends."""
+        try:
+            connection, address = super().get_request()
+        except OSError:
+            time.sleep(0.05)  # it would be tried again at once, without end
+            raise
+        with self._counting:
+            self._waiting[connection] = None
+            oldest = next(iter(self._waiting)) if len(self._waiting) > MOST_WAITING else None
+        if oldest is not None:
+            self.judged(oldest)
+            with suppress(OSError):
+                oldest.shutdown(socket.SHUT_RDWR)  # its thread closes it
+        return connection, address
+
+    def judged(self, connection: socket.socket) -> None:
+        """The connection is the page's own, or has ended."""
+        with self._counting:
+            self._waiting.pop(connection, None)
+
+    def shutdown_request(self, request: Any) -> None:
+        self.judged(request)
+        super().shutdown_request(request)
 
     def json_at(self, path: str) -> Callable[[], Any] | None:
         """What answers a GET of the path with what JSON can hold; None: there is nothing."""
@@ -217,6 +243,7 @@ class _Handler(BaseHTTPRequestHandler):
             ours = False
             secret, rest = "", ""
         if ours and secrets.compare_digest(secret.encode(), self.server.secret.encode()):
+            self.server.judged(self.connection)
             return rest
         self._refuse(HTTPStatus.FORBIDDEN, "open the address that millisight printed")
         return None
@@ -279,5 +306,5 @@ class _Handler(BaseHTTPRequestHandler):
     def handle(self) -> None:
         try:
             super().handle()
-        except (ConnectionError, TimeoutError):  # the page was closed
+        except OSError:  # the page was closed, the request took too long, or no more files may be opened
             self.close_connection = True

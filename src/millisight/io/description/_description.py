@@ -6,9 +6,11 @@ knows. The keys are explained, with examples, in docs/how-to/your-own-scanner.md
 
 import os
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from importlib.resources import files
+from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -85,6 +87,35 @@ def description_in(folder: str | os.PathLike[str]) -> Path | None:
         names = ", ".join(printable(path.name) for path in found)
         raise FileError(f"{printable(folder)} holds several descriptions, {names}; pass one of them")
     return found[0] if found else None
+
+
+def files_named(path: str | os.PathLike[str], data: str | os.PathLike[str] | None = None) -> list[Path]:
+    """Files that any text of a TOML file may mean, by name or by pattern, in the folder `data` or beside the file.
+
+    Nothing of them is read. A file that is no TOML names none.
+    """
+    path = checked_path(path)
+    try:
+        texts = set(_texts(parse(path)))
+    except FileError:
+        return []
+    folders = [path.parent] if data is None else [path.parent, checked_path(data)]
+    named: set[Path] = set()
+    for folder, text in product(folders, texts):
+        try:
+            named.update([folder / text] if (folder / text).is_file() else Files(folder / path.name, None).many(text))
+        except (FileError, OSError, ValueError):
+            continue  # a text that means no file
+    return sorted(named)
+
+
+def _texts(value: Any) -> Iterator[str]:
+    """All texts within the tables and lists of a TOML file."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, dict | list):
+        for each in value.values() if isinstance(value, dict) else value:
+            yield from _texts(each)
 
 
 def _may_describe(path: Path) -> bool:

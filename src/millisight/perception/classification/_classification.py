@@ -3,6 +3,7 @@
 import os
 from collections.abc import Mapping
 from functools import lru_cache
+from pathlib import Path
 from typing import Any, Literal, Protocol, get_args, runtime_checkable
 
 from millisight.core import Registry, check_known, checked_path, checked_record
@@ -124,7 +125,7 @@ def classify(
         checked_record(other_band, SarImage, name="other_band")
     check_known("condition", condition, get_args(Condition))
     if isinstance(method, str):
-        by = _by_name(method, None if weights is None else os.path.abspath(checked_path(weights)))
+        by = _by_name(method, *((None, ()) if weights is None else _as_it_is(checked_path(weights))))
     elif weights is not None:
         raise InputError("weights go with a method's name; make the classifier with its weights, or pass its name")
     else:
@@ -135,8 +136,15 @@ def classify(
     return by.classify(image, mask, other_band=other_band)
 
 
+def _as_it_is(weights: Path) -> tuple[str, tuple[Any, ...]]:
+    """Where weights lie, and what tells whether they or their description have been written anew."""
+    stats = [os.stat(path) for path in (weights, weights.with_suffix(".json")) if path.exists()]
+    return os.path.abspath(weights), tuple((one.st_ino, one.st_mtime_ns, one.st_size) for one in stats)
+
+
 @lru_cache(maxsize=2)
-def _by_name(method: str, weights: str | None) -> Classifier:
+def _by_name(method: str, weights: str | None, version: tuple[Any, ...]) -> Classifier:
+    """A classifier of that name, kept as long as its files are of that `version`."""
     return classifier(method, **({} if weights is None else {"weights": weights}))
 
 

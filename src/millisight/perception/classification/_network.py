@@ -290,8 +290,10 @@ def _description(path: Path) -> dict[str, Any]:
     if isinstance(limit, bool) or not isinstance(limit, int | float) or not 0 < limit <= 1:
         raise DamagedFileError(f"{printable(path)}: novelty is {novelty!r}; expected a table with a limit of 0 to 1")
     for how in (held, *apart.values()):
-        for key, most in (("temperature", np.inf), ("threshold", 1)):
+        for key, least, most in (("temperature", 1e-6, 1e6), ("threshold", 0, 1)):
             value = how.get(key)
-            if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value <= most:
-                raise DamagedFileError(f"{printable(path)}: {key} is {value!r}; expected a number above 0")
+            if isinstance(value, bool) or not isinstance(value, int | float) or not least < value <= most:
+                raise DamagedFileError(
+                    f"{printable(path)}: {key} is {value!r}; expected a number above {least:g}, at most {most:g}"
+                )
     return held

@@ -6,6 +6,7 @@ from ._dca1000 import PacketFaults as PacketFaults
 from ._dca1000 import PacketSender as PacketSender
 from ._grbl import GrblEmulator as GrblEmulator
 from ._lab import EmulatedLab as EmulatedLab
+from ._lab import files_of_lab as files_of_lab
 from ._ti_cli import TiCliEmulator as TiCliEmulator
 from ._ur import UrController as UrController
 from ._ur import UrEmulator as UrEmulator

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from millisight.core import check_known, make_folder, write_text
+from millisight.core import check_known, check_own, make_folder, write_text
 from millisight.core.errors import InputError
 from millisight.data import Trajectory, Waveform
 from millisight.io.mito import BASE_ORIGIN
@@ -23,6 +23,7 @@ _ARM, _RADAR = 1, 3  # keys of the devices' random numbers, as the virtual rig h
 _MARGIN = 0.05  # of the workspace around the aperture [m]
 _ADC_START = 6e-6  # [s]
 _HOST = "127.0.0.1"
+_MARK = "The emulators of a virtual world"
 ARMS = ("ur", "grbl")
 
 
@@ -105,12 +106,13 @@ class EmulatedLab:
         Raises
         ------
         FileError
+            Also where one of both is there already and was not written by an emulator.
         """
-        folder = make_folder(folder)
-        profile = Path(name).stem + ".cfg"
-        write_text(folder / profile, profile_of(self._settings))
-        write_text(folder / name, self._rig_file(profile))
-        return folder / name
+        rig, profile = files_of_lab(Path(folder) / name)
+        make_folder(folder)
+        write_text(profile, f"% {_MARK}\n{profile_of(self._settings)}")
+        write_text(rig, self._rig_file(profile.name))
+        return rig
 
     def close(self) -> None:
         """End all emulators."""
@@ -133,7 +135,7 @@ class EmulatedLab:
         lower, upper = places.min(axis=0) - _MARGIN, places.max(axis=0) + _MARGIN
         name = world.objects[0].object if world.objects else None
         return f"""\
-# The emulators of a virtual world: they live as long as the program that wrote this file.
+# {_MARK}: they live as long as the program that wrote this file.
 object = "000_{name or "scan"}"
 sight = "{world.sight}"
 background = "{world.support.kind}"
@@ -168,6 +170,24 @@ host = "{_HOST}"
 host_port = 0
 data_port = {self._data_port}
 """
+
+
+def files_of_lab(rig: Path) -> tuple[Path, Path]:
+    """A rig file that may be written, and the profile that is to lie beside it: NAME.toml and NAME.cfg.
+
+    Raises
+    ------
+    FileError
+        One of both is there already and is somebody else's.
+    InputError
+        The rig file's name does not end in .toml.
+    """
+    if rig.suffix != ".toml":
+        raise InputError(f"the rig file is {rig.name}; expected a name that ends in .toml")
+    files = rig, rig.with_suffix(".cfg")
+    for path in files:
+        check_own(path, _MARK)
+    return files
 
 
 def profile_of(settings: RadarSettings) -> str:

@@ -19,17 +19,18 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import Any
 
 from millisight.core.errors import DeviceError
-from millisight.viz import asked_by_own_page, listen
+from millisight.viz import MOST_WAITING, asked_by_own_page, listen
 
 HOST = "127.0.0.1"
 _PORTS = (*range(8080, 8100), 0)  # tried where none was asked for
 _LONGEST_HEAD = 1 << 16  # of a request [bytes]
 _LONGEST_PATH = 2000  # of what is asked for [bytes]
 _HEAD_SECONDS = 10.0
+_SPARE_FILES = 16  # besides those of the event loop
 # viser's page is one file with its scripts in it, and runs those that it is sent.
 _POLICY = (
     b"Content-Security-Policy: default-src 'self' 'unsafe-inline' 'unsafe-eval' data: blob:; base-uri 'none'; "
@@ -52,7 +53,7 @@ def start(host: str = HOST, port: int | None = None) -> Any:
     Raises
     ------
     DeviceError
-        viser is not installed, or a version that is not known here.
+        viser is not installed, or a version that is not known here; or the process may open no more files.
     InputError
         The port cannot be bound, or there is no such host here.
     """
@@ -61,6 +62,11 @@ def start(host: str = HOST, port: int | None = None) -> Any:
     except ImportError as error:
         raise DeviceError('the viewer needs viser: pip install "millisight[viewer]"') from error
     listener = listen(host, _PORTS if port is None else [port])
+    try:
+        _check_spare_files()
+    except DeviceError:
+        listener.close()
+        raise
     found = listener.getsockname()[1]
     secret = secrets.token_urlsafe(16)
     server = _guarded(listener, host, secret)(host=host, port=found, label="millisight", verbose=False)
@@ -72,12 +78,25 @@ def start(host: str = HOST, port: int | None = None) -> Any:
     return server
 
 
+def _check_spare_files() -> None:
+    """Refuse where the process may not open what a server needs: viser would wait for its thread without end."""
+    try:
+        with ExitStack() as opened:
+            for _ in range(_SPARE_FILES):
+                opened.enter_context(open(os.devnull, "rb"))
+            asyncio.new_event_loop().close()
+    except OSError as error:
+        raise DeviceError(
+            f"the viewer cannot start: {error.strerror}; allow more open files, as by ulimit -n 256"
+        ) from error
+
+
 def _guarded(listener: socket.socket, host: str, secret: str) -> Any:
     """The class of viser's server that serves `listener` alone, behind a `_Gate`."""
     import viser
     import viser.infra
 
-    waiting: set[_Gate] = set()  # for the head of their request
+    waiting: dict[_Gate, None] = {}  # for the head of their request, the oldest first
 
     class Sockets(viser.infra.WebsockServer):
         """What viser's server talks through. Its event loop is its own, made when it starts."""
@@ -133,24 +152,27 @@ class _Gate(asyncio.Protocol):
     The secret is taken off the path. `waiting` holds the gates whose connections have not been judged.
     """
 
-    def __init__(self, listening: str, secret: str, factory: Callable[[], Any], waiting: "set[_Gate]"):
+    def __init__(self, listening: str, secret: str, factory: Callable[[], Any], waiting: "dict[_Gate, None]"):
         self._listening, self._secret = listening, secret.encode()
         self._factory, self._waiting, self._head = factory, waiting, b""
 
     def connection_made(self, transport: Any) -> None:
         self._transport = transport
         self._limit = asyncio.get_running_loop().call_later(_HEAD_SECONDS, self.hang_up)
-        self._waiting.add(self)
+        self._waiting[self] = None
+        if len(self._waiting) > MOST_WAITING:
+            next(iter(self._waiting)).hang_up()
 
     def connection_lost(self, exc: Exception | None) -> None:
         self._judged()
 
     def hang_up(self) -> None:
         """Close the connection without an answer."""
+        self._judged()
         self._transport.abort()
 
     def _judged(self) -> None:
-        self._waiting.discard(self)
+        self._waiting.pop(self, None)
         self._limit.cancel()
 
     def data_received(self, data: bytes) -> None:
@@ -244,7 +266,8 @@ def headless_browser(url: str, width: int, height: int) -> Iterator[None]:
     sandbox = ("--no-sandbox",) if getattr(os, "geteuid", lambda: 1)() == 0 else ()  # root has none
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
         command = [program, *_FLAGS, *sandbox, f"--window-size={width},{height}", f"--user-data-dir={profile}", url]
-        browser = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        settings = {**os.environ, "TMPDIR": profile}  # where it leaves a folder each time
+        browser = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=settings)
         try:
             yield
         finally:

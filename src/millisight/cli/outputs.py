@@ -1,0 +1,86 @@
+"""What a command is to write, checked before its work."""
+
+import os
+from collections.abc import Iterable, Iterator
+from itertools import combinations
+from pathlib import Path
+
+from millisight.cli.console import claims
+from millisight.cli.sources import files_read
+from millisight.core import FIGURE_SUFFIXES, check_record_suffix, check_writable, claimed, make_folder, same_file
+from millisight.core.errors import InputError, UnknownNameError
+
+
+class _Folder(type(Path())):  # ty: ignore[unsupported-base]
+    """A path that was typed with a slash at its end, which Path drops."""
+
+
+def output_path(text: str) -> Path:
+    """The path of an option for outputs.
+
+    Raises
+    ------
+    InputError
+        It is empty.
+    """
+    if not text:
+        raise InputError("an output has no name; expected that of a file or of a folder")
+    return _Folder(text) if text.endswith((os.sep, "/")) else Path(text)
+
+
+def is_folder(output: Path | None) -> bool:
+    """Whether an output is a folder that is there, or was typed as one."""
+    return output is not None and (isinstance(output, _Folder) or output.is_dir())
+
+
+def named(output: Path | None, name: str) -> Path | None:
+    """The output; where it is a folder, the file of that name in it. The folder is made."""
+    return output if output is None or not is_folder(output) else make_folder(output) / name
+
+
+def check_outputs(
+    *paths: Path | None,
+    records: tuple[Path | None, ...] = (),
+    figures: tuple[Path | None, ...] = (),
+    source: Path | None = None,
+    others: Iterable[str | Path | None] = (),
+    data: Path | None = None,
+) -> None:
+    """Check before the work that its outputs can be written.
+
+    Refused are: the `source` and files that are read with it, `others` that are read, one file twice, a missing folder,
+    an unknown format of figures or records, and what another run is to write. `data` is the folder of the files that a
+    description names, where they do not lie beside it.
+
+    Raises
+    ------
+    FileError, InputError, UnknownNameError
+    """
+    outputs = [path for path in (*records, *paths, *figures) if path is not None]
+    there = [path for path in outputs if path.exists()]
+    for what, read in _inputs(source, others, data) if there else ():
+        for path in there:
+            if read.exists() and same_file(path, read):
+                raise InputError(f"{path} is {what} and would be overwritten; choose another name for the output")
+    for path in records:
+        if path is not None:
+            check_record_suffix(path)
+    for one, other in combinations(outputs, 2):
+        if same_file(one, other):
+            raise InputError(f"{one} is given for two outputs; choose two names")
+    claims.close()  # of the source before, where a command has many
+    for path in outputs:
+        check_writable(path)
+        claims.enter_context(claimed(path))
+    for figure in figures:
+        if figure is not None and figure.suffix.lower() not in FIGURE_SUFFIXES:
+            raise UnknownNameError("figure format", figure.suffix or figure.name, FIGURE_SUFFIXES)
+
+
+def _inputs(source: Path | None, others: Iterable[str | Path | None], data: Path | None) -> Iterator[tuple[str, Path]]:
+    """What the files are that are read, and where they lie; some may not be there."""
+    if source is not None:
+        yield "the input", source
+        if source.exists():
+            yield from ((f"read with {source}", path) for path in files_read(source, data))
+    yield from (("an input, too,", Path(path)) for path in others if path is not None)

@@ -1,0 +1,134 @@
+"""No output takes the place of what a command reads, however it is named."""
+
+from pathlib import Path
+
+import pytest
+
+from helpers.annotating import radar_image
+from helpers.commands import refused, run_inside
+from helpers.miniature import MUG, add_experiment, small_scene
+from helpers.small_records import small_capture
+from millisight.cli.outputs import check_outputs
+from millisight.core.errors import InputError
+from millisight.io import save
+
+DESCRIPTION = """
+[frames]
+file = "FRAMES"
+array = "S"
+[positions]
+file = "places.csv"
+unit = "m"
+"""
+
+
+@pytest.fixture
+def raw(tmp_path, monkeypatch):
+    """A folder with a description and what it names; commands run there."""
+    folder = tmp_path / "raw"
+    (folder / "sub").mkdir(parents=True)
+    for name in ("cube.npz", "sub/cube.npz", "places.csv"):
+        (folder / name).write_bytes(b"frames")
+    (folder / "link.npz").symlink_to("cube.npz")
+    monkeypatch.chdir(folder)
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("frames", "output"),
+    [
+        ("cube.npz", "cube.npz"),
+        ("cube.npz", "places.csv"),
+        ("cub\\u0065.npz", "cube.npz"),
+        ("link.npz", "cube.npz"),
+        ("cube.npz", "link.npz"),
+        ("cub*.npz", "cube.npz"),
+        ("**/cube.npz", "sub/cube.npz"),
+        ("../raw/cube.npz", "cube.npz"),
+    ],
+)
+@pytest.mark.parametrize("source", ["d.toml", "D.TOML", ".", "../raw"])
+def test_what_a_description_names(raw, source, frames, output):
+    Path("D.TOML" if source == "D.TOML" else "d.toml").write_text(DESCRIPTION.replace("FRAMES", frames))
+    with pytest.raises(InputError, match=f"{output} is read with {source} and would be overwritten; choose another"):
+        check_outputs(Path(output), source=Path(source))
+    with pytest.raises(InputError, match=f"{output} is read with {source}"):
+        check_outputs(figures=(Path("a.png"), Path(output)), source=Path(source))
+    check_outputs(Path("sub/new.npz"), source=Path(source))
+
+
+def test_the_description_in_a_folder_that_is_given(raw):
+    Path("d.toml").write_text(DESCRIPTION)
+    with pytest.raises(InputError, match=r"d.toml is read with \. and would be overwritten"):
+        check_outputs(Path("d.toml"), source=Path())
+
+
+def test_what_lies_in_the_folder_of_the_data(raw):
+    (raw / "data").mkdir()
+    Path("data/far.npz").write_bytes(b"frames")
+    Path("d.toml").write_text(DESCRIPTION.replace("FRAMES", "far.npz"))
+    with pytest.raises(InputError, match=r"data/far.npz is read with d.toml"):
+        check_outputs(Path("data/far.npz"), source=Path("d.toml"), data=Path("data"))
+
+
+def test_a_file_that_no_text_names_may_be_written_anew(raw):
+    Path("d.toml").write_text(DESCRIPTION.replace("FRAMES", "cube.npz"))
+    check_outputs(Path("sub/cube.npz"), source=Path("d.toml"))
+    Path("broken.toml").write_text("[frames")
+    check_outputs(Path("cube.npz"), source=Path("broken.toml"))
+
+
+def test_the_robot_log_beside_a_capture(raw):
+    for name in ("q.capture.h5", "q.log.h5", "p.log.h5"):
+        Path(name).write_bytes(b"HDF5")
+    with pytest.raises(InputError, match=r"q.log.h5 is read with q.capture.h5 and would be overwritten"):
+        check_outputs(Path("q.log.h5"), source=Path("q.capture.h5"))
+    check_outputs(Path("p.log.h5"), source=Path("q.capture.h5"))
+
+
+def test_raw_files_of_an_experiment(tmp_path):
+    add_experiment(tmp_path, MUG, 1, "los", small_scene(MUG))
+    raw = [path for path in tmp_path.rglob("unprocessed/**/*") if path.is_file()]
+    assert len(raw) >= 4
+    for path in raw:
+        with pytest.raises(InputError, match="is read with"):
+            check_outputs(path, source=tmp_path)
+
+
+@pytest.mark.parametrize("typed", ["new/", "there", "there/", ".", "./"])
+def test_a_folder_for_one_capture_or_image(tmp_path, typed):
+    """It was a file where it was not there, and an error where it was."""
+    (tmp_path / "there").mkdir()
+    folder = tmp_path / typed
+    save(tmp_path / "c.capture.h5", small_capture())
+    grid = "0cm:3cm:1cm,0cm:3cm:1cm,-21cm:-20cm:1cm"
+    options = ("--grid", grid, "-o", typed, "--plot", typed, "--slices", "s.png")
+    code, _, err = run_inside("image", "c.capture.h5", *options, cwd=tmp_path)
+    assert code == 0, err
+    assert {"c.image.h5", "c.png"} <= {path.name for path in folder.iterdir()}
+    assert (tmp_path / "s.png").is_file()
+    image = tmp_path / "a.image.h5"
+    save(image, radar_image())
+    for command, expected in (("segment", "a.mask.h5"), ("classify", "a.prediction.json")):
+        code, _, err = run_inside(command, "a.image.h5", "--method", "classical", "-o", typed, cwd=tmp_path)
+        assert code == 0, err
+        assert (folder / expected).is_file()
+
+
+def test_an_output_without_a_name(tmp_path):
+    save(tmp_path / "c.capture.h5", small_capture())
+    code, _, err = run_inside("image", "c.capture.h5", "-o", "", cwd=tmp_path)
+    assert code in (1, 2)
+    assert "an output has no name; expected that of a file or of a folder" in err
+
+
+def test_the_page_and_the_screenshot_of_what_is_viewed(tmp_path):
+    for name in ("m.html", "m.png"):
+        save(tmp_path / "m.h5", radar_image())
+        (tmp_path / "m.h5").rename(tmp_path / name)
+    before = (tmp_path / "m.png").read_bytes()
+    assert "m.html is an input, too, and would be overwritten" in refused(
+        "view", "m.html", "--html", "m.html", cwd=tmp_path)  # fmt: skip
+    assert "m.png is an input, too, and would be overwritten" in refused(
+        "view", "m.html", "m.png", "--screenshot", "m.png", cwd=tmp_path)  # fmt: skip
+    assert (tmp_path / "m.png").read_bytes() == before
