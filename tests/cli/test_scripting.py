@@ -1,5 +1,6 @@
 """What scripts rely on: one JSON document, silence, names that are not shared, formats that are refused early."""
 
+import errno
 import json
 import shlex
 import subprocess
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 
 import millisight as ms
-from helpers.commands import run_here
+from helpers.commands import run_here, run_inside
 from millisight.cli import console
 from millisight.core.errors import UnknownNameError
 from millisight.meshes import CATALOGUE
@@ -134,3 +135,15 @@ def test_completion_is_offered(tmp_path):
     done = subprocess.run(["bash", "-c", typed], cwd=tmp_path, capture_output=True, text=True, timeout=240, check=False)
     assert done.returncode == 0, done.stderr
     assert "complete -o default" in done.stdout
+
+
+def test_a_pipe_that_breaks_elsewhere_is_said(tmp_path, monkeypatch):
+    """Only where nobody reads what is printed does a command end without a word."""
+
+    def broken(*arguments, **options):
+        raise BrokenPipeError(errno.EPIPE, "Broken pipe")
+
+    monkeypatch.setattr("millisight.cli.info._describe", broken)
+    code, _, err = run_inside("info", "x", cwd=tmp_path)
+    assert code == 1
+    assert err == "millisight: a pipe or a connection to another process broke; run the command again\n"

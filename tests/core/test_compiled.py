@@ -5,6 +5,8 @@ import shutil
 import subprocess
 import sys
 
+import pytest
+
 KERNEL = """
 from millisight.core import kernel, serial
 from numba import prange
@@ -97,3 +99,34 @@ def test_without_a_home_the_second_process_starts_at_once(tmp_path):
     folder.chmod(0o777)
     assert run(tmp_path, **shut) == [False]
     assert run(tmp_path, **{**shut, "TMPDIR": SHUT}) == [False]
+
+
+FORKED = """
+import multiprocessing, sys
+import millisight as ms
+
+def name_of_error(_):
+    try:
+        ms.form_image(CAPTURE, GRID, method="backprojection")
+    except Exception as error:
+        return f"{type(error).__name__}: {error}"
+    return "an image"
+
+if __name__ == "__main__":
+    scene = ms.Scene.from_mesh("golf_ball", vertices=200)
+    CAPTURE = ms.simulate(scene, ms.Radar.preset("mito-sim-24ghz"), ms.Trajectory.raster(size=(0.02, 0.02), step=0.01))
+    GRID = ms.VoxelGrid.regular((-0.01, -0.01, -0.3), (0.01, 0.01, -0.3), 0.01)
+    name_of_error(None)
+    with multiprocessing.get_context("fork").Pool(2) as pool:
+        print(*{*pool.map(name_of_error, range(4))})
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere processes are not forked")
+def test_a_process_that_is_forked_after_work_says_so(tmp_path):
+    """OpenMP ended it, and a pool made new ones for ever."""
+    (tmp_path / "forked.py").write_text(FORKED)
+    done = subprocess.run([sys.executable, "forked.py"], cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    told = "DeviceError: this process was forked from one that had computed already"
+    assert done.stdout.startswith(told) or done.stdout == "an image\n", done.stderr  # with threads that bear it
+    assert done.returncode == 0

@@ -87,6 +87,7 @@ def test_other_and_damaged_captures_are_named(tmp_path, stream):
         (pcap([], link=105), FormatError, "link type 105"),
         (good[:-5], DamagedFileError, "of 1008 bytes|cut off"), (good + b"abc", DamagedFileError, "at byte"),
         (good[:24] + struct.pack("<IIII", 0, 0, 1 << 31, 0) + good[40:], DamagedFileError, "at byte 24"),
+        (good[:24] + bytes(1 << 20), DamagedFileError, "at byte 16024: over 1000 packets of no bytes in a"),
     ]:  # fmt: skip
         path.write_bytes(data)
         with pytest.raises(error, match=words):

@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -293,23 +294,22 @@ def test_numbers_in_a_file_of_the_working_directory_are_not_read(written, tmp_pa
         np.testing.assert_array_equal(run_network(session, np.ones((1, 1024), np.float32)), [[1024, 1024]])
 
 
-def test_a_network_that_takes_too_long_is_ended(written, monkeypatch):
-    onnx = pytest.importorskip("onnx")
-    helper, kind = onnx.helper, onnx.TensorProto.FLOAT
+def long_network(onnx):
+    """Products of large matrices, which take minutes."""
+    helper, node, kind = onnx.helper, onnx.helper.make_node, onnx.TensorProto.FLOAT
     shape = onnx.numpy_helper.from_array(np.array([1500, 1500]), "shape")
-    node = helper.make_node
     nodes = [node("ReduceMean", ["x"], ["mean"], keepdims=0), node("Expand", ["mean", "shape"], ["m0"])]
     nodes += [node("MatMul", [f"m{i}", "m0"], [f"m{i + 1}"]) for i in range(2000)]
-    nodes += [
-        helper.make_node("ReduceMean", ["m2000"], ["end"], keepdims=0),
-        helper.make_node("Add", ["x", "end"], ["y"]),
-    ]
+    nodes += [node("ReduceMean", ["m2000"], ["end"], keepdims=0), node("Add", ["x", "end"], ["y"])]
     values = [helper.make_tensor_value_info(name, kind, ["n", 3]) for name in "xy"]
     graph = helper.make_graph(nodes, "long", values[:1], values[1:], [shape])
     opset = [helper.make_opsetid("", 17)]
-    session = open_network(
-        *written(helper.make_model(graph, ir_version=8, opset_imports=opset).SerializeToString()), needed_by="this"
-    )
+    return helper.make_model(graph, ir_version=8, opset_imports=opset).SerializeToString()
+
+
+def test_a_network_that_takes_too_long_is_ended(written, monkeypatch):
+    onnx = pytest.importorskip("onnx")
+    session = open_network(*written(long_network(onnx)), needed_by="this")
     monkeypatch.setattr(networks, "_SECONDS", 0)
     began = time.monotonic()
     with pytest.raises(FormatError, match=r"the network takes over 1 s for \(1, 3\)"):
@@ -329,3 +329,25 @@ def test_onnx_runtime_sends_and_stores_nothing_of_its_own(tmp_path, written):
     }
     subprocess.run([sys.executable, "-c", script], env={**known, "HOME": str(home)}, check=True, timeout=120)
     assert not [file for file in home.rglob("*") if "onnxruntime" in str(file)]
+
+
+class HandlerError(Exception):
+    """Raised by a handler of signals."""
+
+
+def test_what_a_handler_of_signals_raises_is_not_of_the_network(written, monkeypatch):
+    """As a time limit of the program that calls; the network ends then, too."""
+    onnx = pytest.importorskip("onnx")
+    session = open_network(*written(long_network(onnx)), needed_by="this")
+
+    def stop(number, frame):
+        raise HandlerError
+
+    before = signal.signal(signal.SIGALRM, stop)
+    signal.setitimer(signal.ITIMER_REAL, 0.3)
+    try:
+        with pytest.raises(HandlerError):
+            run_network(session, np.zeros((1, 3), np.float32))
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)

@@ -4,6 +4,7 @@ import functools
 import inspect
 import json
 import re
+import select
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -15,7 +16,7 @@ import typer
 
 from millisight.cli import interrupts
 from millisight.core import printable
-from millisight.core.errors import InputError
+from millisight.core.errors import DeviceError, InputError
 
 if TYPE_CHECKING:
     from millisight.imaging import Sampling
@@ -66,6 +67,10 @@ def _with_quiet(function: Any) -> Any:
         _talk.quiet = quiet
         try:
             return function(*arguments, **options)
+        except BrokenPipeError as error:
+            if not _unread():
+                raise DeviceError("a pipe or a connection to another process broke; run the command again") from error
+            raise  # whoever read what is printed has ended, which is no error
         finally:
             _talk.quiet = False
             claims.close()
@@ -75,6 +80,16 @@ def _with_quiet(function: Any) -> Any:
     command.__signature__ = signature.replace(parameters=[*signature.parameters.values(), added])
     command.__annotations__ = {**function.__annotations__, "quiet": kind}
     return command
+
+
+def _unread() -> bool:
+    """Whether nobody reads what this process prints any more."""
+    if not hasattr(select, "poll"):  # as on Windows
+        return True
+    streams = select.poll()
+    for number in (1, 2):
+        streams.register(number, 0)
+    return any(event & (select.POLLERR | select.POLLHUP) for _, event in streams.poll(0))
 
 
 @contextmanager

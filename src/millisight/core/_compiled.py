@@ -10,8 +10,10 @@ package's folder nor the user's cache can be written to, a temporary folder of t
 """
 
 import hashlib
+import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -20,11 +22,47 @@ from numba import config, njit
 from numba.core.caching import IndexDataCacheFile
 
 from millisight.core._locks import private_folder
+from millisight.core.errors import DeviceError
+
+_KERNELS: list[Any] = []
 
 
 def kernel(**options: Any) -> Callable[[Callable[..., Any]], Any]:
     """Compile a function's loops over `prange` for all cores, and keep the machine code for the next process."""
-    return serial(parallel=True, **options)
+
+    def compile_lazily(function: Callable[..., Any]) -> Any:
+        compiled = serial(parallel=True, **options)(function)
+        _KERNELS.append(compiled)
+        return compiled
+
+    return compile_lazily
+
+
+def _refuse_after_fork() -> None:
+    """In a process that was forked from one whose threads have run: OpenMP would end it at its first loop."""
+    from numba import threading_layer
+    from numba.np.ufunc import parallel
+
+    if parallel._is_initialized and threading_layer() == "omp":
+        for one in _KERNELS:
+            one.__class__ = _forked(type(one))
+
+
+@cache
+def _forked(kind: type) -> type:
+    """Of kernels that raise an error where they are called."""
+
+    def refuse(self: Any, *arguments: Any, **named: Any) -> None:
+        raise DeviceError(
+            "this process was forked from one that had computed already, which OpenMP's threads do not survive; start "
+            'processes by multiprocessing.get_context("spawn") or "forkserver", or compute in them alone'
+        )
+
+    return type("ForkedKernel", (kind,), {"__call__": refuse})
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_refuse_after_fork)
 
 
 def serial(**options: Any) -> Callable[[Callable[..., Any]], Any]:

@@ -7,7 +7,7 @@ import logging
 import os
 import warnings
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -124,10 +124,15 @@ def open_network(path: str | os.PathLike[str], sha256: str, *, needed_by: str, c
     _bound_memory()
     options.add_session_config_entry("session.use_env_allocators", "1")
     try:
-        session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
+        # Without folding of constants, which may take any time and ends for nobody.
+        session = onnxruntime.InferenceSession(
+            content, options, providers=["CPUExecutionProvider"], disabled_optimizers=["ConstantFolding"]
+        )
         # Names that are not UTF-8 are found here, of outputs too.
         inputs, _ = (_listed(some) for some in (session.get_inputs(), session.get_outputs()))
-    except Exception as error:  # of ONNX Runtime's own kinds, which have no common public base
+    except Exception as error:
+        if not _of_onnx_runtime(error):
+            raise  # by a handler of signals, for one
         raise FormatError(f"{printable(path)} is not a network that ONNX Runtime can run: {error}") from error
     if channels is not None and not _takes(session, channels):
         raise FormatError(
@@ -145,33 +150,24 @@ def run_network(session: Any, channels: np.ndarray) -> np.ndarray:
     FormatError
         It fails at that, takes too long, or makes something else.
     """
-    try:
-        (made,) = _within_seconds(session, {session.get_inputs()[0].name: channels}, _SECONDS + len(channels))
-    except TimeoutError as error:
-        raise FormatError(f"the network takes over {_SECONDS + len(channels)} s for {channels.shape}") from error
-    except Exception as error:  # of ONNX Runtime's own kinds, as above
+    options = _onnx_runtime().RunOptions()
+    seconds = _SECONDS + len(channels)
+    # In a thread of its own it ends, between two operators, when time is over or the user does not wait.
+    with ThreadPoolExecutor(1) as pool:
+        running = pool.submit(session.run, None, {session.get_inputs()[0].name: channels}, options)
+        try:
+            wait([running], seconds)
+        finally:
+            options.terminate = late = not running.done()
+    if late:
+        raise FormatError(f"the network takes over {seconds} s for {channels.shape}; train a smaller one")
+    if (error := running.exception()) is not None:  # of ONNX Runtime's own kinds
         raise FormatError(f"the network fails on {channels.shape}: {_one_line(error)}; train it again") from error
+    (made,) = running.result()
     if not isinstance(made, np.ndarray) or made.ndim < 2 or len(made) != len(channels):
         shape = np.shape(made)
         raise FormatError(f"the network makes {shape} of {channels.shape}; expected as many; train it again")
     return made
-
-
-def _within_seconds(session: Any, inputs: dict[str, np.ndarray], seconds: float) -> Any:
-    """What a session makes; it runs in a thread of its own, so that it ends, between two operators, when time is over,
-    or the user does not wait.
-
-    Raises
-    ------
-    TimeoutError
-    """
-    options = _onnx_runtime().RunOptions()
-    with ThreadPoolExecutor(1) as pool:
-        running = pool.submit(session.run, None, inputs, options)
-        try:
-            return running.result(seconds)
-        finally:
-            options.terminate = not running.done()
 
 
 def _onnx_runtime() -> Any:
@@ -196,12 +192,17 @@ def _bound_memory() -> None:
         ort.create_and_register_allocator(memory, ort.OrtArenaCfg(_MOST_MEMORY, -1, -1, -1))
 
 
+def _of_onnx_runtime(error: Exception) -> bool:
+    """Whether it is of ONNX Runtime's own kinds, which have no common public base, or one that it passes on."""
+    return type(error).__module__.startswith("onnxruntime") or isinstance(error, RuntimeError | ValueError | TypeError)
+
+
 def _listed(some: Any) -> str:
     """Inputs or outputs of a session, as text."""
     return ", ".join(f"{one.name} {one.type} {one.shape}" for one in some)
 
 
-def _one_line(error: Exception) -> str:
+def _one_line(error: BaseException) -> str:
     return printable(" ".join(str(error).split())[:200])
 
 

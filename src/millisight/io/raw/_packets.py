@@ -82,6 +82,7 @@ _MAGIC: dict[bytes, Literal["little", "big"]] = {
     b"\xa1\xb2\x3c\x4d": "big",
 }
 _PCAPNG = b"\x0a\x0d\x0d\x0a"
+_MOST_EMPTY = 1000  # packets in a row, as zeros are
 _MAX_PACKET = 1 << 18
 
 
@@ -125,6 +126,7 @@ def read_packets(path: str | os.PathLike[str], *, port: int = DATA_PORT) -> Iter
 
 
 def _pcap_records(file: BinaryIO, name: str, byte_order: Literal["little", "big"]) -> Iterator[bytes]:
+    empty = 0
     while head := file.read(16):
         place = f"{name} at byte {file.tell() - len(head)}"
         length = int.from_bytes(head[8:12], byte_order)
@@ -133,6 +135,9 @@ def _pcap_records(file: BinaryIO, name: str, byte_order: Literal["little", "big"
         packet = file.read(length)
         if len(packet) < length:
             raise DamagedFileError(f"{place}: {len(packet)} of {length} bytes of a packet; the file is cut off")
+        empty = 0 if packet else empty + 1
+        if empty > _MOST_EMPTY:
+            raise DamagedFileError(f"{place}: over {_MOST_EMPTY} packets of no bytes in a row; copy it again")
         yield packet
 
 
