@@ -80,6 +80,11 @@ def test_gains_are_found_and_undone():
     assert np.abs(straight.frames - capture_of(TARGET, np.array([0.5]), offset=0.15).frames).max() < 1e-6
     with pytest.raises(InputError, match="holds a zero"):
         calibrate.divide_gains(crooked, [[0, 1]])
+    for odd in (1e39, 1e300, 1e-44):  # of which frames became 0, or infinite
+        with pytest.raises(InputError, match=r"gains has an amplitude of 1e.*; expected 1e-15 to 1e\+15"):
+            calibrate.divide_gains(crooked, [[odd, 1]])
+    with pytest.raises(InputError, match=r"reference, raised to its power, has an amplitude of 1e\+60"):
+        calibrate.divide_reference(crooked, np.full(crooked.frames.shape[-1], 1e30), power=2)
     with pytest.raises(InputError, match=r"gains has shape \(2, 1\)"):
         calibrate.divide_gains(crooked, gains.T)
 

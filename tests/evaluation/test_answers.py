@@ -69,6 +69,17 @@ class TestPairs:
         sums = [abs(np.dot(signs, differences)) for signs in product((-1, 1), repeat=len(differences))]
         assert sign_flip(differences) == np.mean([one >= abs(sum(differences)) for one in sums])
 
+    def test_sign_flip_of_thousands_of_objects_and_of_odd_ones(self):
+        """It took half a minute."""
+        from scipy.stats import binom
+
+        differences = [1] * 5100 + [-1] * 4900
+        expected = binom.cdf(4900, 10_000, 0.5) * 2
+        assert sign_flip(differences) == pytest.approx(expected, rel=1e-9)
+        assert sign_flip([2, -1, 3] * 200) == pytest.approx(sign_flip([2, -1, 3] * 166), abs=0.05)
+        with pytest.raises(InputError, match="add up to 2000000000; expected at most 1000000"):
+            sign_flip([10**9, -(10**9)])
+
     def test_sign_flip_is_exact_for_many_objects(self):
         assert sign_flip([1] * 60) == 2 / 2**60
         assert sign_flip([]) == 1

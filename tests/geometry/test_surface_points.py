@@ -157,6 +157,17 @@ def test_of_an_image_alone_a_plane_is_found():
     assert np.median(angle_deg(found.normals, truth)) < 1
 
 
+@pytest.mark.parametrize("scale", [1e-30, 1e-20, 1e12])
+def test_of_an_image_alone_its_unit_does_not_matter(scale):
+    """Squares of complex64 leave its range: no point was left."""
+    image = ms.form_image(solid_mirrors.capture_of(solid_mirrors.plane(), noise=0.02), GRID, window="taylor")
+    usual = ms.surface_points(image, false_alarms=0.999)
+    found = ms.surface_points(replace(image, values=image.values * scale), false_alarms=0.999)
+    assert len(found) == len(usual)
+    assert np.abs(found.points - usual.points).max() < 1e-6
+    np.testing.assert_allclose(found.magnitude.astype(float) / scale, usual.magnitude, rtol=1e-4)
+
+
 @pytest.mark.parametrize("between", [-0.4, 0.1, 0.4])
 def test_of_an_image_alone_the_top_of_an_echo_is_found_between_voxels(between):
     z = np.arange(-0.30, -0.20, 0.004)

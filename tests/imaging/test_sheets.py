@@ -191,6 +191,18 @@ def test_voxels_of_a_nanometre_take_no_time():
     assert time.process_time() - began < 5
 
 
+@pytest.mark.parametrize("scale", [1e-30, 1e-20, 1e14])
+def test_an_image_s_unit_does_not_matter(path, spots, scale):
+    """Squares of complex64 leave its range, which NumPy warned of."""
+    image = image_of(spots + mirror(RADAR, path, -0.2), path)
+    found = remove_sheets(image, frequency=FREQUENCY)
+    other = remove_sheets(replace(image, values=image.values * scale), frequency=FREQUENCY)
+    assert len(found.sheets) == len(other.sheets) == 1
+    assert other.sheets[0].height == pytest.approx(found.sheets[0].height, abs=1e-6)
+    error = np.abs(other.result.values.astype(complex) / scale - found.result.values).max()
+    assert error < 1e-4 * np.abs(image.values).max()
+
+
 def test_one_row_of_poses_or_voxels():
     path = from_places(np.column_stack([np.zeros(100), np.linspace(-0.12, 0.12, 100), np.zeros(100)]))
     spot, sheet = points(RADAR, path, strength=0.01), mirror(RADAR, path, -0.2, tilt_deg=(0, 1))

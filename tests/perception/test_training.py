@@ -1,6 +1,7 @@
 """The training loop: one seed, one result, however often it was cut off; and what it refuses."""
 
 import json
+import math
 from types import SimpleNamespace
 
 import pytest
@@ -136,6 +137,24 @@ def test_runs_of_something_else_and_damaged_checkpoints_are_refused(tmp_path):
             trained(tmp_path, schedule=Schedule(epochs=1))
 
 
+def test_a_checkpoint_whose_parts_were_changed_is_refused(tmp_path):
+    """By its checksum, or as what training would not have written."""
+    trained(tmp_path, epochs=2, schedule=Schedule(epochs=3))
+    path = tmp_path / CHECKPOINT_NAME
+    with safetensors.safe_open(path, framework="pt") as file:
+        tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+        state = json.loads(file.metadata()["state"])
+    shorter = json.dumps({**state, "history": state["history"][:1]})
+    safetensors.torch.save_file(tensors, path, metadata={"state": shorter})
+    with pytest.raises(DamagedFileError, match="its checksum differs"):
+        trained(tmp_path, schedule=Schedule(epochs=3))
+    state["history"][0]["score"] = math.nan
+    del state["sha256"]
+    write_checkpoint(path, tensors, state)
+    with pytest.raises(DamagedFileError, match="a score is not finite"):
+        trained(tmp_path, schedule=Schedule(epochs=3))
+
+
 @pytest.mark.parametrize("key", ["loss", "learning_rate", "score"])
 def test_a_number_in_a_checkpoint_that_no_float_holds_is_refused(tmp_path, key):
     """It ended in an OverflowError."""
@@ -144,6 +163,7 @@ def test_a_number_in_a_checkpoint_that_no_float_holds_is_refused(tmp_path, key):
     with safetensors.safe_open(path, framework="pt") as file:
         tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
         state = json.loads(file.metadata()["state"])
+    del state["sha256"]
     state["history"][0][key] = 10**400
     write_checkpoint(path, tensors, state)
     with pytest.raises(DamagedFileError, match=r"checkpoint\.safetensors is not a complete checkpoint: int too large"):

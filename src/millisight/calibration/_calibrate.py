@@ -24,6 +24,7 @@ from millisight.core.errors import InputError, UnknownNameError
 from millisight.data import AntennaArray, Capture, Radar
 
 _PARTS = 8  # of the poses, each of which gives an estimate of its own
+_DIVISORS = 1e-15, 1e15  # amplitudes by which frames may be divided: far from where float32 ends
 _SAME_PLACE = 1 / 32  # of a wavelength: by so much may two poses differ that count as one
 
 
@@ -127,9 +128,18 @@ def divide_gains(capture: Capture, gains: np.ndarray) -> Capture:
     gains = checked_array(gains, name="gains", shape=shape, dtype=np.complex128)
     if not np.abs(gains).min() > 0:
         raise InputError("gains holds a zero; expected the complex gain of each channel")
+    _check_divisor(gains, "gains")
     settings = {"amplitudes": np.abs(gains).tolist(), "phases": np.angle(gains).tolist()}
     frames = capture.frames_of(slice(None)) / gains[:, :, None].astype(np.complex64)
     return remade(capture, "divide_gains", settings, frames=frames)
+
+
+def _check_divisor(values: np.ndarray, name: str) -> None:
+    """Refuse what would make frames 0 or infinite in float32."""
+    sizes = np.abs(values)
+    if not (sizes.min() > _DIVISORS[0] and sizes.max() < _DIVISORS[1]):
+        odd = sizes.min() if sizes.min() <= _DIVISORS[0] else sizes.max()
+        raise InputError(f"{name} has an amplitude of {odd:g}; expected {_DIVISORS[0]:g} to {_DIVISORS[1]:g}")
 
 
 def estimate_gains(capture: Capture, target: np.ndarray) -> np.ndarray:
@@ -168,6 +178,7 @@ def divide_reference(capture: Capture, spectrum: np.ndarray, *, power: float = 1
     raised = known ** int(power) if power == int(power) else None
     if raised is None:
         raised = np.abs(known) ** power * np.exp(1j * power * np.unwrap(np.angle(known), axis=-1))
+    _check_divisor(raised, "reference, raised to its power,")
     frames = (capture.frames_of(slice(None)) / raised).astype(np.complex64)
     return remade(capture, "divide_reference", {"power": power}, frames=frames)
 

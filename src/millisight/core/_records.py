@@ -7,6 +7,7 @@ Its arrays are read-only NumPy; its metadata is a read-only tree of what JSON ca
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
+from mmap import mmap
 from typing import Any, NoReturn, TypeVar, dataclass_transform
 
 import numpy as np
@@ -61,12 +62,12 @@ def checked_array(
 
 
 def _writeable(array: Any) -> bool:
-    """Whether the array, or one that it is a view of, can be written to."""
+    """Whether the array, or one that it is a view of, can be written to; a file that is mapped can by others."""
     while isinstance(array, np.ndarray):
         if array.flags.writeable:
             return True
         array = array.base
-    return False
+    return isinstance(array, mmap)
 
 
 def lengths_of(vectors: np.ndarray) -> np.ndarray:
@@ -106,8 +107,7 @@ def as_array(
             raise TypeError("some of its values are masked, and the mask would be lost; fill them, or leave them out")
         with np.errstate(over="ignore", invalid="ignore"):
             array = np.asarray(given, dtype=dtype)
-        if given.dtype.kind == "f" and dtype.kind in "iu" and not np.array_equal(given, array):
-            raise TypeError("it holds values that are not whole numbers")
+        _check_fits(given, array)
     except (TypeError, ValueError, ArithmeticError) as error:
         raise InputError(f"{name} cannot be read as an array of {dtype}: {error}") from error
     check_shape(array.shape, name=name, shape=shape)
@@ -118,6 +118,17 @@ def as_array(
             f"{name}{unit} has {count} values that are NaN or infinite, the first at {where}; remove or correct them"
         )
     return array
+
+
+def _check_fits(given: np.ndarray, array: np.ndarray) -> None:
+    """Raise TypeError where integers, or what is true or false, are no longer what was given."""
+    kinds = given.dtype.kind, array.dtype.kind
+    if kinds[1] in "iu" and kinds[0] in "iuf" and not np.array_equal(given, array):
+        what = "values that are not whole numbers" if kinds[0] == "f" else f"{given[given != array].flat[0]}"
+        raise TypeError(f"it holds {what}, or numbers beyond those of {array.dtype}")
+    counts = kinds[0] in "iuf" and (given >= 0).all() and np.array_equal(given, np.rint(given))
+    if kinds[1] == "b" and kinds[0] != "b" and not counts:
+        raise TypeError("it holds other values than true and false, or 0 and 1; compare with a threshold first")
 
 
 def check_shape(actual: tuple[int, ...], *, name: str, shape: tuple[int | str, ...]) -> None:

@@ -58,7 +58,7 @@ def training_of(name: str, description: Mapping[str, Any]) -> Training:
         sides = {side: [str(one) for one in description["objects"][side]] for side in ("training", "validation")}
         poses = {str(one): list(turned) for one, turned in description["poses"].items()}
         seed, physics = int(description["seed"]), physics_of(description["physics"])
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError, AttributeError) as error:
         raise InputError(
             f"the description of {name} does not state the objects, poses, seed and physics of its training "
             f"({error!r}), so test images may not be new to it; train it again"

@@ -10,6 +10,7 @@ from millisight.core import checked_integer
 from millisight.core.errors import InputError
 
 _BLOCK = 2_000_000  # drawn numbers at once
+_MOST_EXACT, _MOST_REACH = 500, 1_000_000  # of a sign-flip test: objects in whole numbers, and the sum
 
 
 def wilson_interval(right: int, images: int, *, level: float = 0.95) -> tuple[float, float]:
@@ -66,8 +67,22 @@ def sign_flip(differences: Sequence[int]) -> float:
     Returns
     -------
     float
-        The share of all 2^n signs under which the sum is at least as far from 0. It is never under 2 / 2^n.
+        The share of all 2^n signs under which the sum is at least as far from 0. It is never under 2 / 2^n, but for
+        more than 500 objects, whose shares are float64.
+
+    Raises
+    ------
+    InputError
+        The differences add up to more than a million.
     """
+    reach, far = sum(map(abs, differences)), abs(sum(differences))
+    if reach > _MOST_REACH:
+        raise InputError(f"the differences add up to {reach}; expected at most {_MOST_REACH}")
+    if len(differences) > _MOST_EXACT:
+        shares = np.ones(1)  # of sign patterns, by their sum from its least on
+        for value in map(abs, differences):
+            shares = (np.pad(shares, (2 * value, 0)) + np.pad(shares, (0, 2 * value))) / 2
+        return float(shares[np.abs(np.arange(-reach, reach + 1)) >= far].sum())
     ways = {0: 1}  # number of sign patterns by their sum
     for value in differences:
         grown: dict[int, int] = defaultdict(int)
@@ -75,7 +90,7 @@ def sign_flip(differences: Sequence[int]) -> float:
             grown[total + value] += count
             grown[total - value] += count
         ways = grown
-    return sum(count for total, count in ways.items() if abs(total) >= abs(sum(differences))) / 2 ** len(differences)
+    return sum(count for total, count in ways.items() if abs(total) >= far) / 2 ** len(differences)
 
 
 def bootstrap_interval(
@@ -101,11 +116,13 @@ def bootstrap_interval(
     Raises
     ------
     InputError
-        No values, or a level not between 0 and 1.
+        No values, some that are not finite, or a level not between 0 and 1.
     """
     array = np.asarray(values, dtype=float)
     if array.ndim < 1 or not len(array):
         raise InputError(f"bootstrap_interval got values of shape {array.shape}; expected at least one")
+    if not np.isfinite(array).all():
+        raise InputError(f"bootstrap_interval got {(~np.isfinite(array)).sum()} values that are NaN or infinite")
     edge = (1 - _checked(level)) / 2
     picks = np.random.default_rng(rng).integers(0, len(array), size=(draws, len(array)))
     if statistic in (np.mean, np.median) or getattr(statistic, "func", None) is np.quantile:

@@ -1,6 +1,7 @@
 """Oriented points of what a capture or an image shows."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
@@ -10,7 +11,7 @@ from millisight.core.errors import InputError
 from millisight.data import Capture, PointCloud, SarImage, VoxelGrid
 from millisight.geometry._from_image import moments_of_image
 from millisight.geometry._moments import Moments, directions, moments_of
-from millisight.imaging import CLUTTER, grid_around, remove_sheets, window_pair
+from millisight.imaging import CLUTTER, grid_around, remove_sheets, usual_scale, window_pair
 
 FALSE_ALARMS = 1e-6
 """Probability that a voxel of noise alone is taken for a surface, where none is stated."""
@@ -93,9 +94,12 @@ def surface_points(
     settings: dict[str, Any] = {"clutter": clutter, "false_alarms": chance}
     if support is not None:
         settings["support"] = support = checked_number(support, name="support", unit="m")
+    scale = 1.0
     if isinstance(source, SarImage):
         if grid is not None:
             raise InputError("an image has its own grid; leave grid out")
+        if (scale := usual_scale(source.values)) != 1:
+            source = replace(source, values=source.values * scale)
         cleaned = remove_sheets(source, clutter=clutter, frequency=frequency).result if clutter != "none" else source
         moments = moments_of_image(cleaned, frequency)
     else:
@@ -110,6 +114,8 @@ def surface_points(
         )
         settings["window"] = list(tapers)
     found = points_of(moments, chance, with_step(cleaned.metadata, "surface_points", **settings))
+    if scale != 1:
+        found = replace(found, magnitude=found.magnitude / scale)
     return found if support is None else above(found, support)
 
 

@@ -1,5 +1,6 @@
 """The door to the imagers: `form_image`."""
 
+import logging
 from collections.abc import Callable
 from typing import Any, Literal, get_args
 
@@ -21,6 +22,8 @@ from millisight.imaging._fast import fast
 from millisight.imaging._refraction import check_behind
 from millisight.imaging._sampling import steps_of
 from millisight.imaging._windows import Window, range_weights, window_pair
+
+logger = logging.getLogger(__name__)
 
 Method = Literal["fast", "backprojection", "exact", "sparse"]
 METHODS: tuple[str, ...] = get_args(Method)
@@ -179,7 +182,13 @@ def _within(
         # Finer profiles help where it is they that err: now measured with all channels, and at the brightest as well.
         done = error <= _WHOLE * tolerance or not deviation.by_profiles
         if fixed or done or oversampling >= MOST_OVERSAMPLING:
-            return values, {**told, "error": float(f"{max(error, profiles):.3g}")}
+            stated = float(f"{max(error, profiles):.3g}")
+            if stated > tolerance and not fixed:
+                logger.warning(
+                    "this image errs by %g of its norm, and not by at most %g: float32 allows no less here; use "
+                    'method="exact"', stated, tolerance,
+                )  # fmt: skip
+            return values, {**told, "error": stated}
         again = finer(oversampling, theirs, _PROFILES * tolerance)
         profiles = profile_error(capture, grid, some_of(grid), window, again)
         expected = max(profiles, theirs * (oversampling / again) ** 2)

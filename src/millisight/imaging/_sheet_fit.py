@@ -235,7 +235,7 @@ def _clipped(values: np.ndarray) -> np.ndarray:
     """The values (..., C), no cell stronger than the median of those that are not empty."""
     strength = np.linalg.norm(values, axis=-1, keepdims=True)
     usual = np.median(strength[strength > 0]) if strength.any() else 1.0
-    return values * np.minimum(1, usual / np.maximum(strength, 1e-30)).astype(np.float32)
+    return values * (usual / np.maximum(strength, usual)).astype(np.float32)
 
 
 def _linear_phase(values: np.ndarray, cells: Cells, wave_number: float) -> Phase:

@@ -34,6 +34,7 @@ _LEAST_SHARE = 0.15  # of the scene
 _LARGE = 0.06  # sheets so large are no object's top [m²]
 _LEAST_LID = 0.004  # what ends within the scene and is smaller is no lid [m²]
 _RING = 2  # cells along the scene's border
+_USUAL = 1e-9, 1e9  # of an image's maximum
 _ATTEMPTS = 4  # flat things that are looked at, besides the sheets that are taken
 
 
@@ -185,6 +186,11 @@ def remove_sheets(
         raise InputError(f"remove_sheets got {type(scene).__name__}; expected an image or a capture")
     if clutter == "none":
         return SheetRemoval(result=scene, sheets=(), left=(), reason="nothing was asked for")
+    if isinstance(scene, SarImage) and (scale := usual_scale(scene.values)) != 1:
+        usual = replace(scene, values=scene.values * scale)
+        found = remove_sheets(usual, clutter=clutter, frequency=frequency, most=most)
+        back = scene if found.result is usual else replace(found.result, values=found.result.values / scale)
+        return replace(found, result=back)
     echoes, wave_number = _echoes_of(scene, lowest), 2 * np.pi * centre / SPEED_OF_LIGHT
     sheets, left = _search(echoes, wave_number, most, clutter, lowest)
     if not sheets:
@@ -192,6 +198,13 @@ def remove_sheets(
     told = [asdict(sheet) for sheet in sheets]
     metadata = with_step(scene.metadata, "remove_sheets", clutter=clutter, sheets=told, **echoes.told())
     return SheetRemoval(result=echoes.cleaned(metadata), sheets=sheets, left=left, reason="")
+
+
+def usual_scale(values: np.ndarray) -> float:
+    """1; where the values' maximum is so far from 1 that their squares leave float32's range, the power of two that
+    brings it about there."""
+    peak = float(max(abs(values.min()), abs(values.max()))) if values.dtype.kind == "f" else float(np.abs(values).max())
+    return 1.0 if peak == 0 or _USUAL[0] < peak < _USUAL[1] else 2.0 ** -round(float(np.log2(peak)))
 
 
 class _Echoes(Protocol):

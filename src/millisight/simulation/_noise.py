@@ -25,17 +25,19 @@ def add_noise(capture: Capture, *, snr_db: float, rng: int | np.random.Generator
     """
     checked_record(capture, Capture, name="capture")
     snr_db = check_noise(snr_db, rng)
-    # Squared in float32 and summed in float64: no second array of the frames' size.
-    power = sum(float(np.sum(f.real**2 + f.imag**2, dtype=np.float64)) for f in capture.frames) / capture.frames.size
+    # Pose by pose: no second array of the frames' size.
+    poses = [slice(p, p + 1) for p in range(len(capture.frames))]
+    power = sum(float(np.sum(np.abs(capture.frames_of(one).astype(np.complex128)) ** 2)) for one in poses)
+    power /= capture.frames.size
     if not power > 0:
         raise InputError("snr_db sets noise relative to the signal, but there is none: no vertex is lit")
     seed = int(rng.integers(2**63) if isinstance(rng, np.random.Generator) else rng)  # ty: ignore[invalid-argument-type]: None was refused
     generator = np.random.default_rng(seed)
     scale = np.float32(np.sqrt(power / 10 ** (snr_db / 10) / 2))
     frames = np.empty(capture.frames.shape, dtype=np.complex64)
-    for p in range(len(frames)):
+    for one in poses:
         noise = generator.standard_normal((*frames.shape[1:], 2), dtype=np.float32)
-        frames[p] = capture.frames[p] + scale * noise.view(np.complex64)[..., 0]
+        frames[one] = capture.frames_of(one) + scale * noise.view(np.complex64)[..., 0]
     frames.flags.writeable = False
     metadata = with_step(capture.metadata, "add_noise", snr_db=snr_db, seed=seed)
     return replace(capture, frames=frames, metadata=metadata)

@@ -37,7 +37,7 @@ T = TypeVar("T")
 
 CHECKPOINT_NAME = "checkpoint.safetensors"
 
-_STATE = "state"
+_STATE, _CHECKSUM = "state", "sha256"
 _WARM = 0.3  # of the learning rate, in the first epoch
 
 
@@ -313,8 +313,17 @@ def write_checkpoint(path: Path, tensors: "Mapping[str, Tensor]", state: Mapping
     from safetensors.torch import save_file
 
     plain = {name: value.detach().cpu().contiguous().clone() for name, value in tensors.items()}
+    # One entry, since safetensors write several in any order.
+    told = json.dumps({**state, _CHECKSUM: _checksum(plain, state)})
     with atomic_path(path) as temporary:
-        save_file(plain, temporary, metadata={_STATE: json.dumps(state)})
+        save_file(plain, temporary, metadata={_STATE: told})
+
+
+def _checksum(tensors: "Mapping[str, Tensor]", state: Mapping[str, Any]) -> str:
+    """SHA-256 of all that a checkpoint holds; safetensors have none."""
+    from safetensors.torch import save
+
+    return hashlib.sha256(save(dict(tensors)) + json.dumps(state).encode()).hexdigest()
 
 
 def read_checkpoint(
@@ -340,6 +349,8 @@ def read_checkpoint(
                     f"{name} belongs to another recipe or schedule; choose another folder, or delete it to start again"
                 )
             tensors = {key: file.get_tensor(key) for key in names}
+        if state.pop(_CHECKSUM) != _checksum(tensors, state):
+            raise ValueError("its checksum differs")
         found = taken(tensors, state)
         network.load_state_dict(_part(tensors, "network/"))
         moments: dict[int, dict[str, Any]] = {}
@@ -365,6 +376,8 @@ def _restore(path: Path, digest: str, network, optimizer) -> "tuple[list[dict[st
         best = _part(tensors, "best/")
         if not history or best.keys() != network.state_dict().keys():
             raise KeyError("best")
+        if not all(math.isfinite(entry["score"]) for entry in history):
+            raise ValueError("a score is not finite")
         return history, best
 
     return read_checkpoint(path, digest, network, optimizer, taken)
