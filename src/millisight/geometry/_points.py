@@ -11,7 +11,7 @@ from millisight.core.errors import InputError
 from millisight.data import Capture, PointCloud, SarImage, VoxelGrid
 from millisight.geometry._from_image import moments_of_image
 from millisight.geometry._moments import Moments, directions, moments_of
-from millisight.imaging import CLUTTER, grid_around, remove_sheets, usual_scale, window_pair
+from millisight.imaging import CLUTTER, at_usual_scale, grid_around, remove_sheets, window_pair
 
 FALSE_ALARMS = 1e-6
 """Probability that a voxel of noise alone is taken for a surface, where none is stated."""
@@ -94,16 +94,14 @@ def surface_points(
     settings: dict[str, Any] = {"clutter": clutter, "false_alarms": chance}
     if support is not None:
         settings["support"] = support = checked_number(support, name="support", unit="m")
-    scale = 1.0
     if isinstance(source, SarImage):
         if grid is not None:
             raise InputError("an image has its own grid; leave grid out")
-        if (scale := usual_scale(source.values)) != 1:
-            source = replace(source, values=source.values * scale)
+        source, scale = at_usual_scale(source)
         cleaned = remove_sheets(source, clutter=clutter, frequency=frequency).result if clutter != "none" else source
         moments = moments_of_image(cleaned, frequency)
     else:
-        capture = checked_record(source, Capture, name="source")
+        capture, scale = at_usual_scale(checked_record(source, Capture, name="source"))
         if frequency is not None:
             raise InputError("a capture states its own frequencies; leave frequency out")
         voxels = grid_around(capture) if grid is None else checked_record(grid, VoxelGrid, name="grid")

@@ -186,11 +186,10 @@ def remove_sheets(
         raise InputError(f"remove_sheets got {type(scene).__name__}; expected an image or a capture")
     if clutter == "none":
         return SheetRemoval(result=scene, sheets=(), left=(), reason="nothing was asked for")
-    if isinstance(scene, SarImage) and (scale := usual_scale(scene.values)) != 1:
-        usual = replace(scene, values=scene.values * scale)
-        found = remove_sheets(usual, clutter=clutter, frequency=frequency, most=most)
-        back = scene if found.result is usual else replace(found.result, values=found.result.values / scale)
-        return replace(found, result=back)
+    usual, scale = at_usual_scale(scene)
+    if scale != 1:
+        found = remove_sheets(usual, clutter=clutter, frequency=frequency, grid=grid, most=most)
+        return replace(found, result=scene if found.result is usual else scaled(found.result, 1 / scale))
     echoes, wave_number = _echoes_of(scene, lowest), 2 * np.pi * centre / SPEED_OF_LIGHT
     sheets, left = _search(echoes, wave_number, most, clutter, lowest)
     if not sheets:
@@ -200,11 +199,27 @@ def remove_sheets(
     return SheetRemoval(result=echoes.cleaned(metadata), sheets=sheets, left=left, reason="")
 
 
-def usual_scale(values: np.ndarray) -> float:
-    """1; where the values' maximum is so far from 1 that their squares leave float32's range, the power of two that
-    brings it about there."""
-    peak = float(max(abs(values.min()), abs(values.max()))) if values.dtype.kind == "f" else float(np.abs(values).max())
-    return 1.0 if peak == 0 or _USUAL[0] < peak < _USUAL[1] else 2.0 ** -round(float(np.log2(peak)))
+def at_usual_scale(scene: Any) -> tuple[Any, float]:
+    """An image, or a capture in memory, times a power of two that brings its maximum about 1; and that factor.
+
+    As it is, times 1, where squares of its values stay within float32's range anyhow.
+    """
+    if isinstance(scene, Capture) and not scene.in_memory:
+        return scene, 1.0
+    parts = np.asarray(scene.values if isinstance(scene, SarImage) else scene.frames)
+    parts = parts.view(parts.real.dtype) if parts.flags.c_contiguous else np.abs(parts)  # without a copy
+    peak = float(max(-parts.min(), parts.max()))
+    if peak == 0 or _USUAL[0] < peak < _USUAL[1]:
+        return scene, 1.0
+    scale = 2.0 ** -round(float(np.log2(peak)))
+    return scaled(scene, scale), scale
+
+
+def scaled(scene: Any, scale: float) -> Any:
+    """An image or a capture, its values times `scale`."""
+    if isinstance(scene, SarImage):
+        return replace(scene, values=scene.values * scale)
+    return replace(scene, frames=scene.frames * np.float32(scale))
 
 
 class _Echoes(Protocol):

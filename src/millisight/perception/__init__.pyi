@@ -19,6 +19,7 @@ from ._cleaned import without_sheets as without_sheets
 from ._networks import open_network as open_network
 from ._networks import read_description as read_description
 from ._networks import run_network as run_network
+from ._networks import weights_version as weights_version
 from ._networks import write_network as write_network
 from ._projection import coloured as coloured
 from ._projection import photo as photo

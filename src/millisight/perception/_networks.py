@@ -67,6 +67,19 @@ def read_description(path: str | os.PathLike[str], *keys: str) -> dict[str, Any]
     return held
 
 
+def weights_version(path: str | os.PathLike[str] | None) -> tuple[int, ...]:
+    """What changes when weights, or their description, are written anew; nothing for the shipped ones, None."""
+    if path is None:
+        return ()
+    files = (Path(path), Path(path).with_suffix(".json"))
+    return tuple(n for one in files if one.exists() for n in _written(one))
+
+
+def _written(path: Path) -> tuple[int, int, int]:
+    found = os.stat(path)
+    return found.st_ino, found.st_mtime_ns, found.st_size
+
+
 def _whole(digits: str) -> int:
     if len(digits) > _MOST_DIGITS:
         raise ValueError(f"a number of {len(digits)} digits")

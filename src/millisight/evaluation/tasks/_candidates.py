@@ -20,6 +20,7 @@ from millisight.evaluation._leaks import (
 )
 from millisight.evaluation._scenes import checksum_of
 from millisight.evaluation._sources import Origin, SceneSource, TestSplit
+from millisight.perception import weights_version
 from millisight.perception.classification import Classifier, classifier
 
 RELEASED = "released"  # network of the paper's own weights
@@ -41,9 +42,14 @@ class Candidate(NamedTuple):
         return f"{self.checksum[:12]}.{scene.replace('/', '.')}"
 
 
-@lru_cache(maxsize=16)
 def load_classifier(weights: str | None) -> Classifier:
     """The classifier of a weights file, None: the shipped one; one for all scenes of a process."""
+    return _loaded(weights, weights_version(weights))
+
+
+@lru_cache(maxsize=16)
+def _loaded(weights: str | None, version: tuple[int, ...]) -> Classifier:
+    """A classifier, kept as long as its files are of that `version`."""
     return classifier() if weights is None else classifier(weights=weights)
 
 

@@ -3,13 +3,12 @@
 import os
 from collections.abc import Mapping
 from functools import lru_cache
-from pathlib import Path
 from typing import Any, Literal, Protocol, get_args, runtime_checkable
 
 from millisight.core import Registry, check_known, checked_path, checked_record
 from millisight.core.errors import InputError
 from millisight.data import Mask, Prediction, SarImage
-from millisight.perception import HIGH_BAND, LOW_BAND, Condition, without_sheets
+from millisight.perception import HIGH_BAND, LOW_BAND, Condition, weights_version, without_sheets
 
 
 @runtime_checkable
@@ -125,7 +124,8 @@ def classify(
         checked_record(other_band, SarImage, name="other_band")
     check_known("condition", condition, get_args(Condition))
     if isinstance(method, str):
-        by = _by_name(method, *((None, ()) if weights is None else _as_it_is(checked_path(weights))))
+        path = None if weights is None else os.path.abspath(checked_path(weights))
+        by = _by_name(method, path, weights_version(path))
     elif weights is not None:
         raise InputError("weights go with a method's name; make the classifier with its weights, or pass its name")
     else:
@@ -134,12 +134,6 @@ def classify(
         image = without_sheets(image, frequency=HIGH_BAND, covered=True)
         other_band = None if other_band is None else without_sheets(other_band, frequency=LOW_BAND, covered=True)
     return by.classify(image, mask, other_band=other_band)
-
-
-def _as_it_is(weights: Path) -> tuple[str, tuple[Any, ...]]:
-    """Where weights lie, and what tells whether they or their description have been written anew."""
-    stats = [os.stat(path) for path in (weights, weights.with_suffix(".json")) if path.exists()]
-    return os.path.abspath(weights), tuple((one.st_ino, one.st_mtime_ns, one.st_size) for one in stats)
 
 
 @lru_cache(maxsize=2)
