@@ -242,6 +242,26 @@ def test_too_little_memory_is_said_before_libraries_are_opened(capture):
         )
 
 
+FEW_PROCESSES = """
+import os, resource, sys
+from millisight.cli import app, main  # while files can be read
+resource.setrlimit(resource.RLIMIT_NPROC, (5, 5))
+if os.geteuid() == 0:
+    os.setuid(54321)  # root has no such limit
+sys.argv = ["millisight", "info", "x"]
+main.run()
+"""
+
+
+def test_too_few_processes_are_said_before_the_work():
+    """With four, Embree ends the process; with five, workers are waited for without end."""
+    done = subprocess.run(
+        [sys.executable, "-c", FEW_PROCESSES], capture_output=True, text=True, check=False, timeout=60
+    )
+    assert done.returncode == 1
+    assert done.stderr.startswith("millisight: this process may not start 40 threads more: its user may have 5 ")
+
+
 def test_a_module_is_the_command():
     asked = [sys.executable, "-m", "millisight", "--version"]
     assert subprocess.run(asked, capture_output=True, text=True, check=True).stdout == run("--version", cwd=".")[1]

@@ -62,10 +62,10 @@ def whole(tmp_path_factory):
 @pytest.fixture
 def work(whole, tmp_path, monkeypatch):
     monkeypatch.setattr(candidates, "classifier", Fake)
-    candidates.load_classifier.cache_clear()
+    candidates._loaded.cache_clear()
     shutil.copytree(whole, tmp_path / "data")
     yield tmp_path
-    candidates.load_classifier.cache_clear()
+    candidates._loaded.cache_clear()
 
 
 def run(work, *options, weights=("oracle",)):

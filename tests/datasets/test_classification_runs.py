@@ -46,9 +46,9 @@ def whole(tmp_path_factory):
 def data(whole, tmp_path, monkeypatch):
     monkeypatch.setattr(candidates, "classifier", Fake)
     monkeypatch.setattr(Fake, "runs", 0)
-    candidates.load_classifier.cache_clear()
+    candidates._loaded.cache_clear()
     yield Path(shutil.copytree(whole, tmp_path / "data"))
-    candidates.load_classifier.cache_clear()
+    candidates._loaded.cache_clear()
 
 
 @pytest.fixture

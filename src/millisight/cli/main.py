@@ -3,6 +3,7 @@
 import os
 import re
 import sys
+import threading
 
 from millisight.cli import interrupts
 
@@ -13,6 +14,7 @@ GO_ON = (
 )  # fmt: skip
 """Commands whose next run continues where this one stopped."""
 
+_MANY_PROCESSES, _THREADS = 1000, 40  # a limit that need not be tried; what workers and libraries take
 _LEAST_ADDRESSES = 1_000_000_000  # [bytes] with fewer, libraries cannot be opened, or end the process
 _MOST_THREADS = 1024  # more than machines have cores; with some ten thousand, Numba ends the process
 
@@ -23,7 +25,7 @@ def run() -> None:
         interrupts.listen()  # before anything else, since imports take half a second
         _open_streams()
         _check_threads()
-        _check_addresses()
+        _check_limits()
         from millisight.cli.commands import application
 
         application(*sys.argv[1:])()
@@ -76,8 +78,8 @@ def _check_threads() -> None:
         )
 
 
-def _check_addresses() -> None:
-    """Refuse a limit of this process's memory under which libraries fail to open, or end the process.
+def _check_limits() -> None:
+    """Refuse limits of this process under which libraries fail to open, end the process, or wait without end.
 
     Raises
     ------
@@ -87,14 +89,36 @@ def _check_addresses() -> None:
         import resource
     except ImportError:  # not on Windows
         return
-    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
-    if limit != resource.RLIM_INFINITY and limit < _LEAST_ADDRESSES:
-        from millisight.core.errors import InputError
+    from millisight.core.errors import InputError
 
+    memory, processes = (resource.getrlimit(what)[0] for what in (resource.RLIMIT_AS, resource.RLIMIT_NPROC))
+    if memory != resource.RLIM_INFINITY and memory < _LEAST_ADDRESSES:
         raise InputError(
-            f"this process may have {limit / 1e6:.0f} MB of memory; expected {_LEAST_ADDRESSES / 1e6:.0f} MB or more: "
+            f"this process may have {memory / 1e6:.0f} MB of memory; expected {_LEAST_ADDRESSES / 1e6:.0f} MB or more: "
             "raise the limit, as by ulimit -v unlimited"
         )
+    if processes != resource.RLIM_INFINITY and processes < _MANY_PROCESSES and not _threads_start(_THREADS):
+        raise InputError(
+            f"this process may not start {_THREADS} threads more: its user may have {processes} processes; raise the "
+            "limit, as by ulimit -u 4096, or end other programs"
+        )
+
+
+def _threads_start(count: int) -> bool:
+    """Whether so many threads can be started; they end at once."""
+    end, started = threading.Event(), []
+    try:
+        for _ in range(count):
+            one = threading.Thread(target=end.wait)
+            one.start()
+            started.append(one)
+    except RuntimeError:
+        return False
+    finally:
+        end.set()
+        for one in started:
+            one.join()
+    return True
 
 
 def _ending(error: BaseException) -> tuple[str, int]:

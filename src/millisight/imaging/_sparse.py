@@ -177,7 +177,8 @@ def sparse(
     for done, values in enumerate(solutions(model, image, threshold, size, iterations), _POWER_STEPS + 1):  # noqa: B007
         _report(progress, done, steps)
     unexplained = frames - model.forward(values)
-    misfit = float(np.linalg.norm(unexplained) / np.linalg.norm(frames))
+    with np.errstate(over="ignore", invalid="ignore"):  # an image beyond float32 is refused as such
+        misfit = float(np.linalg.norm(unexplained) / np.linalg.norm(frames))
     path = without_gaps(capture.trajectory, _ROW_SPACING * capture.radar.waveform.wavelength)
     full = Operator(capture, grid, path=path, oversampling=oversampling)
     # What q does not explain counts in the measured rows alone: with full weight it would bring their ghosts back.

@@ -22,7 +22,7 @@ from millisight.rig.virtual._world import World
 # Keys of the devices' random numbers: one that is added changes none of the others.
 _ARM, _CAMERA, _RADAR = 1, 2, 3
 _ABOVE = 0.10  # of the camera over the aperture [m]
-_MOST_FRAMES = 1e8
+_MOST_FRAMES = 5e6  # half a day of an arm's log, and half a gigabyte before the first frame
 _SAMPLED = 60  # frames
 _SHARING = 10  # rows that share what the optics keep of one
 _MOST_PLANNED = 200  # poses of a row
