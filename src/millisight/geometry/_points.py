@@ -1,7 +1,6 @@
 """Oriented points of what a capture or an image shows."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
@@ -111,9 +110,7 @@ def surface_points(
             cleaned, voxels, method=method, window=tapers, tolerance=tolerance, device=device, progress=progress
         )
         settings["window"] = list(tapers)
-    found = points_of(moments, chance, with_step(cleaned.metadata, "surface_points", **settings))
-    if scale != 1:
-        found = replace(found, magnitude=found.magnitude / scale)
+    found = points_of(moments, chance, with_step(cleaned.metadata, "surface_points", **settings), scale)
     return found if support is None else above(found, support)
 
 
@@ -122,8 +119,8 @@ def above(points: PointCloud, support: float) -> PointCloud:
     return points.chosen(points.points[:, 2] > support + _ABOVE)
 
 
-def points_of(moments: Moments, false_alarms: float, metadata: dict[str, Any]) -> PointCloud:
-    """The points of voxels with a surface within them."""
+def points_of(moments: Moments, false_alarms: float, metadata: dict[str, Any], scale: float = 1.0) -> PointCloud:
+    """The points of voxels with a surface within them, of moments of `scale` times what was measured."""
     axes = [moments.grid.x, moments.grid.y, moments.grid.z]
     power = np.abs(moments.values) ** 2
     normals = directions(moments.grid, moments.antenna)
@@ -145,7 +142,7 @@ def points_of(moments: Moments, false_alarms: float, metadata: dict[str, Any]) -
     # Of a signal with complex noise of power n, relative errors in phase and in amplitude are sqrt(n / 2) / |I|.
     relative = np.sqrt((moments.noise / np.maximum(power, 1e-30))[where] / 2)
     return _with_scatter(
-        points, normals[where], np.abs(moments.values[where]), moments.delay_spread * relative,
+        points, normals[where], np.abs(moments.values[where]) / scale, moments.delay_spread * relative,
         moments.spread * relative / away, metadata,
     )  # fmt: skip
 

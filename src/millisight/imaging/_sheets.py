@@ -187,16 +187,16 @@ def remove_sheets(
     if clutter == "none":
         return SheetRemoval(result=scene, sheets=(), left=(), reason="nothing was asked for")
     usual, scale = at_usual_scale(scene)
-    if scale != 1:
-        found = remove_sheets(usual, clutter=clutter, frequency=frequency, grid=grid, most=most)
-        return replace(found, result=scene if found.result is usual else scaled(found.result, 1 / scale))
-    echoes, wave_number = _echoes_of(scene, lowest), 2 * np.pi * centre / SPEED_OF_LIGHT
+    echoes, wave_number = _echoes_of(usual, lowest), 2 * np.pi * centre / SPEED_OF_LIGHT
     sheets, left = _search(echoes, wave_number, most, clutter, lowest)
     if not sheets:
         return SheetRemoval(result=scene, sheets=(), left=left, reason=_reason(left, lowest))
     told = [asdict(sheet) for sheet in sheets]
     metadata = with_step(scene.metadata, "remove_sheets", clutter=clutter, sheets=told, **echoes.told())
-    return SheetRemoval(result=echoes.cleaned(metadata), sheets=sheets, left=left, reason="")
+    cleaned = echoes.cleaned(metadata)
+    return SheetRemoval(
+        result=cleaned if scale == 1 else scaled(cleaned, 1 / scale), sheets=sheets, left=left, reason=""
+    )
 
 
 def at_usual_scale(scene: Any) -> tuple[Any, float]:
