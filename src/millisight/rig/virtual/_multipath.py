@@ -17,9 +17,10 @@ import numpy as np
 
 from millisight.meshes import LIFT, RayCaster
 from millisight.rig.virtual._path_kernels import NO_SLOPE
+from millisight.rig.virtual._shadow_kernels import mirror_ways, returning_ways
 
 _SLANT = 0.05  # cosine of incidence under which a face mirrors nothing onward
-_OVER_A_CELL = 0.2  # by which the slope of a path changes at most
+_STEEPEST = NO_SLOPE + 0.2  # slope of a path in the middle of a cell, over which it changes by so much
 
 
 def double_bounces(
@@ -29,21 +30,15 @@ def double_bounces(
 
     `centroids` and `normals` (N, 3) are those of the patches, the triangles of `caster`.
     """
-    way = centroids - place
-    way /= np.linalg.norm(way, axis=1, keepdims=True)
-    along = np.einsum("ni,ni->n", way, normals)
-    first = np.flatnonzero(along < -_SLANT)
-    start = centroids[first] + LIFT * normals[first]
-    mirrored = way[first] - 2 * along[first, None] * normals[first]
-    second, reach = caster.first(start, mirrored)
-    hit = start + np.where(second < 0, 0.0, reach)[:, None] * mirrored
-    # Of the few that meet anything, those that send the wave about to where it came from, and that it reaches.
-    kept = np.flatnonzero(second >= 0)
-    onto, back = normals[second[kept]], place - hit[kept]
-    back /= np.linalg.norm(back, axis=1, keepdims=True)
-    down, up = np.einsum("ni,ni->n", mirrored[kept], onto), np.einsum("ni,ni->n", back, onto)
-    slope = mirrored[kept] - back - (down - up)[:, None] * onto
-    kept = kept[(down < -_SLANT) & (up > 0) & (np.linalg.norm(slope, axis=1) < NO_SLOPE + _OVER_A_CELL)]
-    kept = kept[~caster.blocked(start[kept], place)]
-    kept = kept[~caster.blocked(hit[kept] + LIFT * normals[second[kept]], place)]
+    numbers = np.empty(len(centroids), dtype=np.int64)
+    starts, ways = np.empty((2, len(centroids), 3))
+    count = mirror_ways(place, centroids, normals, _SLANT, LIFT, numbers, starts, ways)
+    first, starts, ways = numbers[:count], starts[:count], ways[:count]
+    second, reach = caster.first(starts, ways)
+    kept, ends = np.empty(count, dtype=np.int64), np.empty((count, 3))
+    count = returning_ways(place, starts, ways, second, reach, normals, _SLANT, _STEEPEST, LIFT, kept, ends)
+    kept, ends = kept[:count], ends[:count]
+    seen = ~caster.blocked(starts[kept], place)
+    kept, ends = kept[seen], ends[seen]
+    kept = kept[~caster.blocked(ends, place)]
     return first[kept], second[kept]

@@ -13,6 +13,9 @@ _wrapped = inline(phase.wrapped)
 _cosine = inline(phase.cosine)
 _sine = inline(phase.sine)
 
+_f32 = np.float32
+_ONE = _f32(1)
+
 FULL_SLOPE, NO_SLOPE = 0.4, 0.8
 """Slope of the path over the second face up to which a double bounce counts in full, and from which not at all."""
 
@@ -126,7 +129,7 @@ def edge_echoes(channels, antennas, light, legs, edges, cluster, carrier, half_b
             cycles = _cycles_at(leg_t, s[16], s[17], s[18]) + _cycles_at(leg_r, s[16], s[17], s[18])
             size = seen * gain * fringe * s[12] / (2 * math.pi * to * back)
             _deposit(size * complex(s[14], s[15]), to + back, cycles, _tilt(leg_t, leg_r), carrier, half_band,
-                     first_bin, width, bins[c])  # fmt: skip
+                     first_bin, width, bins, c)  # fmt: skip
 
 
 @inline
@@ -167,7 +170,7 @@ def bounce_echoes(channels, antennas, legs, pairs, clusters, starts, faces, cent
         t, r = channels[c, 0], channels[c, 1]
         ax, ay, az = antennas[t, 0], antennas[t, 1], antennas[t, 2]
         bx, by, bz = antennas[r, 0], antennas[r, 1], antennas[r, 2]
-        found = np.empty((6, _BLOCK))
+        found, echo, place = np.empty((6, _BLOCK)), np.empty((4, _BLOCK), np.float32), np.empty(_BLOCK, np.int32)
         for f in range(len(faces)):
             law_a, law_b = coherent[faces[f, 0], 0], coherent[faces[f, 1], 0]
             a_re, a_im, b_re, b_im = law_a[0], law_a[1], law_b[0], law_b[1]
@@ -223,18 +226,31 @@ def bounce_echoes(channels, antennas, legs, pairs, clusters, starts, faces, cent
                     found[1, n] = size * (re * form_re - im * form_im)
                     found[2, n] = one + two + three
                     found[3, n], found[4, n], found[5, n] = hx, hy, hz
-                for i in range(start, stop):
-                    hit = found[:, i - start]
-                    if hit[0] == 0 and hit[1] == 0:
-                        continue
-                    a, b = clusters[i, 0], clusters[i, 1]
-                    leg_t, leg_r = legs[t, a], legs[r, b]
-                    ox, oy, oz = pairs[17, i], pairs[18, i], pairs[19, i]
-                    ex, ey, ez = hit[3] - centers[b, 0], hit[4] - centers[b, 1], hit[5] - centers[b, 2]
-                    gain = _amplitude_at(leg_t, ox, oy, oz) * _amplitude_at(leg_r, ex, ey, ez)
-                    cycles = _cycles_at(leg_t, ox, oy, oz) + _cycles_at(leg_r, ex, ey, ez)
-                    _deposit(gain * complex(hit[0], hit[1]), hit[2], cycles, _tilt(leg_t, leg_r), carrier, half_band,
-                             first_bin, width, bins[c])  # fmt: skip
+                # What the legs do to it, and where it goes: vector code again, by gathers.
+                for i in range(np.uint64(start), np.uint64(stop)):
+                    n = i - np.uint64(start)
+                    a, b = np.uint64(clusters[i, 0]), np.uint64(clusters[i, 1])
+                    ox, oy, oz = _f32(pairs[17, i]), _f32(pairs[18, i]), _f32(pairs[19, i])
+                    ex, ey = _f32(found[3, n] - centers[b, 0]), _f32(found[4, n] - centers[b, 1])
+                    ez = _f32(found[5, n] - centers[b, 2])
+                    gain = legs[t, a, 0] * (_ONE + legs[t, a, 2] * ox + legs[t, a, 3] * oy + legs[t, a, 4] * oz)
+                    gain *= legs[r, b, 0] * (_ONE + legs[r, b, 2] * ex + legs[r, b, 3] * ey + legs[r, b, 4] * ez)
+                    cycles = legs[t, a, 1] + legs[t, a, 5] * ox + legs[t, a, 6] * oy + legs[t, a, 7] * oz
+                    cycles += legs[r, b, 1] + legs[r, b, 5] * ex + legs[r, b, 6] * ey + legs[r, b, 7] * ez
+                    whole = np.rint(found[2, n] / width)
+                    over = found[2, n] - whole * width
+                    late = _f32(_wrapped(carrier * over + cycles))
+                    re, im = gain * _f32(found[0, n]), gain * _f32(found[1, n])
+                    cosine, sine = _cosine(late), _sine(late)
+                    echo[0, n], echo[1, n] = re * cosine + im * sine, im * cosine - re * sine
+                    echo[2, n] = legs[t, a, 8] + legs[r, b, 8]
+                    echo[3, n] = legs[t, a, 9] + legs[r, b, 9] - _f32(half_band * over)
+                    place[n] = np.int32(whole) - np.int32(first_bin)
+                for n in range(np.uint64(stop - start)):
+                    if found[0, n] == 0 and found[1, n] == 0:
+                        continue  # its place is anywhere
+                    value = complex(echo[0, n], echo[1, n])
+                    _add_series(value, echo[2, n], echo[3, n], bins, c, np.uint64(place[n]))
 
 
 @inline
@@ -270,14 +286,20 @@ def _tilt(leg_t, leg_r):
 
 
 @inline
-def _deposit(value, path, cycles, tilt, carrier, half_band, first_bin, width, bins):
-    """Add an echo of complex amplitude `value` at path length `path`, and `cycles` later, to a channel's bins."""
+def _deposit(value, path, cycles, tilt, carrier, half_band, first_bin, width, bins, c):
+    """Add an echo of complex amplitude `value` at path length `path`, and `cycles` later, to the bins of channel c."""
     b = int(np.rint(path / width))
     over = path - b * width
     late = _wrapped(carrier * over + cycles)
     value = value * complex(_cosine(late), -_sine(late))
-    re, im, slope_re, slope_im = value.real, value.imag, tilt.real, tilt.imag - half_band * over
+    _add_series(value, tilt.real, tilt.imag - half_band * over, bins, c, np.uint64(b - first_bin))
+
+
+@inline
+def _add_series(value, slope_re, slope_im, bins, c, b):
+    """Add value times exp(slope ν) to the series of a bin."""
+    re, im = value.real, value.imag
     for m in range(ORDER):
-        bins[b - first_bin, m] += complex(re, im)
-        share = 1.0 / (m + 1)
+        bins[c, b, m] += complex(re, im)
+        share = _f32(1 / (m + 1))
         re, im = share * (re * slope_re - im * slope_im), share * (re * slope_im + im * slope_re)

@@ -102,6 +102,7 @@ class SurfaceScatterers:
 
         # Patches that cast shadows and mirror; padding does neither.
         self._solid = np.flatnonzero((patches.surface < len(solids))[self._cluster] & (self._areas > 0))
+        self._mirrors = self._centroids[self._solid], self._normals[self._solid]
         self.caster = RayCaster(self._corners[self._solid], centered=True)
 
     def check_clearance(self, antennas: np.ndarray) -> None:
@@ -118,9 +119,8 @@ class SurfaceScatterers:
 
     def bounces_from(self, place: np.ndarray) -> Pairs:
         """Double bounces for antennas about `place` (3,) [m]."""
-        solid = self._solid
-        first, second = double_bounces(place, self._centroids[solid], self._normals[solid], self.caster)
-        return solid[first], solid[second]
+        first, second = double_bounces(place, *self._mirrors, self.caster)
+        return self._solid[first], self._solid[second]
 
     def _bounce_tables(self, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, ...]:
         """(20, M), (M, 2), (K + 1,) and (K, 2), see `_path_kernels.bounce_echoes`."""

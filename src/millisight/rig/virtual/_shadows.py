@@ -10,6 +10,7 @@ import numpy as np
 
 from millisight.meshes import RayCaster
 from millisight.rig.virtual._kernels import FULL
+from millisight.rig.virtual._shadow_kernels import blend_views, facing_places
 
 _CELLS = 8  # in the distance to the scatterers
 
@@ -57,12 +58,10 @@ class ShadowCells:
         shares = np.floor(FULL * weights).astype(np.uint8)
         # They add up to 255, so that what all corners see is seen in full.
         shares[np.arange(len(shares)), shares.argmax(axis=1)] += (FULL - shares.sum(axis=1)).astype(np.uint8)
-        light = np.zeros((len(antennas), len(self._places)), dtype=np.uint8)
-        part = np.empty(len(self._places), dtype=np.uint8)
-        for row, cell, some in zip(light, cells, shares, strict=True):
-            for share, step in zip(some, self._steps, strict=True):
-                # A view is 0 or, all bits set, 255.
-                row += np.bitwise_and(self._corner(cell + step), share, out=part)
+        corners, which = np.unique((cells[:, None] + self._steps).reshape(-1, 3), axis=0, return_inverse=True)
+        views = np.stack([self._corner(corner) for corner in corners])
+        light = np.empty((len(antennas), len(self._places)), dtype=np.uint8)
+        blend_views(views, which.reshape(shares.shape), shares, light)
         return light
 
     def _cells(self, places: np.ndarray) -> np.ndarray:
@@ -78,7 +77,8 @@ class ShadowCells:
 
     def _view(self, place: np.ndarray) -> np.ndarray:
         # What faces away answers nobody, so nothing is asked about it; to antennas beside the corner it may face.
-        facing = (np.einsum("svi,vi->sv", self._normals, place - self._places) >= 0).any(axis=0)
+        facing = np.empty(len(self._places), dtype=bool)
+        facing_places(np.asarray(place, dtype=float), self._places, self._normals, facing)
         view = np.full(len(self._places), FULL, dtype=np.uint8)
         view[facing] = np.where(self._caster.blocked(self._places[facing], place), 0, FULL)
         return view
