@@ -1,7 +1,9 @@
 """The one ray caster: what rays meet first, and what lies between two places. Embree does the work, in float32."""
 
 import mmap
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import numpy as np
 
@@ -9,6 +11,7 @@ from millisight.data import TriangleMesh
 
 _RAYS = 100_000  # in one call of Embree, which nothing interrupts: a second or two where thousands of faces overlap
 
+_FEWEST = 10_000  # for which a thread of its own is worth while
 # Addresses that Embree takes, and for each triangle [bytes]: a little more than measured.
 _RESERVED, _EACH = 280_000_000, 400
 
@@ -23,7 +26,7 @@ class RayCaster:
     ----------
     triangles : (F, 3, 3) corners [m]
     centered : count from the middle of all, where float32 is finest, at the price of an addition a ray
-    each : called after every hundred thousand rays of `first`
+    each : called after every hundred thousand rays
 
     Raises
     ------
@@ -32,7 +35,8 @@ class RayCaster:
     """
 
     def __init__(self, triangles: np.ndarray, *, centered: bool = False, each: Callable[[], object] = lambda: None):
-        self._scene, self._middle, self._each = None, None, each
+        self._scene: Any = None
+        self._middle, self._each = None, each
         if not len(triangles):
             return
         from embreex.mesh_construction import TriangleMesh as EmbreeMesh
@@ -46,6 +50,7 @@ class RayCaster:
         _check_memory(_RESERVED + _EACH * len(triangles))
         self._scene = EmbreeScene()
         EmbreeMesh(self._scene, self._placed(triangles))
+        self._scene.run(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))  # the first ray builds the tree
 
     @classmethod
     def of(cls, meshes: Sequence[TriangleMesh]) -> "RayCaster":
@@ -72,10 +77,12 @@ class RayCaster:
         if self._scene is None:
             return np.full(len(directions), -1), np.full(len(directions), np.inf)
         face, reach = np.empty(len(directions), dtype=np.int64), np.empty(len(directions))
-        for some in _blocks(len(directions)):
+
+        def cast(some: slice) -> None:
             rays = self._scene.run(self._placed(starts[some]), _float32(directions[some]), output=True)
             face[some], reach[some] = rays["primID"], rays["tfar"]
-            self._each()
+
+        self._by_blocks(cast, len(directions))
         reach[face < 0] = np.inf
         return face, reach
 
@@ -88,16 +95,42 @@ class RayCaster:
     def blocked(self, starts: np.ndarray, stop: np.ndarray) -> np.ndarray:
         """(n,) bool: whether something lies between each of `starts` (n, 3) and one `stop` (3,) [m], by the million."""
         blocked = np.zeros(len(starts), dtype=bool)
-        if self._scene is not None:
-            for some in _blocks(len(starts)):
-                ways = stop - starts[some]
-                lengths = np.sqrt(np.einsum("ni,ni->n", ways, ways))  # a third of the time of NumPy's norm
-                ways *= np.minimum(1, self._longest / lengths)[:, None]
-                # Not normalised: the ray's parameter is 1 at its end.
-                ends = np.ones(len(ways), np.float32)
-                hits = self._scene.run(self._placed(starts[some]), _float32(ways), dists=ends, query="OCCLUDED")
-                blocked[some] = hits == 0
+        if self._scene is None:
+            return blocked
+
+        def cast(some: slice) -> None:
+            ways = stop - starts[some]
+            lengths = np.sqrt(np.einsum("ni,ni->n", ways, ways))  # a third of the time of NumPy's norm
+            ways *= np.minimum(1, self._longest / lengths)[:, None]
+            # Not normalised: the ray's parameter is 1 at its end.
+            ends = np.ones(len(ways), np.float32)
+            hits = self._scene.run(self._placed(starts[some]), _float32(ways), dists=ends, query="OCCLUDED")
+            blocked[some] = hits == 0
+
+        self._by_blocks(cast, len(starts))
         return blocked
+
+    def _by_blocks(self, cast: Callable[[slice], None], count: int) -> None:
+        """Cast `count` rays, block by block, on as many cores as Numba has."""
+        threads = 1
+        if count >= 2 * _FEWEST:
+            import numba  # not where there is little to do
+
+            threads = min(numba.get_num_threads(), count // _FEWEST)
+        size = min(_RAYS, -(-count // threads))
+        blocks = [slice(start, start + size) for start in range(0, count, size)] if count else []
+        if threads == 1:
+            for some in blocks:
+                cast(some)
+                self._each()
+            return
+        with ThreadPoolExecutor(threads) as pool:
+            try:
+                for _ in pool.map(cast, blocks):
+                    self._each()
+            except BaseException:
+                pool.shutdown(cancel_futures=True)
+                raise
 
 
 def _check_memory(count: int) -> None:
@@ -106,10 +139,6 @@ def _check_memory(count: int) -> None:
         mmap.mmap(-1, count).close()  # addresses alone
     except OSError as error:
         raise MemoryError(f"the search for what rays meet needs {count / 1e6:.0f} MB") from error
-
-
-def _blocks(count: int) -> Iterator[slice]:
-    return (slice(start, start + _RAYS) for start in range(0, count, _RAYS))
 
 
 def _float32(vectors: np.ndarray) -> np.ndarray:
