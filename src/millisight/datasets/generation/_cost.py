@@ -29,7 +29,8 @@ _PAIR, _CHANNEL, _VOXEL = 0.7e-9, 3.3e-5, 0.4e-6  # imaging: direct, or factoris
 _VERTEX_PAIR, _VERTEX = 2.5e-9, 0.8e-4  # the simulator: a vertex seen from a position, and resampling
 
 _PROBES = 7
-_FIGURES = (0.6, 1.6)  # what whole recipes may take over what these figures say, times the slowness; 0.8 and 1.26 did
+# What whole recipes may take over what is told: with a probe of a small row (0.8 and 1.26 did), and of their own jobs.
+_FIGURES, _OWN = (0.6, 1.6), (0.85, 1.2)
 
 _IMAGE_BYTES = 8  # a voxel
 _PICTURE_BYTES = {"los": 11_000_000, "nlos": 1_600_000}
@@ -62,7 +63,8 @@ def total(costs: Iterable[Cost], workers: int, slowness: "Slowness") -> Total:
     seconds = sum(cost.seconds for cost in costs)
     longest = max((cost.seconds for cost in costs), default=0.0)
     spool = sum(sorted((cost.spool for cost in costs), reverse=True)[:workers])
-    low, high = (factor * end / slowness.median for factor, end in zip(_FIGURES, slowness[1:], strict=True))
+    ends = slowness.low, slowness.high
+    low, high = (factor * end / slowness.median for factor, end in zip(slowness.figures, ends, strict=True))
     return Total(
         len(costs), seconds, sum(cost.kept for cost in costs), spool, max(seconds / workers, longest), low, high
     )
@@ -89,6 +91,13 @@ def rig_cost(stage: WorldLayout, grids: Mapping[str, VoxelGrid], *, keep: str, c
         seconds += _PICTURE
         kept += _PICTURE_BYTES[world.sight]
     return Cost(seconds, kept + (raw if keep == "raw" else 0), 2 * raw)
+
+
+def _echo_seconds(rig: VirtualRig) -> float:
+    """Of one core, for the echoes of all rows, by the figures."""
+    duration, rows = rig.world.arm.duration(rig.world.scan.size[1]), len(rig.plan.rows)
+    each = (row_seconds(rig.layout, radar.radar, duration / radar.frame_period + 2) for radar in rig.radars)
+    return rows * sum(each)
 
 
 def _written(frames: float, radar: str, keep: str) -> float:
@@ -128,6 +137,29 @@ class Slowness(NamedTuple):
     median: float = 1.0  # of probes
     low: float = 1.0  # least of them
     high: float = 1.0  # largest of them
+    figures: tuple[float, float] = _FIGURES  # what the work may take over that, besides
+
+
+def slowness_of(stages: Iterable[WorldLayout], done: Callable[[], object] = lambda: None) -> Slowness:
+    """The processor time of the middle rows of scans, over what the figures say: stages that stand for equal shares of
+    the work. `done` is called after each.
+
+    With the median, the mean of these shares, come two standard errors of it.
+    """
+    import numba
+
+    threads, ratios = numba.get_num_threads(), []
+    numba.set_num_threads(1)
+    try:
+        for stage in stages:
+            rig = VirtualRig(stage.world, layout=stage)
+            ratios.append(rig.estimated_seconds(time.process_time) / _echo_seconds(rig))
+            done()
+    finally:
+        numba.set_num_threads(threads)
+    mean = float(np.mean(ratios))
+    sigma = float(np.std(ratios, ddof=1) / np.sqrt(len(ratios))) if len(ratios) > 1 else 0.0
+    return Slowness(mean, max(mean - 2 * sigma, min(ratios)), min(mean + 2 * sigma, max(ratios)), _OWN)
 
 
 def slowness() -> Slowness:

@@ -8,16 +8,19 @@ import tempfile
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import closing
 from functools import partial
+from itertools import count
 from operator import methodcaller
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from millisight.core import make_folder, printable, record
 from millisight.core.errors import FileError, InputError
 from millisight.datasets import DatasetObject, Manifest, ManifestEntry, prepare_objects
 from millisight.datasets._workers import attempt
 from millisight.datasets.generation._card import write_card
-from millisight.datasets.generation._cost import Cost, Remaining, Slowness, Total, slowness, total
+from millisight.datasets.generation._cost import Cost, Remaining, Slowness, Total, slowness, slowness_of, total
 from millisight.datasets.generation._engine import Engine
 from millisight.datasets.generation._jobs import Job, jobs_of
 from millisight.datasets.generation._ledger import Ledger
@@ -34,6 +37,7 @@ Progress = Callable[[int, int], None]
 
 _VERSION = 1  # of the generator: another one, and everything is made anew
 _SHOWN = 5  # problems of a recipe
+_SAMPLES, _MUCH = 5, 600.0  # scans that are tried where there is more to do than so many core-seconds
 _FEW = 10  # jobs that one process has checked before others have started
 
 
@@ -94,7 +98,7 @@ def plan_dataset(
     out : the dataset's folder, which is only read; valid results of an earlier run are kept
     meshes : folder of real scans, which replace shapes of the catalogue
     engine : checks the jobs, on this machine; None: this process
-    progress : called with (jobs checked, jobs to check)
+    progress : called with (done, total) of jobs to check and of scans that are tried
 
     Raises
     ------
@@ -113,14 +117,38 @@ def plan_dataset(
         for thing in things.values():
             thing.write(Path(workspace))
         here = Engine("threads", 1, 1) if engine is None or len(todo) < _FEW else engine
-        costs, problems = _checked(todo, Path(workspace), here, progress)
+        checked = None if progress is None else partial(_with_probes, progress)
+        costs, problems = _checked(todo, Path(workspace), here, checked)
+        slow = Slowness() if problems else _slowness(todo, costs, Path(workspace), progress)
     if problems:
         more = f"; and {len(problems) - _SHOWN} more" if len(problems) > _SHOWN else ""
         raise InputError(f"{recipe.source}: cannot be generated: {'; '.join(problems[:_SHOWN])}{more}")
     return Plan(
         recipe=recipe, out=out, things=things, jobs=jobs, todo=todo, costs=costs, texts=texts, ledger=ledger,
-        slowness=slowness() if any(isinstance(job, RigJob) for job in todo) else Slowness(),
+        slowness=slow,
     )  # fmt: skip
+
+
+def _with_probes(progress: Progress, done: int, jobs: int) -> None:
+    progress(done, jobs + _SAMPLES)
+
+
+def _slowness(todo: Sequence[Job], costs: Sequence[Cost], root: Path, progress: Progress | None) -> Slowness:
+    """Of this machine: by a few scans of the recipe, each of which stands for as much of the work, or where there is
+    little to do by a small one."""
+    rig = [(cost.seconds, job) for job, cost in zip(todo, costs, strict=True) if isinstance(job, RigJob)]
+    if not rig:
+        return Slowness()
+    rig.sort(key=lambda pair: pair[0])
+    until = np.cumsum([seconds for seconds, _ in rig])
+    if until[-1] < _MUCH:
+        return slowness()
+    picks = np.searchsorted(until, until[-1] * (np.arange(_SAMPLES) + 0.5) / _SAMPLES)
+    done = count(len(todo) + 1)
+    return slowness_of(
+        (rig[pick][1].stage(root) for pick in picks),
+        lambda: None if progress is None else progress(next(done), len(todo) + _SAMPLES),
+    )
 
 
 def _checked(

@@ -104,6 +104,10 @@ class RigJob:
             "meshes": dict(self.sources),
         }
 
+    def stage(self, root: Path) -> WorldLayout:
+        """What stands where, once the meshes are in the dataset `root`."""
+        return build_layout(self._world(root))
+
     def check(self, root: Path) -> Cost:
         """What it will cost.
 
@@ -112,7 +116,7 @@ class RigJob:
         InputError, CoverageError, MeshError, FileError
             The world is impossible.
         """
-        stage = build_layout(self._world(root))
+        stage = self.stage(root)
         grids = {radar: self._grid(stage, radar) for radar in self.radars}
         return rig_cost(stage, grids, keep=self.keep, camera=self.camera)
 

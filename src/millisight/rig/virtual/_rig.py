@@ -2,6 +2,7 @@
 
 import os
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -87,8 +88,11 @@ class VirtualRig:
         """(4, 4) camera frame to radar frame, where the picture is to be taken."""
         return self.world.camera.pose(self.plan.photo.position - BASE_ORIGIN)  # ty: ignore[missing-union-attribute]
 
-    def estimated_seconds(self) -> float:
-        """Estimated time to compute the echoes of the whole plan on this machine [s], from a part of its middle row."""
+    def estimated_seconds(self, clock: Callable[[], float] = time.perf_counter) -> float:
+        """Estimated time to compute the echoes of the whole plan on this machine [s], from a part of its middle row.
+
+        `clock` tells the time; with `time.process_time` it is that of the processor.
+        """
         start, end = self.plan.rows[len(self.plan.rows) // 2]
         length = float(np.linalg.norm(end.position - start.position))
         total = 0.0
@@ -99,8 +103,8 @@ class VirtualRig:
             places = start.position + share[:, None] * (end.position - start.position) - BASE_ORIGIN + radar.mount
             # The first call makes the model ready, which is then done for the whole scan. What the second casts anew
             # serves the rows near by, too.
-            _seconds(self._frames, radar.settings, places[:1])
-            first, again = (_seconds(self._frames, radar.settings, places) for _ in range(2))
+            _seconds(clock, self._frames, radar.settings, places[:1])
+            first, again = (_seconds(clock, self._frames, radar.settings, places) for _ in range(2))
             rows = len(self.plan.rows)
             total += moving / some * (rows * again + max(1.0, rows / _SHARING) * max(0.0, first - again))
         return total
@@ -125,10 +129,10 @@ class VirtualRig:
         return self.arm.true_positions(times) - BASE_ORIGIN
 
 
-def _seconds(frames: Frames, settings: RadarSettings, positions: np.ndarray) -> float:
-    started = time.perf_counter()
+def _seconds(clock: Callable[[], float], frames: Frames, settings: RadarSettings, positions: np.ndarray) -> float:
+    started = clock()
     frames(settings, Trajectory(times=np.arange(len(positions)), positions=positions))
-    return time.perf_counter() - started
+    return clock() - started
 
 
 def plan_of(world: World) -> ScanPlan:
