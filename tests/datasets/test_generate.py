@@ -28,7 +28,7 @@ from millisight.datasets.generation._simulator_job import SimulatorJob
 from millisight.imaging import form_image
 from millisight.io import load_extras, open_capture
 from millisight.io.mito import read_published
-from millisight.rig.virtual import World
+from millisight.rig.virtual import VirtualRig, World
 
 HERE = Engine("threads", 1, 1)
 JOBS = 4
@@ -375,6 +375,23 @@ def test_waiting_for_the_core_and_one_disturbed_probe_do_not_change_the_estimate
     found = cost.slowness()
     assert next(probes, None) is None
     assert (found.high / found.median, found.low / found.median) == pytest.approx((25, 0.95))
+
+
+def test_where_there_is_much_to_do_scans_of_the_recipe_tell_how_long(monkeypatch):
+    """Each stands for as much of the work, whatever the figures say of it."""
+    factors = iter([2.0, 3.0, 2.5, 2.5, 2.5])
+    monkeypatch.setattr(
+        VirtualRig, "estimated_seconds", lambda self, clock: next(factors) * cost._echo_seconds(self))
+    monkeypatch.setattr(generate, "_MUCH", 1.0)
+    told = []
+    plan = plan_dataset(small_recipe.recipe(), "nowhere", progress=lambda *pair: told.append(pair))
+    assert next(factors, None) is None
+    assert plan.slowness.median == pytest.approx(2.5)
+    error = np.std([2, 3, 2.5, 2.5, 2.5], ddof=1) / np.sqrt(5)
+    assert (plan.slowness.low, plan.slowness.high) == pytest.approx((2.5 - 2 * error, 2.5 + 2 * error))
+    total = plan.total(1)
+    assert (total.low, total.high) == pytest.approx((0.85 * (1 - 0.8 * error), 1.2 * (1 + 0.8 * error)))
+    assert told[-1] == (len(plan.todo) + 5, len(plan.todo) + 5)
 
 
 def test_what_finished_jobs_took_corrects_what_is_left():
