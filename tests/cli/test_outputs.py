@@ -5,12 +5,14 @@ from pathlib import Path
 import pytest
 
 from helpers.annotating import radar_image
-from helpers.commands import refused, run_inside
+from helpers.commands import COMMANDS, refused, run_inside
 from helpers.miniature import MUG, add_experiment, small_scene
 from helpers.small_records import small_capture
+from millisight.cli.console import OUTPUTS
 from millisight.cli.outputs import check_outputs
 from millisight.core.errors import InputError
 from millisight.io import save
+from millisight.io.mito import read_published
 
 DESCRIPTION = """
 [frames]
@@ -95,7 +97,7 @@ def test_raw_files_of_an_experiment(tmp_path):
             check_outputs(path, source=tmp_path)
 
 
-@pytest.mark.parametrize("typed", ["new/", "there", "there/", ".", "./"])
+@pytest.mark.parametrize("typed", ["new/", "there", "./"])
 def test_a_folder_for_one_capture_or_image(tmp_path, typed):
     """It was a file where it was not there, and an error where it was."""
     (tmp_path / "there").mkdir()
@@ -132,3 +134,58 @@ def test_the_page_and_the_screenshot_of_what_is_viewed(tmp_path):
     assert "m.png is an input, too, and would be overwritten" in refused(
         "view", "m.html", "m.png", "--screenshot", "m.png", cwd=tmp_path)  # fmt: skip
     assert (tmp_path / "m.png").read_bytes() == before
+
+
+def prompts(folder):
+    (folder / "prompts").write_text('{"points": [[20, 20], [1, 1]], "positive": [true, false]}')
+
+
+@pytest.mark.parametrize(
+    ("command", "kept"),
+    [
+        (("segment", "a.image.h5", "--method", "classical", "--prompts", "prompts", "-o", "prompts"), "prompts"),
+        (("segment", "b.image.h5", "b.mask.h5", "--method", "classical"), "b.mask.h5"),
+        (("segment", "a.image.h5", "--other-band", "b.mask.h5", "-o", "b.mask.h5"), "b.mask.h5"),
+        (("annotate", "a.image.h5", "--other-band", "b.mask.h5", "-o", "b.mask.h5", "--no-browser"), "b.mask.h5"),
+    ],
+)
+def test_every_argument_that_is_a_file_is_an_input(tmp_path, command, kept):
+    prompts(tmp_path)
+    for name in ("a.image.h5", "b.image.h5", "b.mask.h5"):
+        save(tmp_path / name, radar_image())
+    before = (tmp_path / kept).read_bytes()
+    code, _, err = run_inside(*command, cwd=tmp_path)
+    assert code == 1
+    assert f"{kept} is an input, too, and would be overwritten" in err
+    assert (tmp_path / kept).read_bytes() == before
+
+
+def test_the_other_band_of_a_dataset_is_an_input(tmp_path):
+    add_experiment(tmp_path, MUG, 1, "los", small_scene(MUG))
+    for path in list(tmp_path.rglob("processed_image*.pkl")):
+        save(path.with_suffix(".h5"), read_published(path).record)
+        path.unlink()
+    high, low = (next(tmp_path.rglob(f"{band}/processed_image*.h5")) for band in ("77_ghz", "24_ghz"))
+    code, _, err = run_inside("segment", high, "--multispectral", "--method", "classical", "-o", low, cwd=tmp_path)
+    assert code == 1
+    assert "is an input, too, and would be overwritten" in err
+
+
+def test_two_outputs_of_one_command_are_not_one_file(tmp_path):
+    for name in ("a", "a.slices"):
+        save(tmp_path / f"{name}.capture.h5", small_capture())
+    options = ("--grid", "0cm:3cm:1cm,0cm:3cm:1cm,-21cm:-20cm:1cm", "-o", "i/", "--plot", "p/", "--slices", "p/")
+    code, _, err = run_inside("image", "a.capture.h5", "a.slices.capture.h5", *options, cwd=tmp_path)
+    assert code == 1
+    assert "p/a.slices.png was written by this command already; choose other names or folders" in err
+
+
+def test_outputs_are_told_by_their_names():
+    """All other parameters that may be paths are inputs."""
+    named = {name for command in COMMANDS.values() for name in getattr(command.callback, "__annotations__", ())}
+    assert set(OUTPUTS) <= named
+    for command in COMMANDS.values():
+        for name, kind in getattr(command.callback, "__annotations__", {}).items():
+            about = str(getattr(next(iter(getattr(kind, "__metadata__", ())), None), "help", "") or "")
+            if "Path" in str(kind) and about.lower().startswith(("write", "also write", "image to write", "mask to")):
+                assert name in OUTPUTS, (name, about)

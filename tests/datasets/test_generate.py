@@ -380,8 +380,7 @@ def test_waiting_for_the_core_and_one_disturbed_probe_do_not_change_the_estimate
 def test_where_there_is_much_to_do_scans_of_the_recipe_tell_how_long(monkeypatch):
     """Each stands for as much of the work, whatever the figures say of it."""
     factors = iter([2.0, 3.0, 2.5, 2.5, 2.5])
-    monkeypatch.setattr(
-        VirtualRig, "estimated_seconds", lambda self, clock: next(factors) * cost._echo_seconds(self))
+    monkeypatch.setattr(VirtualRig, "estimated_seconds", lambda self, clock: next(factors) * cost._echo_seconds(self))
     monkeypatch.setattr(generate, "_MUCH", 1.0)
     told = []
     plan = plan_dataset(small_recipe.recipe(), "nowhere", progress=lambda *pair: told.append(pair))

@@ -221,6 +221,18 @@ def test_mmwave_studio_is_asked_by_a_file(bench, tmp_path):
     assert one.radar.check()[1].startswith("started by mmWave Studio through ")
 
 
+def test_a_file_of_somebody_else_s_is_no_question_for_mmwave_studio(bench, tmp_path):
+    """It was overwritten, and `rig check` removed it."""
+    (tmp_path / "go.txt").write_text("my thesis")
+    one = bench(serial=None, start_file="go.txt")
+    one.radar.open()
+    with pytest.raises(DeviceError, match=r"go.txt was not made by millisight and would be overwritten"):
+        one.radar.start(3)
+    one.radar.check()
+    one.radar.close()
+    assert (tmp_path / "go.txt").read_text() == "my thesis"
+
+
 def test_the_script_for_mmwave_studio_has_the_profile_s_numbers(tmp_path):
     path = tmp_path / "profile.cfg"
     path.write_text(PROFILE)

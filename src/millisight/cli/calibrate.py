@@ -11,7 +11,7 @@ from millisight.cli.console import SMALL, WARNING, Commands, answer, answer_json
 from millisight.cli.image_steps import on_time, one_opened, without_background
 from millisight.cli.options import DataFolder, RadarChoice
 from millisight.cli.outputs import check_outputs
-from millisight.cli.sources import Opened, files_read, sources
+from millisight.cli.sources import Opened, sources
 from millisight.core import check_known, printable, toml_of, write_text
 from millisight.core.errors import InputError
 from millisight.data import VoxelGrid
@@ -203,8 +203,7 @@ def radar(
     )
     with json_only(as_json), one_opened(source, radar, data) as (opened, found):
         to = output or Path(f"{opened.capture.radar.name}.calibration.toml")
-        also = () if background is None else (background, *files_read(background, data))
-        check_outputs(to, source=source, others=also, data=data)
+        check_outputs(to, source=source, data=data)
         empties = [] if background is None else sources([background], radar)
         capture = without_background(opened.capture, found, empties, data)
         if clock == "apply":

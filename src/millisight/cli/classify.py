@@ -112,7 +112,7 @@ def classify(
     def one(source: ImageSource, to: Path | None) -> "Prediction":
         drawn = None if to is None or no_picture else to.with_suffix(".png")
         described = None if weights is None else weights.with_suffix(".json")
-        check_outputs(to, drawn, source=source.path, others=(mask, other_band, weights, described))
+        check_outputs(to, drawn, source=source.path, others=(source.other, described))
         image, other = source.images()
         path = _mask_file(source, mask, method)
         if path is not None:

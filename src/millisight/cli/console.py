@@ -3,13 +3,15 @@
 import functools
 import inspect
 import json
+import os
 import re
 import select
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
@@ -37,9 +39,17 @@ class _Talk:
     quiet: bool = False  # nothing but warnings and errors
     aside: bool = False  # on standard error: standard output holds a JSON document
     counted: dict[str, int] | None = None  # warnings that are summed up, and how often each came
+    given: list[Any] = field(default_factory=list)  # arguments of it that may be read
+    written: set[str] = field(default_factory=set)  # what it has been to write so far
 
 
 _talk = _Talk()
+OUTPUTS = ("depth", "fit", "html", "output", "placed", "plot", "points", "screenshot", "slices")
+"""Parameters of commands that name what is written; all others may name what is read."""
+
+read_before: list[tuple[str, Path]] = []
+"""What the arguments of the command that runs now have it read, as `outputs` found once: what it is, and the file."""
+
 claims = ExitStack()
 """On the outputs of the command that runs now: another run may not write them as well."""
 
@@ -65,6 +75,7 @@ def _with_quiet(function: Any) -> Any:
     @functools.wraps(function)
     def run(*arguments: Any, quiet: bool = False, **options: Any) -> Any:
         _talk.quiet = quiet
+        _talk.given = [value for name, value in options.items() if name not in OUTPUTS]
         try:
             return function(*arguments, **options)
         except BrokenPipeError as error:
@@ -72,7 +83,9 @@ def _with_quiet(function: Any) -> Any:
                 raise DeviceError("a pipe or a connection to another process broke; run the command again") from error
             raise  # whoever read what is printed has ended, which is no error
         finally:
-            _talk.quiet = False
+            _talk.quiet, _talk.given = False, []
+            _talk.written.clear()
+            read_before.clear()
             claims.close()
 
     signature, command = inspect.signature(function), cast("Any", run)
@@ -80,6 +93,22 @@ def _with_quiet(function: Any) -> Any:
     command.__signature__ = signature.replace(parameters=[*signature.parameters.values(), added])
     command.__annotations__ = {**function.__annotations__, "quiet": kind}
     return command
+
+
+def files_given() -> Iterator[Path]:
+    """Files and folders that are there, among the arguments of the command that runs now, but for its outputs."""
+    for value in _talk.given:
+        for one in value if isinstance(value, list | tuple) else (value,):
+            if isinstance(one, str | Path) and os.path.exists(one):
+                yield Path(one)
+
+
+def written_before(path: Path) -> bool:
+    """Whether the command that runs now was to write this file already; it is now."""
+    place = os.path.realpath(path)
+    before = place in _talk.written
+    _talk.written.add(place)
+    return before
 
 
 def _unread() -> bool:

@@ -1,6 +1,5 @@
 """`millisight image`: from captures to 3-D images, one or a whole dataset."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,7 +11,7 @@ from millisight.cli.grids import outline_mesh, parse_bytes
 from millisight.cli.image_steps import ImageSettings, check_stated, image_of, large_image_of, oddities
 from millisight.cli.options import DataFolder, RadarChoice
 from millisight.cli.outputs import check_outputs, named, output_path
-from millisight.cli.sources import Source, files_read, sources
+from millisight.cli.sources import Source, sources
 from millisight.core import check_known, checked_colormap, colormap_in_use, make_folder, record_from_file
 from millisight.core.errors import InputError, MillisightError
 from millisight.data import SarImage
@@ -208,16 +207,14 @@ def image(
         raise InputError(
             "--background holds no capture of a radar that is to be imaged; pass one, or choose with --radar"
         )
-    read = [*(path for path, _ in empties), *(source.path for source in found)]
-    also = [*read, *(calibration or []), *(file for path in read for file in files_read(path, data))]
     if len(found) == 1:
         to, name = _image_path(found[0], None), found[0].name
         figures = named(plot, f"{name}.png"), named(slices, f"{name}.slices.png")
         outputs = _Outputs(named(output, to.name) or to, *figures)
-        check_outputs(records=(outputs.image,), figures=figures, source=found[0].path, others=also, data=data)
+        check_outputs(records=(outputs.image,), figures=figures, source=found[0].path, data=data)
         _image_one(found[0], outputs, settings, label="")
         return
-    _image_all(found, output, plot, slices, settings, resume=resume, also=also)
+    _image_all(found, output, plot, slices, settings, resume=resume)
 
 
 def _calibrations(paths: list[Path]) -> "list[RadarCalibration]":
@@ -240,9 +237,8 @@ def _image_all(
     settings: ImageSettings,
     *,
     resume: bool,
-    also: Sequence[Path],
 ) -> None:
-    """Every capture after the other; what failed is said again at the end. `also`: files that are read."""
+    """Every capture after the other; what failed is said again at the end."""
     for folder in (output, plot, slices):
         if folder is not None:
             make_folder(folder)
@@ -262,9 +258,7 @@ def _image_all(
                     passed_over += 1
                     continue
                 figures = outputs.plot, outputs.slices
-                check_outputs(
-                    records=(outputs.image,), figures=figures, source=source.path, others=also, data=settings.data
-                )
+                check_outputs(records=(outputs.image,), figures=figures, source=source.path, data=settings.data)
                 _image_one(source, outputs, settings, label=f"[{number}/{len(found)}] ")
             except (MillisightError, MemoryError, OSError) as error:
                 failures.append(f"{source.name}: {' '.join(in_options(str(error)).split())}")

@@ -85,7 +85,7 @@ def locate(
         meshes = _meshes(mesh, unit)
         capture, name = one_capture(source, radar, data)
         to = output or source.parent / f"{name}.pose.json"
-        check_outputs(to, placed, figures=(plot,), source=source, others=mesh, data=data)
+        check_outputs(to, placed, figures=(plot,), source=source, data=data)
         voxels = parse_grid(grid, capture)
         check_memory(capture, voxels, advice="")
         say(f"grid: {' x '.join(map(str, voxels.shape))} voxels, {capture.channels} channels")

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator
 from itertools import combinations
 from pathlib import Path
 
-from millisight.cli.console import claims
+from millisight.cli.console import claims, files_given, read_before, written_before
 from millisight.cli.sources import files_read
 from millisight.core import FIGURE_SUFFIXES, check_record_suffix, check_writable, claimed, make_folder, same_file
 from millisight.core.errors import InputError, UnknownNameError
@@ -48,26 +48,29 @@ def check_outputs(
 ) -> None:
     """Check before the work that its outputs can be written.
 
-    Refused are: the `source` and files that are read with it, `others` that are read, one file twice, a missing folder,
-    an unknown format of figures or records, and what another run is to write. `data` is the folder of the files that a
-    description names, where they do not lie beside it.
+    Refused are: files among the command's arguments, and what is read with them; the `source` and `others` that are
+    read besides; one file twice, also for a source before; a missing folder, an unknown format of figures or records,
+    and what another run is to write. `data` is the folder of the files that a description names, where they do not lie
+    beside it.
 
     Raises
     ------
     FileError, InputError, UnknownNameError
     """
     outputs = [path for path in (*records, *paths, *figures) if path is not None]
-    there = [path for path in outputs if path.exists()]
+    there = {_identity(path): path for path in outputs if path.exists()}
     for what, read in _inputs(source, others, data) if there else ():
-        for path in there:
-            if read.exists() and same_file(path, read):
-                raise InputError(f"{path} is {what} and would be overwritten; choose another name for the output")
+        if read.exists() and (path := there.get(_identity(read))) is not None:
+            raise InputError(f"{path} is {what} and would be overwritten; choose another name for the output")
     for path in records:
         if path is not None:
             check_record_suffix(path)
     for one, other in combinations(outputs, 2):
         if same_file(one, other):
             raise InputError(f"{one} is given for two outputs; choose two names")
+    for path in outputs:
+        if written_before(path):
+            raise InputError(f"{path} was written by this command already; choose other names or folders")
     claims.close()  # of the source before, where a command has many
     for path in outputs:
         check_writable(path)
@@ -77,6 +80,12 @@ def check_outputs(
             raise UnknownNameError("figure format", figure.suffix or figure.name, FIGURE_SUFFIXES)
 
 
+def _identity(path: Path) -> tuple[int, int]:
+    """What is the same for all names of a file."""
+    found = path.stat()
+    return found.st_dev, found.st_ino
+
+
 def _inputs(source: Path | None, others: Iterable[str | Path | None], data: Path | None) -> Iterator[tuple[str, Path]]:
     """What the files are that are read, and where they lie; some may not be there."""
     if source is not None:
@@ -84,3 +93,8 @@ def _inputs(source: Path | None, others: Iterable[str | Path | None], data: Path
         if source.exists():
             yield from ((f"read with {source}", path) for path in files_read(source, data))
     yield from (("an input, too,", Path(path)) for path in others if path is not None)
+    if not read_before:  # once a command, however many sources it has
+        for given in files_given():
+            read_before.append(("an input, too,", given))
+            read_before.extend((f"read with {given}", path) for path in files_read(given, data))
+    yield from read_before

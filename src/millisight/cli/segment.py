@@ -179,7 +179,7 @@ def segment(
         drawn = None if no_picture else to.with_suffix(".png")
         _check_not_marked(to, drawn, named=output is not None)
         check_outputs(
-            drawn, to.with_suffix(".ply") if volume else None, records=(to,), source=source.path, others=(other_band,)
+            drawn, to.with_suffix(".ply") if volume else None, records=(to,), source=source.path, others=(source.other,)
         )
         if by is None or instances:
             return several(source, to, drawn)

@@ -6,14 +6,16 @@ it appears, the script removes it and starts the frames of one row.
 
 import secrets
 import time
+from contextlib import suppress
 from pathlib import Path
 
-from millisight.core import printable, write_text
+from millisight.core import check_own, printable, write_text
 from millisight.core.errors import DeviceError, FileError
 from millisight.io.raw import read_ti_config
 from millisight.rig.drivers._ti_cli import profile_lines
 
 _PATIENCE = 3.0  # until the script takes the file [s]
+_MARK = "asked for by millisight"
 
 _SCRIPT = """\
 -- Made by millisight from {profile}: run it in mmWave Studio after "Connect" and the download of the firmware.
@@ -96,7 +98,7 @@ class StartFile:
     """Starts a row's frames by a file that the script of `studio_script` waits for."""
 
     def __init__(self, path: Path):
-        self._path = path
+        self._path, self._asked = path, ""
 
     def start(self, frames: int) -> None:
         """Ask for the frames of a row; their number is the script's.
@@ -104,16 +106,18 @@ class StartFile:
         Raises
         ------
         DeviceError
-            Nobody takes the file.
+            Nobody takes the file, or another one has its name.
         """
         try:
-            write_text(self._path, f"{frames} frames, {secrets.token_hex(4)}\n")
+            check_own(self._path, f" frames, {_MARK}")
+            self._asked = f"{frames} frames, {_MARK} {secrets.token_hex(4)}\n"
+            write_text(self._path, self._asked)
         except FileError as error:
             raise DeviceError(f"cannot ask mmWave Studio for frames: {error}") from error
         until = time.monotonic() + _PATIENCE
         while self._path.exists():
             if time.monotonic() > until:
-                self._path.unlink(missing_ok=True)
+                self.close()
                 raise DeviceError(
                     f"mmWave Studio did not take {printable(self._path)} within {_PATIENCE:g} s; run the script that "
                     "`millisight rig script` writes in Studio, and give both the same folder"
@@ -127,4 +131,7 @@ class StartFile:
         return f"started by mmWave Studio through {printable(self._path)}"
 
     def close(self) -> None:
-        self._path.unlink(missing_ok=True)
+        """Take the question back, where nobody has."""
+        with suppress(OSError):
+            if self._asked and self._path.read_bytes() == self._asked.encode():
+                self._path.unlink()
