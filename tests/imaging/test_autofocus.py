@@ -1,5 +1,6 @@
 """Autofocus: rows and smooth errors are recovered, a path that is right stays, and what cannot be told is said."""
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -176,6 +177,19 @@ def test_a_turntable_has_no_rows_and_its_circle_stays():
     found = ms.autofocus(capture, GRID)
     assert peak(found.capture) > 0.995 * peak(capture)
     assert found.row_offsets.size == 0
+
+
+def test_the_band_of_light_takes_no_memory():
+    """A lattice over a cell of a scene 100 000 waves wide had 50 million points, seen from 48 places: 19 GB."""
+    path = ms.Trajectory.raster(size=(0.016, 0.012), step=0.004, center=(0, 0, 0.2), serpentine=True)
+    light = ms.Radar(name="light", waveform=ms.Waveform.stepped(6.3e14, 2e12, 16), array=radar().array)
+    noise = np.random.default_rng(0).normal(size=(len(path), 1, 1, 16))
+    tracemalloc.start()
+    try:
+        ms.autofocus(ms.Capture(radar=light, trajectory=path, frames=noise.astype(np.complex64)), GRID, focus="rows")
+        assert tracemalloc.get_traced_memory()[1] < 5e8
+    finally:
+        tracemalloc.stop()
 
 
 def test_what_cannot_be_right_is_refused(right):

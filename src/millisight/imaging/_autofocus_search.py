@@ -11,6 +11,7 @@ from millisight.imaging._path_rows import Row
 
 _BLOCK = 8.0  # wavelengths: side of the blocks of the chess board
 _MOST_CELLS, _MOST_POINTS = 20_000, 2_000
+_MOST_ACROSS = 12  # points of a lattice, along each axis: 1 728 in all
 _RIDGE = 1e-3  # weight of (displacement / wavelength)², averaged over the path
 
 
@@ -71,7 +72,8 @@ def bright_points(subject: Subject, moves: np.ndarray, fold: int | None) -> np.n
         return cells[:0]
     order = np.argsort(power)[::-1]
     counts = np.ceil(coarse / fine)
-    reach = (counts - 1) / 2 * coarse / counts
+    # The middle of a cell alone, where a lattice over all of it would have more points than are looked at.
+    reach = (np.minimum(counts, _MOST_ACROSS) - 1) / 2 * coarse / counts
     within = VoxelGrid.regular(-reach, reach, coarse / counts).points
     return (cells[order[: max(_MOST_POINTS // len(within), 1)], None] + within).reshape(-1, 3)
 

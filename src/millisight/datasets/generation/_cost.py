@@ -29,6 +29,7 @@ _PAIR, _CHANNEL, _VOXEL = 0.7e-9, 3.3e-5, 0.4e-6  # imaging: direct, or factoris
 _VERTEX_PAIR, _VERTEX = 2.5e-9, 0.8e-4  # the simulator: a vertex seen from a position, and resampling
 
 _PROBES = 7
+_ALL_ROWS, _REST = 1.1, 1.3  # what all rows take over what the middle one tells, and all but echoes over the figures
 # What whole recipes may take over what is told: with a probe of a small row (0.8 and 1.26 did), and of their own jobs.
 _FIGURES, _OWN = (0.6, 1.6), (0.85, 1.2)
 
@@ -140,9 +141,9 @@ class Slowness(NamedTuple):
     figures: tuple[float, float] = _FIGURES  # what the work may take over that, besides
 
 
-def slowness_of(stages: Iterable[WorldLayout], done: Callable[[], object] = lambda: None) -> Slowness:
-    """The processor time of the middle rows of scans, over what the figures say: stages that stand for equal shares of
-    the work. `done` is called after each.
+def slowness_of(scans: Iterable[tuple[WorldLayout, float]], done: Callable[[], object] = lambda: None) -> Slowness:
+    """What scans take, by the processor time of their middle rows, over the core-seconds that the figures say and that
+    are given beside: scans that stand for equal shares of the work. `done` is called after each.
 
     With the median, the mean of these shares, come two standard errors of it.
     """
@@ -151,9 +152,10 @@ def slowness_of(stages: Iterable[WorldLayout], done: Callable[[], object] = lamb
     threads, ratios = numba.get_num_threads(), []
     numba.set_num_threads(1)
     try:
-        for stage in stages:
+        for stage, told in scans:
             rig = VirtualRig(stage.world, layout=stage)
-            ratios.append(rig.estimated_seconds(time.process_time) / _echo_seconds(rig))
+            rest = max(told - _echo_seconds(rig), 0.0)
+            ratios.append((_ALL_ROWS * rig.estimated_seconds(time.process_time) + _REST * rest) / told)
             done()
     finally:
         numba.set_num_threads(threads)

@@ -136,17 +136,17 @@ def _with_probes(progress: Progress, done: int, jobs: int) -> None:
 def _slowness(todo: Sequence[Job], costs: Sequence[Cost], root: Path, progress: Progress | None) -> Slowness:
     """Of this machine: by a few scans of the recipe, each of which stands for as much of the work, or where there is
     little to do by a small one."""
-    rig = [(cost.seconds, job) for job, cost in zip(todo, costs, strict=True) if isinstance(job, RigJob)]
+    rig = [(job, cost.seconds) for job, cost in zip(todo, costs, strict=True) if isinstance(job, RigJob)]
     if not rig:
         return Slowness()
-    rig.sort(key=lambda pair: pair[0])
-    until = np.cumsum([seconds for seconds, _ in rig])
+    rig.sort(key=lambda pair: pair[1])
+    until = np.cumsum([seconds for _, seconds in rig])
     if until[-1] < _MUCH:
         return slowness()
     picks = np.searchsorted(until, until[-1] * (np.arange(_SAMPLES) + 0.5) / _SAMPLES)
     done = count(len(todo) + 1)
     return slowness_of(
-        (rig[pick][1].stage(root) for pick in picks),
+        ((rig[pick][0].stage(root), rig[pick][1]) for pick in picks),
         lambda: None if progress is None else progress(next(done), len(todo) + _SAMPLES),
     )
 
