@@ -203,6 +203,26 @@ def test_an_image_s_unit_does_not_matter(path, spots, scale):
     assert error < 1e-4 * np.abs(image.values).max()
 
 
+def test_a_stray_pose_is_told_and_few_samples_find_nothing(path):
+    """Cells over a million metres took gigabytes; a range within 5 cm ended in a traceback."""
+    echoes = mirror(RADAR, path, -0.2)
+    stray = replace(path, positions=np.concatenate([path.positions[:-1], [[1e6, 1e5, 0]]]))
+    with pytest.raises(InputError, match=r"poses lie over 1e\+06 x 1e\+05 m, too far apart .*leave stray poses out"):
+        remove_sheets(capture_of(RADAR, stray, echoes))
+    wide = ms.Waveform.stepped(70e9, 5e9, 2)  # unambiguous over 3 cm
+    two = capture_of(replace(RADAR, waveform=wide), path, echoes[..., :2])
+    assert remove_sheets(two).result is not None
+
+
+def test_an_image_of_many_slices_and_few_columns_takes_no_time():
+    """Principal components of 3000 slices took minutes, though nine columns have nine at most."""
+    grid = ms.VoxelGrid(x=np.arange(3) * 0.002, y=np.arange(3) * 0.002, z=np.arange(3000) * 0.002 - 6)
+    rng = np.random.default_rng(0)
+    began = time.process_time()
+    remove_sheets(ms.SarImage(grid=grid, values=rng.normal(size=(*grid.shape, 2)) @ [1, 1j]), frequency=FREQUENCY)
+    assert time.process_time() - began < 5
+
+
 def test_one_row_of_poses_or_voxels():
     path = from_places(np.column_stack([np.zeros(100), np.linspace(-0.12, 0.12, 100), np.zeros(100)]))
     spot, sheet = points(RADAR, path, strength=0.01), mirror(RADAR, path, -0.2, tilt_deg=(0, 1))

@@ -227,8 +227,13 @@ def _knots(axis: np.ndarray, zone: float) -> np.ndarray:
 def _principal(values: np.ndarray) -> np.ndarray:
     """(C, K) the strongest principal components of the channels, no cell counting more than the median one."""
     clipped = _clipped(values.reshape(-1, values.shape[2]))
-    _, vectors = np.linalg.eigh(clipped.T @ clipped.conj())
-    return np.ascontiguousarray(vectors[:, : -_CHANNELS - 1 : -1]).astype(np.complex64)
+    if clipped.shape[1] <= clipped.shape[0]:
+        _, vectors = np.linalg.eigh(clipped.T @ clipped.conj())
+        return np.ascontiguousarray(vectors[:, : -_CHANNELS - 1 : -1]).astype(np.complex64)
+    # Of fewer cells than channels: from the smaller of both matrices, whose values other than 0 are the same.
+    _, vectors = np.linalg.eigh(clipped.conj() @ clipped.T)
+    found = clipped.T @ vectors[:, : -_CHANNELS - 1 : -1]
+    return (found / np.maximum(np.linalg.norm(found, axis=0), 1e-30)).astype(np.complex64)
 
 
 def _clipped(values: np.ndarray) -> np.ndarray:

@@ -22,6 +22,7 @@ _LINE = 0.0025  # width of lines of poses along which an edge's ripples are alik
 _NEAREST = 0.05  # from an antenna to a sheet [m]
 _TERMS = 8  # Legendre polynomials over the band
 _BLOCK = 512  # poses in one go
+_MOST_CELLS, _CELLS_A_POSE = 10_000, 20  # of 5 mm: what poses may lie over
 _LOOKS = 1000  # poses whose range profiles tell where to look
 
 
@@ -41,6 +42,12 @@ class FrameScene:
         count = min(_TERMS, len(self._frequencies))
         terms = np.polynomial.legendre.legvander(np.linspace(-1, 1, len(self._frequencies)), count - 1)
         self._terms = np.linalg.qr(terms)[0].astype(np.float32)  # (N, Q), orthonormal over the samples
+        spans = np.ptp(self._places, axis=0)
+        if np.prod(spans / _CELL + 1) > _MOST_CELLS + _CELLS_A_POSE * len(self._places):
+            raise InputError(
+                f"{len(self._places)} poses lie over {spans[0]:.3g} x {spans[1]:.3g} m, too far apart to see a sheet "
+                'from neighbouring ones; leave stray poses out, or pass clutter="none"'
+            )
         self._level = self._usual_height(lowest)
         self._echoes, self._power = self._projected()
         self._taken = np.zeros_like(self._echoes)
@@ -122,6 +129,8 @@ class FrameScene:
         distances = SPEED_OF_LIGHT / step / length * np.arange(length) / 2 - self._capture.radar.path_offset / 2
         above = float((self._tx[..., 2].mean() + self._rx[..., 2].mean()) / 2)
         near = distances > _NEAREST
+        if not near.any():  # what the samples tell apart is nearer than that
+            return above - _NEAREST
         near &= distances <= max(above - lowest, distances[near].min())
         picked = range(0, len(self._places), max(1, len(self._places) // _LOOKS))
         falling = waveform.slope < 0
