@@ -154,6 +154,7 @@ def test_a_folder_without_pairs_is_an_error(tmp_path):
         (("--within", "0mm"), InputError, "within is 0 m"),
         (("--align", "affine"), UnknownNameError, "mode of alignment 'affine'"),
         (("--crop", "all"), InputError, "--crop is 'all'"),
+        (("--fit", "image.pkl"), InputError, "--fit is image.pkl; expected a name that ends in .toml"),
         (("--crop", "12"), InputError, "--crop is '12'; expected two whole numbers such as 12,7"),
         (("--clouds", "xyz"), UnknownNameError, "point cloud format 'xyz'"),
         (("--clutter", "foil"), UnknownNameError, "kind of clutter 'foil'"),

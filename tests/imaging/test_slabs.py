@@ -36,6 +36,15 @@ def test_slabs_cover_the_image_once_and_fit(capture):
     assert len(image_slabs(capture, GRID, memory=memory_for(capture, 1))) == 1
 
 
+def test_files_of_others_beside_the_slabs_are_kept(capture, tmp_path):
+    folder = tmp_path / "large.h5.slabs"
+    folder.mkdir()
+    for name in ("notes.txt", "7.h5"):  # a slab of a run that cut them otherwise
+        (folder / name).write_text("mine")
+    form_image_to(tmp_path / "large.h5", capture, GRID, memory=memory_for(capture, 0.5))
+    assert [path.name for path in folder.iterdir()] == ["notes.txt"]
+
+
 def test_too_little_memory_for_one_layer_is_refused(capture):
     with pytest.raises(InputError, match=r"memory is .* GB; expected at least .* for one layer of 17 x 13 voxels"):
         image_slabs(capture, GRID, memory=memory_for(capture, 0.01))

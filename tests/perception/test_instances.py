@@ -1,5 +1,7 @@
 """Several objects in one image: peaks apart by their saddles, outlines by what is seen, nothing where nothing is."""
 
+import time
+
 import numpy as np
 import pytest
 
@@ -155,3 +157,12 @@ def test_a_record_of_instances_is_checked_and_kept(tmp_path):
         ms.Instances(grid_xy=found.grid_xy, labels=found.labels, scores=found.scores[::-1])
     with pytest.raises(InputError, match="scores"):
         ms.Instances(grid_xy=found.grid_xy, labels=found.labels, scores=found.scores[:1])
+
+
+def test_voxels_of_ten_nanometres_take_no_time():
+    """The smoothing was 100 000 times as wide as the picture."""
+    grid = ms.VoxelGrid(x=np.arange(60) * 1e-8, y=np.arange(60) * 1e-8, z=np.arange(2) * 0.01)
+    noise = np.random.default_rng(0).normal(size=(*grid.shape, 2)) @ [1, 1j]
+    began = time.process_time()
+    ms.segment_instances(ms.SarImage(grid=grid, values=noise, metadata={"frequency": 79e9}))
+    assert time.process_time() - began < 5

@@ -30,6 +30,7 @@ from millisight.cli.options import (
     Workers,
     checked_sight,
 )
+from millisight.core.errors import InputError
 
 app: typer.Typer = Commands(
     no_args_is_help=True,
@@ -117,6 +118,8 @@ def simulator(
 
     Example: millisight evaluate simulator --measured bench24 --simulated bench24 -o truth
     """
+    if fit is not None and fit.suffix.lower() != ".toml":
+        raise InputError(f"--fit is {fit}; expected a name that ends in .toml")
     options = {
         "simulated": simulated,
         "radar": radar,

@@ -29,6 +29,8 @@ def sign_line(capture: Capture) -> str | None:
     poses = np.sort(np.random.default_rng(0).permutation(count)[: max(100, few)])
     some = _part(capture, poses)
     ours, other = (_sharpness(one, grid) for one in (some, replace(some, frames=some.frames.conj())))
+    if not (ours > 0 and other > 0):
+        return "phase sign: undetermined, the image is empty"
     ratio = ours / other
     if max(ratio, 1 / ratio) < _CLEAR:
         return (

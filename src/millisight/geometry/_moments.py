@@ -203,7 +203,8 @@ def _unpulled(along: np.ndarray, power: np.ndarray, noise: np.ndarray, grid: Vox
     """
     from scipy.ndimage import gaussian_filter
 
-    widths = [_TOGETHER / float(np.diff(a).mean()) if len(a) > 1 else 0.0 for a in (grid.x, grid.y, grid.z)]
+    axes = grid.x, grid.y, grid.z
+    widths = [min(_TOGETHER / float(np.diff(a).mean()), len(a)) if len(a) > 1 else 0.0 for a in axes]
     real, imaginary = np.real(along), np.imag(along)
     aside = gaussian_filter(power * imaginary**2, widths) - noise / 2
     straight = gaussian_filter(power * real**2, widths)

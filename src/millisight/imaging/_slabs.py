@@ -7,8 +7,8 @@ What is done is kept beside the image: an interrupted run goes on where it stopp
 import hashlib
 import json
 import os
-import shutil
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -113,7 +113,11 @@ def form_image_to(
     history = [*whole.history[:-1], {**whole.history[-1], "slabs": len(slabs)}]
     metadata = {**capture.metadata, "history": history, **({} if asked is None else {"asked": dict(asked)})}
     save_image(path, grid, _Values(files, slabs, grid.shape, image_of), metadata)
-    shutil.rmtree(folder)
+    for file in folder.iterdir():
+        if file.suffix == ".h5" and file.stem.isdecimal():  # also of slabs that were cut otherwise
+            file.unlink()
+    with suppress(OSError):  # somebody keeps other files there
+        folder.rmdir()
     return whole.peak, whole.place
 
 

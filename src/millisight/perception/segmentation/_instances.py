@@ -186,7 +186,9 @@ def instance_levels(image: SarImage, *, smoothing: float = 0.0, values: str = "m
     seen: Any = project(image, values=values).power
     power = np.square(seen, dtype=float)
     steps = [float(np.diff(axis).mean()) if len(axis) > 1 else np.inf for axis in (image.grid.x, image.grid.y)]
-    smooth = np.asarray(gaussian_filter(power, [smoothing / step for step in steps]))
+    # No wider than the picture, which is one value then.
+    widths = [min(smoothing / step, count) for step, count in zip(steps, power.shape, strict=True)]
+    smooth = np.asarray(gaussian_filter(power, widths))
     return 10 * np.log10(np.maximum(smooth / max(smooth.max(), 1e-300), 10 ** (_LOWEST_DB / 10)))
 
 

@@ -107,7 +107,8 @@ def _power_above_beside(image: SarImage, inside: np.ndarray, settings: VolumeSet
     steps = [float(np.diff(axis).mean()) if len(axis) > 1 else np.inf for axis in (grid.x, grid.y)]
     cleaned = without_sheets(image, frequency=HIGH_BAND)  # as "wave" does, whose result is kept
     power = np.square(cleaned.magnitude, dtype=float)
-    power = np.asarray(gaussian_filter(power, [*(settings.smoothing / step for step in steps), 0]))
+    widths = [min(settings.smoothing / step, count) for step, count in zip(steps, power.shape, strict=False)]
+    power = np.asarray(gaussian_filter(power, [*widths, 0]))
     if inside.any():
         sampling = [step if np.isfinite(step) else 1.0 for step in steps]
         beside = np.asarray(distance_transform_edt(~inside, sampling=sampling)) > settings.smoothing

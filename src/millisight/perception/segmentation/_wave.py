@@ -253,7 +253,7 @@ def _bright(probability: np.ndarray, level: np.ndarray, sides: Sequence[float]) 
     """
     from scipy.ndimage import maximum_filter
 
-    size = [2 * round(_NEARBY / side) + 1 if side else 1 for side in sides]
+    size = [2 * min(round(_NEARBY / side), n) + 1 if side else 1 for side, n in zip(sides, level.shape, strict=True)]
     brightest = maximum_filter(np.where(probability > _LIKELY, level, 0), size)
     return (probability > _SURE) | (level > 10 ** (_BRIGHT_DB / 20) * brightest)
 
