@@ -40,6 +40,7 @@ from ._locks import alone as alone
 from ._locks import claimed as claimed
 from ._matrix import product as product
 from ._peaks import peak_place as peak_place
+from ._peaks import widths_in_samples as widths_in_samples
 from ._progress import share_of as share_of
 from ._records import Metadata as Metadata
 from ._records import as_array as as_array

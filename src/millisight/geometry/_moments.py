@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from millisight.core import SPEED_OF_LIGHT, share_of
+from millisight.core import SPEED_OF_LIGHT, share_of, widths_in_samples
 from millisight.core.errors import InputError
 from millisight.data import Capture, VoxelGrid
 from millisight.imaging import aperture_weights, form_image, range_weights, window_pair
@@ -203,8 +203,7 @@ def _unpulled(along: np.ndarray, power: np.ndarray, noise: np.ndarray, grid: Vox
     """
     from scipy.ndimage import gaussian_filter
 
-    axes = grid.x, grid.y, grid.z
-    widths = [min(_TOGETHER / float(np.diff(a).mean()), len(a)) if len(a) > 1 else 0.0 for a in axes]
+    widths = widths_in_samples(_TOGETHER, grid.x, grid.y, grid.z)
     real, imaginary = np.real(along), np.imag(along)
     aside = gaussian_filter(power * imaginary**2, widths) - noise / 2
     straight = gaussian_filter(power * real**2, widths)

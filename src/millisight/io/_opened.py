@@ -73,7 +73,7 @@ def _warn_of_zeros(path: Path, file: Any, called: Path, *, older: bool = False) 
         with open(path, "rb") as raw:
             found = chunks_of_zeros(raw, file) if older or not seals_checksums(raw, file) else {}
     except (OSError, RuntimeError, LookupError, TypeError, ValueError) as error:
-        raise _fault(f"{printable(called)} is damaged", error) from error
+        raise _fault(printable(called), "is damaged", error) from error
     for name, rows in found.items():
         logger.warning(
             "%s: %s holds %d chunks of zeros alone, the first from index %d on; a file of this older form does not "
@@ -105,7 +105,7 @@ def _checked(path: Path, name: Path) -> Iterator[Any]:
     try:
         file = h5py.File(path, "r")
     except OSError as error:
-        raise _fault(f"{printable(name)} cannot be opened as HDF5", error) from error
+        raise _fault(printable(name), "cannot be opened as HDF5", error) from error
     with file:
         judge(file, name, sealed=True)
         yield file
@@ -123,7 +123,7 @@ def judge(file: Any, path: Path, *, sealed: bool) -> None:
         ours = str(_root_attribute(file, "format", "")) == "millisight"
         version = int(_root_attribute(file, "schema_version", 0))
     except (OSError, RuntimeError, KeyError, TypeError, ValueError, OverflowError) as error:
-        raise _fault(f"{name} is damaged", error) from error
+        raise _fault(name, "is damaged", error) from error
     if not ours:
         raise FormatError(f"{name} is HDF5, but not written by millisight (no format attribute)")
     if not 1 <= version <= PLACED_VERSION:
@@ -139,7 +139,7 @@ def judge(file: Any, path: Path, *, sealed: bool) -> None:
     except FileError:
         raise
     except (OSError, RuntimeError, LookupError, TypeError, ValueError) as error:
-        raise _fault(f"{name} is damaged", error) from error
+        raise _fault(name, "is damaged", error) from error
 
 
 def _root_attribute(file: Any, name: str, otherwise: Any) -> Any:
@@ -254,12 +254,11 @@ def plain(value: Any) -> Any:
     return value.item() if isinstance(value, np.generic) else value
 
 
-def _fault(said: str, error: BaseException) -> FileError:
+def _fault(name: str, said: str, error: BaseException) -> FileError:
     """The error of a file of which that is `said`; a limit of this process is not the file's fault."""
     if isinstance(error, OSError) and error.errno in (errno.EMFILE, errno.ENFILE, errno.ENOMEM):
-        name = said.removesuffix(" is damaged").removesuffix(" cannot be opened as HDF5")
         return FileError(f"cannot read {name}: {os.strerror(error.errno)}; close other programs, or raise the limit")
-    return DamagedFileError(f"{said}: {reason(error)}; make or copy it again")
+    return DamagedFileError(f"{name} {said}: {reason(error)}; make or copy it again")
 
 
 def reason(error: BaseException) -> str:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from millisight.core import checked_number, checked_record, put, record
+from millisight.core import checked_number, checked_record, put, record, widths_in_samples
 from millisight.core.errors import InputError
 from millisight.data import Instances, Prompts, SarImage
 from millisight.perception import project
@@ -185,10 +185,7 @@ def instance_levels(image: SarImage, *, smoothing: float = 0.0, values: str = "m
 
     seen: Any = project(image, values=values).power
     power = np.square(seen, dtype=float)
-    steps = [float(np.diff(axis).mean()) if len(axis) > 1 else np.inf for axis in (image.grid.x, image.grid.y)]
-    # No wider than the picture, which is one value then.
-    widths = [min(smoothing / step, count) for step, count in zip(steps, power.shape, strict=True)]
-    smooth = np.asarray(gaussian_filter(power, widths))
+    smooth = np.asarray(gaussian_filter(power, widths_in_samples(smoothing, image.grid.x, image.grid.y)))
     return 10 * np.log10(np.maximum(smooth / max(smooth.max(), 1e-300), 10 ** (_LOWEST_DB / 10)))
 
 

@@ -9,7 +9,7 @@ little of its power.
 
 import numpy as np
 
-from millisight.core import checked_number, checked_record, put, record
+from millisight.core import checked_number, checked_record, put, record, widths_in_samples
 from millisight.core.errors import InputError
 from millisight.data import Mask, SarImage, VolumeMask, grid_difference
 from millisight.perception import HIGH_BAND, without_sheets
@@ -107,8 +107,7 @@ def _power_above_beside(image: SarImage, inside: np.ndarray, settings: VolumeSet
     steps = [float(np.diff(axis).mean()) if len(axis) > 1 else np.inf for axis in (grid.x, grid.y)]
     cleaned = without_sheets(image, frequency=HIGH_BAND)  # as "wave" does, whose result is kept
     power = np.square(cleaned.magnitude, dtype=float)
-    widths = [min(settings.smoothing / step, count) for step, count in zip(steps, power.shape, strict=False)]
-    power = np.asarray(gaussian_filter(power, [*widths, 0]))
+    power = np.asarray(gaussian_filter(power, [*widths_in_samples(settings.smoothing, grid.x, grid.y), 0]))
     if inside.any():
         sampling = [step if np.isfinite(step) else 1.0 for step in steps]
         beside = np.asarray(distance_transform_edt(~inside, sampling=sampling)) > settings.smoothing
