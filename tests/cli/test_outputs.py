@@ -97,6 +97,15 @@ def test_raw_files_of_an_experiment(tmp_path):
             check_outputs(path, source=tmp_path)
 
 
+def test_images_of_an_experiment_are_not_read_with_it(tmp_path, monkeypatch):
+    """Whoever stands in an experiment's folder images it twice."""
+    add_experiment(tmp_path, MUG, 1, "los", small_scene(MUG))
+    folder = next(tmp_path.rglob("los"))
+    (folder / "mine.image.h5").write_bytes(b"an image")
+    monkeypatch.chdir(folder)
+    check_outputs(Path("mine.image.h5"), source=Path())
+
+
 @pytest.mark.parametrize("typed", ["new/", "there", "./"])
 def test_a_folder_for_one_capture_or_image(tmp_path, typed):
     """It was a file where it was not there, and an error where it was."""

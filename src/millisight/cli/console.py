@@ -40,18 +40,14 @@ class _Talk:
     aside: bool = False  # on standard error: standard output holds a JSON document
     counted: dict[str, int] | None = None  # warnings that are summed up, and how often each came
     given: list[Any] = field(default_factory=list)  # arguments of it that may be read
+    read: list[tuple[str, Path]] | None = None  # what those have it read: what it is, the file; None: not yet known
     written: set[str] = field(default_factory=set)  # what it has been to write so far
+    claims: ExitStack = field(default_factory=ExitStack)  # on what it writes: another run may not write that as well
 
 
 _talk = _Talk()
 OUTPUTS = ("depth", "fit", "html", "output", "placed", "plot", "points", "screenshot", "slices")
 """Parameters of commands that name what is written; all others may name what is read."""
-
-read_before: list[tuple[str, Path]] = []
-"""What the arguments of the command that runs now have it read, as `outputs` found once: what it is, and the file."""
-
-claims = ExitStack()
-"""On the outputs of the command that runs now: another run may not write them as well."""
 
 
 class Commands(typer.Typer):
@@ -83,10 +79,9 @@ def _with_quiet(function: Any) -> Any:
                 raise DeviceError("a pipe or a connection to another process broke; run the command again") from error
             raise  # whoever read what is printed has ended, which is no error
         finally:
-            _talk.quiet, _talk.given = False, []
+            _talk.claims.close()
+            _talk.quiet, _talk.given, _talk.read = False, [], None
             _talk.written.clear()
-            read_before.clear()
-            claims.close()
 
     signature, command = inspect.signature(function), cast("Any", run)
     added = inspect.Parameter("quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=kind)
@@ -95,12 +90,26 @@ def _with_quiet(function: Any) -> Any:
     return command
 
 
-def files_given() -> Iterator[Path]:
-    """Files and folders that are there, among the arguments of the command that runs now, but for its outputs."""
-    for value in _talk.given:
-        for one in value if isinstance(value, list | tuple) else (value,):
-            if isinstance(one, str | Path) and os.path.exists(one):
-                yield Path(one)
+def files_given(read_with: Callable[[Path], Sequence[Path]]) -> Sequence[tuple[str, Path]]:
+    """What the command that runs now reads, but for its outputs: what it is, and the file or folder.
+
+    Parameters
+    ----------
+    read_with : of a file among the arguments, what is read along with it; asked once a command
+    """
+    if _talk.read is None:
+        _talk.read = []
+        for value in _talk.given:
+            for one in value if isinstance(value, list | tuple) else (value,):
+                if isinstance(one, str | Path) and os.path.exists(one):
+                    _talk.read.append(("an input, too,", Path(one)))
+                    _talk.read.extend((f"read with {one}", path) for path in read_with(Path(one)))
+    return _talk.read
+
+
+def claims() -> ExitStack:
+    """Claims of the command that runs now on what it writes; they end with it."""
+    return _talk.claims
 
 
 def written_before(path: Path) -> bool:

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator
 from itertools import combinations
 from pathlib import Path
 
-from millisight.cli.console import claims, files_given, read_before, written_before
+from millisight.cli.console import claims, files_given, written_before
 from millisight.cli.sources import files_read
 from millisight.core import FIGURE_SUFFIXES, check_record_suffix, check_writable, claimed, make_folder, same_file
 from millisight.core.errors import InputError, UnknownNameError
@@ -71,10 +71,10 @@ def check_outputs(
     for path in outputs:
         if written_before(path):
             raise InputError(f"{path} was written by this command already; choose other names or folders")
-    claims.close()  # of the source before, where a command has many
+    claims().close()  # of the source before, where a command has many
     for path in outputs:
         check_writable(path)
-        claims.enter_context(claimed(path))
+        claims().enter_context(claimed(path))
     for figure in figures:
         if figure is not None and figure.suffix.lower() not in FIGURE_SUFFIXES:
             raise UnknownNameError("figure format", figure.suffix or figure.name, FIGURE_SUFFIXES)
@@ -93,8 +93,4 @@ def _inputs(source: Path | None, others: Iterable[str | Path | None], data: Path
         if source.exists():
             yield from ((f"read with {source}", path) for path in files_read(source, data))
     yield from (("an input, too,", Path(path)) for path in others if path is not None)
-    if not read_before:  # once a command, however many sources it has
-        for given in files_given():
-            read_before.append(("an input, too,", given))
-            read_before.extend((f"read with {given}", path) for path in files_read(given, data))
-    yield from read_before
+    yield from files_given(lambda given: files_read(given, data))

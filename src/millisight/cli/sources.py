@@ -223,16 +223,22 @@ def files_read(path: Path, data: Path | None = None) -> list[Path]:
 
     if path.is_dir():
         try:
-            found = [source.path for source in _under(path, None)]
+            found = _under(path, None)
         except MillisightError:
             return []  # what cannot be read is not read
-        return [
-            each for file in found for each in (file, *(files_under(file) if file.is_dir() else files_read(file, data)))
-        ]
+        return [file for source in found for file in (source.path, *_read_with(source, data))]
     if path.suffix.lower() == ".toml":
         return files_named(path, data)
     log = _log_path(path)
     return [] if log is None else [log]
+
+
+def _read_with(source: Source, data: Path | None) -> list[Path]:
+    """Files that are read along with a capture; of an experiment the raw ones, not images made of them."""
+    if source.radar is None:
+        return files_read(source.path, data)
+    raw = source.path / "unprocessed"
+    return files_under(raw) if raw.is_dir() else []
 
 
 def _log_beside(path: Path) -> Trajectory | None:
