@@ -5,8 +5,8 @@ where the channels cancel: in the dark, or all over a grid that is smaller than 
 with the sum over all of its channels at some voxels. `image_at` would take a second for each; but range profiles are
 oversampled, and eight taps in place of two find what lies between their entries to some 1e-5.
 
-The random voxels are stratified by their distance from the antennas (`_near`): what interpolated fields err by may sit
-in the hundredth of the voxels next to them, where a scan passes through its grid.
+The random voxels are stratified (`_near`): what interpolated fields err by may sit in the hundredth of the voxels next
+to the antennas, where a scan passes through its grid, or at the ends of axes, where no taps lie on one side.
 """
 
 from collections.abc import Callable
@@ -16,10 +16,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from millisight.core import for_kernel
-from millisight.imaging._near import distances, near_first, some_ends
+from millisight.imaging._near import distances, evenly, some_ends
 from millisight.imaging._refraction import Excess
+from millisight.imaging._taps import TAPS as FIELD_TAPS
 
-_RANDOM, _BRIGHTEST = 192, 64  # voxels
+_NEAREST, _AT_ENDS, _BEYOND, _BRIGHTEST = 48, 48, 144, 64  # voxels: next to the antennas, at ends of axes, elsewhere
 _POOL = 2048  # uniformly random voxels of which the former are taken
 
 _PARTS = 1024  # of an entry, for which weights are kept: 1e-4 of error, whose sign is any
@@ -83,8 +84,10 @@ class Check:
         rng = np.random.default_rng(0)
         pool = rng.choice(size, _POOL) if size > _POOL else np.arange(size)
         away = distances(self._points(pool).T, *some_ends(tx, rx, rng)[1:]).min(axis=1)
-        ranks, weights = near_first(len(pool), _RANDOM)
-        self.random = pool[np.argsort(away)[ranks]]
+        pool = pool[np.argsort(away)]
+        ends, near = self._at_ends(pool), np.arange(len(pool)) < len(pool) // 16
+        numbers, weights = evenly([(near, _NEAREST), (ends & ~near, _AT_ENDS), (~(ends | near), _BEYOND)])
+        self.random = pool[numbers]
         self.weights = np.concatenate([weights * len(weights), np.ones(self.brightest)])
         self.picks: np.ndarray | None = None
         self.points = np.empty((3, 0))
@@ -127,6 +130,12 @@ class Check:
         # Of a few bright voxels a sample may hold too many or none: what all hold is known from the image itself.
         energy[0] = len(self.random) * float(np.square(image, dtype=np.float64).sum()) / (image.size / 2)
         return Deviation(whole, profiles, energy)
+
+    def _at_ends(self, numbers: np.ndarray) -> np.ndarray:
+        """(V,) bool: which of the voxels (V,) are the first or last of an axis on which fields are interpolated."""
+        places = np.unravel_index(numbers, self.shape)
+        long = [(place, size) for place, size in zip(places, self.shape, strict=True) if size > FIELD_TAPS]
+        return np.any([np.zeros(len(numbers), bool), *((p == 0) | (p == size - 1) for p, size in long)], axis=0)
 
     def _points(self, numbers: np.ndarray) -> np.ndarray:
         """(3, V) places of voxels (V,) [m]."""

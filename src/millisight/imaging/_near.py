@@ -16,13 +16,27 @@ def near_first(pool: int, count: int) -> tuple[np.ndarray, np.ndarray]:
     A quarter of them lies in the nearest sixteenth of the pool, the rest beyond, evenly in both. Of a pool that is no
     larger than the count, all are taken.
     """
-    if pool <= count:
-        return np.arange(pool), np.full(pool, 1 / pool)
-    near = count // 4
-    parts = (0, pool / 16, near), (pool / 16, pool, count - near)
-    ranks = [low + (high - low) * (np.arange(some) + 0.5) / some for low, high, some in parts]
-    weights = [np.full(some, (high - low) / pool / some) for low, high, some in parts]
-    return np.concatenate(ranks).astype(np.int64), np.concatenate(weights)
+    near = np.arange(pool) < pool // 16
+    return evenly([(near, count // 4), (~near, count - count // 4)])
+
+
+def evenly(groups: list[tuple[np.ndarray, int]]) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers of so many members of each group, and their weights, whose sum is 1: each stands for as many of its own.
+
+    Parameters
+    ----------
+    groups : which are in it, (n,) bool, each in one of them; and how many are taken. All, where there are no more
+    """
+    size = len(groups[0][0])
+    if size <= sum(count for _, count in groups):
+        return np.arange(size), np.full(size, 1 / size)
+    picks, weights = [], []
+    for which, count in groups:
+        members = np.flatnonzero(which)
+        some = min(count, len(members))
+        picks.append(members[((np.arange(some) + 0.5) * len(members) / max(some, 1)).astype(np.int64)])
+        weights.append(np.full(some, len(members) / size / max(some, 1)))
+    return np.concatenate(picks), np.concatenate(weights)
 
 
 def some_ends(tx: np.ndarray, rx: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
