@@ -183,7 +183,7 @@ def test_ctrl_c_ends_in_one_line_leaves_no_process_and_can_be_resumed(miniature,
     assert err == f"millisight: {line}\n"
     assert out == ""
     wait_for(lambda: not alive(process.pid))
-    assert not (tmp_path / "o" / ".partial").exists()
+    assert not (tmp_path / "o" / ".millisight.partial").exists()
     there = len(list(tmp_path.rglob("processed_image*.h5")))
     code, lines, _ = run("convert", miniature.healthy, "-o", tmp_path / "o", "--object", EMPTY, "--workers", "1")
     assert code == 0

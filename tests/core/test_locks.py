@@ -26,7 +26,7 @@ with alone(pathlib.Path(sys.argv[1]), 'it'):
 def holder(tmp_path):
     """A process that holds the folder."""
     process = subprocess.Popen([sys.executable, "-c", HOLD, tmp_path])
-    wait_for(lambda: (tmp_path / ".lock").exists() and (tmp_path / ".lock").read_text())
+    wait_for(lambda: (tmp_path / ".millisight.lock").exists() and (tmp_path / ".millisight.lock").read_text())
     yield process
     process.kill()
     process.wait()
@@ -41,9 +41,9 @@ def test_a_second_run_is_told_whose_the_folder_is(holder, tmp_path):
 def test_the_lock_of_a_killed_run_is_none(holder, tmp_path):
     os.kill(holder.pid, signal.SIGKILL)
     holder.wait()
-    assert (tmp_path / ".lock").exists()
+    assert (tmp_path / ".millisight.lock").exists()
     with alone(tmp_path, "it"):
-        assert (tmp_path / ".lock").read_text() == f"{os.getpid()}\n"
+        assert (tmp_path / ".millisight.lock").read_text() == f"{os.getpid()}\n"
     assert not list(tmp_path.iterdir())
 
 

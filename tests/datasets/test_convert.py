@@ -46,7 +46,7 @@ def test_everything_is_converted_once(converted, miniature):
         one.missing for one in ms.datasets.open(miniature.healthy).objects
     ]
     assert not list(out.rglob("*.pkl"))
-    assert not (out / ".partial").exists()
+    assert not (out / ".millisight.partial").exists()
 
 
 def test_pickles_come_back_from_the_converted_files_bit_for_bit(converted, miniature, tmp_path):
@@ -127,7 +127,7 @@ def test_killed_and_resumed_it_ends_with_the_same_bytes(converted, miniature, tm
 
 def finished(folder):
     """How many files are in their places."""
-    return sum(".partial" not in path.parts for path in folder.rglob("*.h5"))
+    return sum(".millisight.partial" not in path.parts for path in folder.rglob("*.h5"))
 
 
 def test_what_is_there_and_right_is_kept_and_the_rest_made_anew(converted, miniature, tmp_path):
@@ -262,7 +262,7 @@ def test_two_conversions_into_one_folder_are_refused(miniature, tmp_path):
         convert(miniature.healthy, tmp_path, workers=1)
     _, err = first.communicate(timeout=120)
     assert first.returncode == 0, err
-    assert not [path.name for path in tmp_path.iterdir() if path.name in (".lock", ".partial")]
+    assert not [path.name for path in tmp_path.iterdir() if path.name in (".millisight.lock", ".millisight.partial")]
 
 
 def test_a_pipe_within_a_dataset_is_no_file(miniature, tmp_path):

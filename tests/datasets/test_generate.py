@@ -94,7 +94,7 @@ def test_the_manifest_names_every_file_with_its_checksum_and_job(made):
             assert source.sha256 == files[source.path]
             assert json.loads((out / source.path).read_text())["made_by"]["simulated"] is True
     assert not (out / JOURNAL_NAME).exists()
-    assert not (out / ".partial").exists()
+    assert not (out / ".millisight.partial").exists()
 
 
 def test_every_file_that_has_room_says_that_it_is_simulated_and_how(made):
@@ -206,7 +206,7 @@ def test_killed_with_no_chance_to_clean_up_it_goes_on_and_ends_with_the_same_byt
     assert 1 <= told.count("\n") < JOBS
     # A line that was cut off tells nothing.
     (again / JOURNAL_NAME).write_text(told + told[: len(told) // 2])
-    (again / ".partial" / "left").mkdir(exist_ok=True)
+    (again / ".millisight.partial" / "left").mkdir(exist_ok=True)
     done = make(again)
     assert done.failures == ()
     assert done.kept == told.count("\n")

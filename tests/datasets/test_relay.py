@@ -65,7 +65,7 @@ def test_the_same_bytes_come_out_and_nothing_stays_in_the_store(made, tmp_path):
     done = run_plan(plan(tmp_path / "out"), engine, store=url, progress=lambda *count: calls.append(count))
     assert (done.made, done.failures, engine.items, len(calls)) == (JOBS, (), JOBS, JOBS)
     assert contents(tmp_path / "out") == contents(made)
-    assert not (tmp_path / "out" / ".partial").exists()
+    assert not (tmp_path / "out" / ".millisight.partial").exists()
     assert left_in(url) == []
 
 

@@ -381,7 +381,7 @@ def test_what_a_run_leaves_that_is_killed_at_its_very_end_goes(tmp_path):
     left = [experiment.with_name(".exp1.0123abcd.part"), writer.unfinished]
     for folder in left:
         (folder / "rows").mkdir(parents=True)
-    (experiment / ".lock").write_text("1\n")
+    (experiment / ".millisight.lock").write_text("1\n")
     with pytest.raises(InputError, match="already exists; remove it, or record under another number"):
         small_scan(tmp_path)[1]()
     assert not any(folder.exists() for folder in left)

@@ -91,6 +91,7 @@ def collect(
         VirtualRig,
         World,
         build_layout,
+        check_truth,
         experiment_folder_of,
         experiment_info,
         write_truth,
@@ -110,6 +111,8 @@ def collect(
     with progress("build the world"):
         layout = build_layout(described)
     virtual = VirtualRig(described, layout=layout)
+    if truth is not None:
+        check_truth(virtual, truth)
     folder = experiment_folder_of(described, output, experiment)
     if not dry_run and folder.exists():
         PublishedWriter(folder, info={}).clear()

@@ -1,5 +1,6 @@
 """The command `millisight`: where it starts and how it ends; errors become one line. The commands are in `app`."""
 
+import io
 import os
 import re
 import sys
@@ -15,6 +16,7 @@ GO_ON = (
 """Commands whose next run continues where this one stopped."""
 
 _MANY_PROCESSES, _THREADS = 1000, 40  # a limit that need not be tried; what workers and libraries take
+_LAYERS = ("default", "safe", "forksafe", "threadsafe", "tbb", "omp", "workqueue")
 _LEAST_ADDRESSES = 1_000_000_000  # [bytes] with fewer, libraries cannot be opened, or end the process
 _MOST_THREADS = 1024  # more than machines have cores; with some ten thousand, Numba ends the process
 
@@ -24,6 +26,7 @@ def run() -> None:
     try:
         interrupts.listen()  # before anything else, since imports take half a second
         _open_streams()
+        _check_environment()
         _check_threads()
         _check_limits()
         from millisight.cli.commands import application
@@ -56,6 +59,28 @@ def _open_streams() -> None:
             os.set_inheritable(number, True)
         if getattr(sys, name) is None:
             setattr(sys, name, open(number, mode, encoding="utf-8", closefd=False))  # noqa: SIM115
+    for stream in (sys.stdout, sys.stderr):  # what an encoding has no letter for is written as an escape
+        if isinstance(stream, io.TextIOWrapper) and stream.errors == "strict":
+            stream.reconfigure(errors="backslashreplace")
+
+
+def _check_environment() -> None:
+    """Refuse settings of Numba that it cannot be imported with, and put aside those of Matplotlib that no figure needs.
+
+    Raises
+    ------
+    InputError
+    """
+    for name, allowed in (("NUMBA_DISABLE_JIT", ("0",)), ("NUMBA_THREADING_LAYER", _LAYERS)):
+        if os.environ.get(name, allowed[0]).strip() not in allowed:
+            from millisight.core import printable
+            from millisight.core.errors import InputError
+
+            raise InputError(
+                f"{name} is {printable(os.environ[name])}; expected {' or '.join(allowed)}, or none at all"
+            )
+    os.environ["MPLBACKEND"] = "agg"  # no window is opened
+    os.environ.pop("SOURCE_DATE_EPOCH", None)  # no date is written
 
 
 def _check_threads() -> None:
@@ -140,6 +165,8 @@ def _ending(error: BaseException) -> tuple[str, int]:
     if isinstance(error, MemoryError) or unmapped:
         reason = f": {error}" if str(error) else ""
         return f"not enough memory{reason}; use a coarser grid, fewer positions, or a larger machine", 1
+    if isinstance(error, FileNotFoundError) and not error.filename:
+        return "the folder that this command was started in is no longer there; change to another one", 1
     if isinstance(error, OSError):
         return f"{error.strerror or error}{f': {error.filename}' if error.filename else ''}", 1
     return "", 1

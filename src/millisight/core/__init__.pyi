@@ -26,6 +26,7 @@ from ._files import check_writable as check_writable
 from ._files import checked_path as checked_path
 from ._files import files_under as files_under
 from ._files import make_folder as make_folder
+from ._files import move_into as move_into
 from ._files import parsed_toml as parsed_toml
 from ._files import printable as printable
 from ._files import read_json as read_json
@@ -39,6 +40,8 @@ from ._limits import limits_of as limits_of
 from ._locks import alone as alone
 from ._locks import claimed as claimed
 from ._matrix import product as product
+from ._numba import numba as numba
+from ._numba import prange as prange
 from ._peaks import peak_place as peak_place
 from ._peaks import widths_in_samples as widths_in_samples
 from ._progress import share_of as share_of

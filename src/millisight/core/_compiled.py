@@ -18,10 +18,8 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-from numba import config, njit
-from numba.core.caching import IndexDataCacheFile
-
 from millisight.core._locks import private_folder
+from millisight.core._numba import numba
 from millisight.core.errors import DeviceError
 
 _KERNELS: list[Any] = []
@@ -70,14 +68,14 @@ def serial(**options: Any) -> Callable[[Callable[..., Any]], Any]:
 
     def compile_lazily(function: Callable[..., Any]) -> Any:
         try:
-            return _as_kept(njit(cache=True, **options)(function))
+            return _as_kept(numba.njit(cache=True, **options)(function))
         except RuntimeError:  # neither the package's folder nor the user's cache can be written to
             pass
         try:
             with _cache_in(str(private_folder("millisight-kernels"))):
-                return _as_kept(njit(cache=True, **options)(function))
+                return _as_kept(numba.njit(cache=True, **options)(function))
         except (RuntimeError, OSError):  # nor a temporary one: compile in every process
-            return _as_kept(njit(**options)(function))
+            return _as_kept(numba.njit(**options)(function))
 
     return compile_lazily
 
@@ -85,7 +83,7 @@ def serial(**options: Any) -> Callable[[Callable[..., Any]], Any]:
 @contextmanager
 def _cache_in(folder: str) -> Iterator[None]:
     """Within the block, functions are given this cache."""
-    settings: Any = config  # whose names are made while it is imported
+    settings: Any = numba.config  # whose names are made while it is imported
     before, settings.CACHE_DIR = settings.CACHE_DIR, folder
     try:
         yield
@@ -93,7 +91,7 @@ def _cache_in(folder: str) -> Iterator[None]:
         settings.CACHE_DIR = before
 
 
-class _CheckedFiles(IndexDataCacheFile):
+class _CheckedFiles(numba.core.caching.IndexDataCacheFile):
     """Numba's files of a cache, each with a checksum behind it, where unpickling does not look.
 
     A file without the right one is as if it were not there: it is compiled and written anew.
@@ -172,12 +170,12 @@ def is_kept(function: Any) -> bool:
 
 def inline(function: Callable, **options: Any) -> Any:
     """Compile a scalar function into its callers."""
-    return njit(inline="always", **options)(function)
+    return numba.njit(inline="always", **options)(function)
 
 
-subroutine: Any = njit(fastmath=True, error_model="numpy")
+subroutine: Any = numba.njit(fastmath=True, error_model="numpy")
 """Compile a serial function that kernels call on arrays."""
 
-part: Any = njit
+part: Any = numba.njit
 """Compile the body of a kernel's loop by itself, to the same arithmetic: within a loop that runs in parallel, Numba
 takes several times as long over it."""

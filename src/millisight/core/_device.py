@@ -1,6 +1,8 @@
 """Which devices there are, and a clear error where one asked for is not there."""
 
+import importlib
 from importlib.util import find_spec
+from typing import Any
 
 from millisight.core.errors import DeviceError, UnknownNameError
 
@@ -35,8 +37,9 @@ def check_device(name: str) -> None:
             'or use device="cpu"'
         )
     try:
-        from numba import cuda
+        from millisight.core._numba import numba  # and none of its parts before
 
+        cuda: Any = importlib.import_module(f"{numba.__name__}.cuda")
         available, reason = cuda.is_available(), cuda.cuda_error()
     except ImportError as error:
         available, reason = False, error

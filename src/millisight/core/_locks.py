@@ -11,7 +11,7 @@ from typing import IO
 
 from millisight.core.errors import FileError
 
-LOCK_NAME = ".lock"
+LOCK_NAME = ".millisight.lock"
 
 
 def private_folder(name: str) -> Path:
@@ -85,7 +85,8 @@ def _locked(path: Path, name: str) -> Iterator[None]:
     """Hold the lock at `path`, of what is called `name`, for a `with` block."""
     while True:
         try:
-            file = open(path, "a+", encoding="utf-8")  # noqa: SIM115, held for the block
+            # held for the block; a link would lead to another's file, which is truncated below
+            file = open(path, "a+", encoding="utf-8", opener=_no_link)  # noqa: SIM115
         except OSError as error:
             raise FileError(f"cannot write to {name}: {error.strerror}; make it writable, or choose another") from error
         try:
@@ -105,6 +106,10 @@ def _locked(path: Path, name: str) -> Iterator[None]:
                 return
         finally:
             file.close()  # and with it the lock
+
+
+def _no_link(path: str, flags: int) -> int:
+    return os.open(path, flags | getattr(os, "O_NOFOLLOW", 0), 0o666)
 
 
 def held(file: IO) -> bool:

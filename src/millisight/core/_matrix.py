@@ -5,9 +5,9 @@ speed on range compression's shapes, which is a few per cent of an image's time.
 """
 
 import numpy as np
-from numba import prange
 
 from millisight.core._compiled import kernel
+from millisight.core._numba import prange
 from millisight.core._records import for_kernel
 
 # Rows of the left matrix that share one pass over the right one.

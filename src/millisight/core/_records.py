@@ -173,7 +173,7 @@ def checked_number(
         raise InputError(f"{name} is {number:g}{unit}; expected at least {minimum:g}{unit}")
     if abs(number) > most:
         raise InputError(f"{name} is {number:g}{unit}; expected under {most:g}{unit}")
-    return number
+    return number + 0.0  # -0 would turn ranges about
 
 
 def _told(value: Any) -> str:

@@ -20,6 +20,7 @@ from millisight.core import (
     atomic_path,
     checked_number,
     make_folder,
+    move_into,
     printable,
     read_json,
     record,
@@ -44,7 +45,7 @@ from millisight.io import SCHEMA_VERSION, mito, save
 _VERSION = 2  # of the conversion: another one, and everything is converted anew
 _COPIED = (mito.INFO, mito.CAMERA_PICTURE)  # as they are
 _CACHE_NAME = ".checksums.json"
-_PARTIAL_NAME = ".partial"
+_PARTIAL_NAME = ".millisight.partial"
 _SECONDS = 2.0  # between two writes of the manifest
 
 Checksums = dict[str, tuple[int, int, str]]
@@ -69,6 +70,7 @@ class _Job(NamedTuple):
     root: Path
     out: Path
     before: tuple[ManifestEntry, ...]
+    ours: tuple[str, ...]  # outputs of it that an earlier conversion wrote
     known: Checksums
     min_distance: float | None
 
@@ -151,14 +153,17 @@ class _Ledger:
         before = read_manifest(out)
         entries = before.entries if before is not None and before.settings == settings else {}
         self.manifest = Manifest(settings=settings, entries=entries)
-        self._known: dict[str, Checksums] = _read_cache(out / _CACHE_NAME)
+        self._known, self._ours = _read_cache(out / _CACHE_NAME)
+        self._ours |= set() if before is None else set(before.entries)
         self._written = 0.0
 
     def job(self, item: Item, root: Path) -> _Job:
         path = _relative(item.path, root)
-        before = tuple(e for name in _outputs(item, root) if (e := self.manifest.entries.get(name)) is not None)
+        outputs = _outputs(item, root)
+        before = tuple(e for name in outputs if (e := self.manifest.entries.get(name)) is not None)
+        ours = tuple(name for name in outputs if name in self._ours)
         min_distance = self.manifest.settings["min_distance"]
-        return _Job(item, root, self._out, before, self._known.get(path, {}), min_distance)
+        return _Job(item, root, self._out, before, ours, self._known.get(path, {}), min_distance)
 
     def add(self, path: str, done: _Done) -> None:
         self.manifest = self.manifest.updated(done.entries)
@@ -168,7 +173,10 @@ class _Ledger:
 
     def _write(self) -> None:
         write_manifest(self._out, self.manifest)
-        write_text(self._out / _CACHE_NAME, json.dumps(self._known, sort_keys=True))
+        # An old conversion's files are overwritten one by one: a run after this one must know them, too.
+        ours = sorted(self._ours - self.manifest.entries.keys())
+        cache = json.dumps({"known": self._known, "ours": ours}, sort_keys=True)
+        write_text(self._out / _CACHE_NAME, json.dumps({"sha256": _sha256(cache), "cache": cache}))
         self._written = time.monotonic()
 
     def __enter__(self) -> "_Ledger":
@@ -182,16 +190,25 @@ class _Ledger:
         shutil.rmtree(self._out / _PARTIAL_NAME, ignore_errors=True)
 
 
-def _read_cache(path: Path) -> dict[str, Checksums]:
-    """The checksums that an earlier run left; none where they cannot be read: they are worked out again."""
+def _read_cache(path: Path) -> tuple[dict[str, Checksums], set[str]]:
+    """The checksums that an earlier run left, and the outputs of conversions before it; none where the file was changed
+    or cannot be read: checksums are worked out again."""
     try:
-        cache = read_json(path)
-        return {
-            item: {name: (int(size), int(changed), str(sha256)) for name, (size, changed, sha256) in known.items()}
-            for item, known in cache.items()
+        sealed = read_json(path)
+        if sealed["sha256"] != _sha256(sealed["cache"]):
+            return {}, set()
+        cache = json.loads(sealed["cache"])
+        known = {
+            item: {name: (int(size), int(changed), str(sha256)) for name, (size, changed, sha256) in files.items()}
+            for item, files in cache["known"].items()
         }
-    except (OSError, ValueError, TypeError, AttributeError, RecursionError, OverflowError):
-        return {}
+        return known, {str(name) for name in cache["ours"]}
+    except (OSError, ValueError, TypeError, LookupError, AttributeError, RecursionError, OverflowError):
+        return {}, set()
+
+
+def _sha256(text: str) -> str:
+    return hashlib.sha256(text.encode("utf-8", "surrogateescape")).hexdigest()
 
 
 def _convert(job: _Job) -> _Done:
@@ -208,10 +225,8 @@ def _convert(job: _Job) -> _Done:
     for output, (write, notes) in zip(outputs, _contents(job), strict=True):
         # Written where a killed run's remains are swept up, and moved to its place when it is whole.
         write(partial)
-        target = job.out / output
-        make_folder(target.parent)
         entry = ManifestEntry(output, job.item.kind, partial.stat().st_size, checksum(partial), sources, tuple(notes))
-        os.replace(partial, target)
+        move_into(partial, job.out / output, known=output in job.ours)
         entries.append(entry)
     return _Done(tuple(entries), known, False)
 
@@ -289,7 +304,7 @@ def _source(path: Path, files: Iterable[Path], job: _Job, known: Checksums) -> M
     if [file for _, file in lines] == [path]:
         return ManifestSource(_relative(path, job.root), size, lines[0][0])
     listing = "".join(f"{sha256}  {file.relative_to(path).as_posix()}\n" for sha256, file in lines)
-    digest = hashlib.sha256(listing.encode("utf-8", "surrogateescape")).hexdigest()
+    digest = _sha256(listing)
     return ManifestSource(_relative(path, job.root), size, digest, len(lines))
 
 

@@ -7,6 +7,7 @@ line is one file, sorted by path. It holds no time and no name of a machine: equ
 import hashlib
 import json
 import os
+import stat
 from collections.abc import Iterable, Mapping
 from pathlib import Path, PurePosixPath
 from typing import Any, NamedTuple
@@ -86,7 +87,9 @@ def write_manifest(folder: str | os.PathLike[str], manifest: Manifest) -> None:
     ------
     FileError
     """
-    head = {"format": _FORMAT, "version": _VERSION, "settings": manifest.settings}
+    head = {
+        "format": _FORMAT, "version": _VERSION, "settings": manifest.settings, "files": len(manifest.entries),
+    }  # fmt: skip
     entries = [
         {**entry._asdict(), "sources": [source._asdict() for source in entry.sources]}
         for _, entry in sorted(manifest.entries.items())
@@ -135,10 +138,18 @@ def parsed_manifest(name: str, content: bytes) -> Manifest:
     for number, line in enumerate(lines[1:], 2):
         entry = manifest_entry(_parsed(name, number, line), f"{name}, line {number}")
         entries[entry.path] = entry
+    if head.get("files", len(entries)) != len(entries):  # before there was such a count, none is given
+        raise DamagedFileError(
+            f"{name} lists {len(entries)} files, {head['files']} by its first line; restore it, or remove it to make "
+            "all anew"
+        )
     settings = head.get("settings")
     if not isinstance(settings, dict):
         raise DamagedFileError(f"{name}, line 1: settings is {settings!r}; expected a mapping")
-    return Manifest(settings=settings, entries=entries)
+    try:
+        return Manifest(settings=settings, entries=entries)
+    except RecursionError as error:
+        raise DamagedFileError(f"{name}, line 1: settings nest too deep") from error
 
 
 def checksum(path: str | os.PathLike[str]) -> str:
@@ -150,6 +161,8 @@ def checksum(path: str | os.PathLike[str]) -> str:
         It cannot be read.
     """
     try:
+        if not stat.S_ISREG(os.stat(path).st_mode):  # a pipe would be waited for, a device read without end
+            raise FileError(f"{printable(os.fspath(path))} is no regular file; expected one")
         with open(path, "rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:
@@ -157,11 +170,12 @@ def checksum(path: str | os.PathLike[str]) -> str:
 
 
 def size_of(path: Path) -> int:
-    """Bytes of a file; -1 where there is no such file."""
+    """Bytes of a file; -1 where there is no such file, or it is a pipe or a device."""
     try:
-        return path.stat().st_size
+        found = path.stat()
     except OSError:
         return -1
+    return found.st_size if stat.S_ISREG(found.st_mode) else -1
 
 
 def is_whole(entry: ManifestEntry, root: Path) -> bool:

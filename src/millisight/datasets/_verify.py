@@ -1,6 +1,7 @@
 """Is a dataset what it should be? Every file is opened and looked through, and told what is wrong with it."""
 
 import os
+import stat
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
@@ -12,7 +13,7 @@ from millisight.datasets._dataset import CANNOT_LIST, Dataset, Item
 from millisight.datasets._manifest import MANIFEST_NAME, ManifestEntry, checksum, read_manifest
 from millisight.datasets._workers import each
 from millisight.io import open_capture
-from millisight.io.mito import RAW
+from millisight.io.mito import RAW, TRUTH
 
 
 @record
@@ -79,11 +80,12 @@ def verify(
             found.append(Checked(path=path, kind=items[path].kind, problems=tuple(problems), notes=tuple(notes)))
             if progress is not None:
                 progress(count, len(jobs))
-    folders = {one.folder.name for one in dataset.objects}
+    folders, known = ({one.folder.name for one in of.objects} for of in (dataset, _mito.open(dataset.root)))
+    whole = folders == known
     found += [  # files that the manifest names, and that are no items: missing, or what comes along with one
         Checked(path=path, kind="listed", problems=tuple(_differences(dataset.root / path, entry)))
         for path, entry in entries.items()
-        if path not in items and path.split("/")[0] in folders
+        if path not in items and (whole or path.removeprefix(f"{TRUTH}/").split("/")[0] in folders)
     ]
     return tuple(sorted(found, key=lambda one: one.path))
 
@@ -108,7 +110,10 @@ def _check(job: _Job) -> tuple[list[str], list[str]]:
 
 def _differences(path: Path, entry: ManifestEntry) -> list[str]:
     try:
-        size = path.stat().st_size
+        found = path.stat()
+        if not stat.S_ISREG(found.st_mode):
+            return ["it is no regular file"]
+        size = found.st_size
         if size != entry.size:
             return [f"it has {size} bytes, by {MANIFEST_NAME} {entry.size}"]
         return [] if checksum(path) == entry.sha256 else [f"its checksum differs from that in {MANIFEST_NAME}"]

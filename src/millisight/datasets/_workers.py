@@ -38,7 +38,7 @@ def default_workers() -> int:
 
 def on_threads(function: Callable[[T], Any], threads: int, thing: T) -> Any:
     """`function` of `thing`, its kernels on so many cores."""
-    import numba
+    from millisight.core import numba
 
     before = numba.get_num_threads()
     numba.set_num_threads(min(threads, numba.config.NUMBA_NUM_THREADS))  # ty: ignore[missing-attribute]: set as numba loads

@@ -1,9 +1,8 @@
 """Compiled loops of the search for a pose: what shines, votes for places, and how well points and a mesh agree."""
 
 import numpy as np
-from numba import prange
 
-from millisight.core import kernel, part, subroutine
+from millisight.core import kernel, part, prange, subroutine
 
 _MOST = 30.0  # squared distance beyond which nothing is a pair
 _ASKEW = 4.0  # most that normals which differ add to it

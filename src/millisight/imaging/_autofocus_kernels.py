@@ -11,10 +11,8 @@ All loops work in the precision of their arguments: float32 for speed, float64 t
 import math
 
 import numpy as np
-from numba import prange, types
-from numba.extending import overload
 
-from millisight.core import inline, kernel, phase
+from millisight.core import inline, kernel, numba, phase, prange
 
 _distance = inline(phase.distance, fastmath=True)
 _wrapped = inline(phase.wrapped, fastmath=True)
@@ -33,16 +31,16 @@ def _sine(turns):
     return math.sin(phase.TAU * turns)
 
 
-@overload(_cosine, inline="always")
+@numba.extending.overload(_cosine, inline="always")
 def _cosine_typed(turns):
-    if turns == types.float32:
+    if turns == numba.types.float32:
         return lambda turns: _cosine32(turns)
     return lambda turns: math.cos(phase.TAU * turns)
 
 
-@overload(_sine, inline="always")
+@numba.extending.overload(_sine, inline="always")
 def _sine_typed(turns):
-    if turns == types.float32:
+    if turns == numba.types.float32:
         return lambda turns: _sine32(turns)
     return lambda turns: math.sin(phase.TAU * turns)
 

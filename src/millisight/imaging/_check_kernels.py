@@ -1,9 +1,8 @@
 """The inner loop of a check: the sums of a few voxels over all channels, far better than an image's (primer 8)."""
 
 import numpy as np
-from numba import prange
 
-from millisight.core import inline, kernel, phase
+from millisight.core import inline, kernel, phase, prange
 from millisight.imaging._kernels import bend
 
 TAPS = 8

@@ -2,9 +2,7 @@
 
 import math
 
-from numba import prange
-
-from millisight.core import inline, kernel, phase
+from millisight.core import inline, kernel, phase, prange
 
 _distance = inline(phase.distance)
 _wrapped = inline(phase.wrapped)

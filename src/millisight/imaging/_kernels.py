@@ -8,9 +8,8 @@ import math
 from functools import partial
 
 import numpy as np
-from numba import prange
 
-from millisight.core import inline, kernel, phase, serial, subroutine
+from millisight.core import inline, kernel, phase, prange, serial, subroutine
 from millisight.core import product as product
 from millisight.imaging._lengths import EXACT_CYCLES, rows_of_pairs
 from millisight.imaging._merge_kernels import merge as merge

@@ -12,9 +12,8 @@ the two keeps LLVM from reading vectors.
 """
 
 import numpy as np
-from numba import prange
 
-from millisight.core import inline, kernel, phase, subroutine
+from millisight.core import inline, kernel, phase, prange, subroutine
 from millisight.imaging._lengths import EXACT_CYCLES
 from millisight.imaging._taps import TAPS, as_it_is
 

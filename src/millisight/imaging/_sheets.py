@@ -203,6 +203,11 @@ def at_usual_scale(scene: Any) -> tuple[Any, float]:
     """An image, or a capture in memory, times a power of two that brings its maximum about 1; and that factor.
 
     As it is, times 1, where squares of its values stay within float32's range anyhow.
+
+    Raises
+    ------
+    InputError
+        All values are so small that float32 holds few digits of them, or none.
     """
     if isinstance(scene, Capture) and not scene.in_memory:
         return scene, 1.0
@@ -211,6 +216,11 @@ def at_usual_scale(scene: Any) -> tuple[Any, float]:
     peak = float(max(-parts.min(), parts.max()))
     if peak == 0 or _USUAL[0] < peak < _USUAL[1]:
         return scene, 1.0
+    if peak < np.finfo(np.float32).tiny:
+        raise InputError(
+            f"the largest value is {peak:.3g}; expected at least {np.finfo(np.float32).tiny:.2g}, as smaller ones "
+            "lose digits: choose another unit"
+        )
     scale = 2.0 ** -round(float(np.log2(peak)))
     return scaled(scene, scale), scale
 

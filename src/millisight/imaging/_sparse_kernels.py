@@ -1,9 +1,8 @@
 """Backprojection piece by piece, and its adjoint, compiled: from range profiles to points and back."""
 
 import numpy as np
-from numba import prange
 
-from millisight.core import inline, kernel, phase
+from millisight.core import inline, kernel, phase, prange
 
 _distance = inline(phase.distance, fastmath=True)
 _wrapped = inline(phase.wrapped, fastmath=True)

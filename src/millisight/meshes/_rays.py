@@ -114,7 +114,7 @@ class RayCaster:
         """Cast `count` rays, block by block, on as many cores as Numba has."""
         threads = 1
         if count >= 2 * _FEWEST:
-            import numba  # not where there is little to do
+            from millisight.core import numba  # not where there is little to do
 
             threads = min(numba.get_num_threads(), count // _FEWEST)
         size = min(_RAYS, -(-count // threads))

@@ -14,7 +14,9 @@ SPACING = 0.004
 """Of the canvas's pixels [m]."""
 FLOOR_DB = 45.0
 
-_MOST_PIXELS = 1 << 20
+_MOST_PIXELS, _LONGEST = 1 << 20, 2048  # in all; along a side
+_MOST_SAMPLES = 1 << 14  # of the image, along a side
+_ROWS = 256  # of weights that are worked out at once
 
 
 def canvas_axis(known: np.ndarray) -> np.ndarray:
@@ -29,13 +31,18 @@ def canvas_axes(grid: PixelGrid) -> tuple[np.ndarray, np.ndarray]:
     Raises
     ------
     InputError
-        They would be too many.
+        They would be too many, or the image has too many samples.
     """
     extents = np.array([np.ptp(grid.x), np.ptp(grid.y)])
-    if not (extents / SPACING + 1).prod() <= _MOST_PIXELS:
+    sides = extents / SPACING + 1
+    if max(grid.shape) > _MOST_SAMPLES:
+        raise InputError(
+            f"the image has {max(grid.shape)} samples along a side; expected {_MOST_SAMPLES} at most: cut it"
+        )
+    if not (sides.prod() <= _MOST_PIXELS and sides.max() <= _LONGEST):
         raise InputError(
             f"the image is {extents[0]:.3g} x {extents[1]:.3g} m wide; expected one of an everyday object, of "
-            f"{_MOST_PIXELS} pixels of {SPACING * 1000:.0f} mm at most: cut it, or check its unit"
+            f"{_MOST_PIXELS} pixels of {SPACING * 1000:.0f} mm at most, {_LONGEST} a side: cut it, or check its unit"
         )
     return canvas_axis(grid.x), canvas_axis(grid.y)
 
@@ -46,11 +53,12 @@ def resampling_weights(known: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     A row adds up to 1, and is 0 where `wanted` lies more than half a step beyond what is known.
     """
     steps = [np.diff(axis).mean() if len(axis) > 1 else SPACING for axis in (known, wanted)]
-    away = abs(np.clip(wanted, known[0], known[-1])[:, None] - known) / max(steps)
-    weights = np.maximum(1 - away, 0)
-    weights /= np.maximum(weights.sum(axis=1, keepdims=True), 1e-12)
-    beyond = np.maximum(known[0] - wanted, wanted - known[-1]) > max(steps) / 2 + 1e-9
-    return np.where(beyond[:, None], 0, weights).astype(np.float32)
+    within, rows = np.clip(wanted, known[0], known[-1]), np.empty((len(wanted), len(known)), np.float32)
+    for start in range(0, len(wanted), _ROWS):
+        weights = np.maximum(1 - abs(within[start : start + _ROWS, None] - known) / max(steps), 0)
+        rows[start : start + _ROWS] = weights / np.maximum(weights.sum(axis=1, keepdims=True), 1e-12)
+    rows[np.maximum(known[0] - wanted, wanted - known[-1]) > max(steps) / 2 + 1e-9] = 0
+    return rows
 
 
 def resampled_power(magnitude: np.ndarray, along_x: np.ndarray, along_y: np.ndarray) -> np.ndarray:

@@ -1,5 +1,6 @@
 """Rows of a scan on disk as they come, until the scan is whole: what writers of scans share."""
 
+import hashlib
 import json
 import os
 import secrets
@@ -101,10 +102,8 @@ class RowWriter(ABC):
             self._part = self._claim(self._keep, {radar.name: radar.frame_period for radar in self._radars})
         try:
             done = _rows_listed(self._part, names)
-            self.rows_done = len(done)
-            self._spools = {
-                name: Spool(make_folder(self._part / "rows" / name), [row[name] for row in done]) for name in names
-            }
+            self._spools = {name: Spool(make_folder(self._part / "rows" / name)) for name in names}
+            self.rows_done = _taken_over(self._spools, done)
             make_folder(self._part / "log")
             yield
         except FileError:
@@ -139,7 +138,7 @@ class RowWriter(ABC):
                 tables["orientations"] = log.orientations
             np.savez(file, allow_pickle=False, **tables)
         self.rows_done += 1
-        rows = zip(*(spool.rows for spool in self._spools.values()), strict=True)
+        rows = zip(*(spool.listed for spool in self._spools.values()), strict=True)
         listed = [dict(zip(self._spools, row, strict=True)) for row in rows]
         write_text(self._part / _ROWS, json.dumps(listed))
 
@@ -191,15 +190,28 @@ class RowWriter(ABC):
         return folder
 
 
-def _rows_listed(folder: Path, names: Sequence[str]) -> list[dict[str, tuple[int, float]]]:
-    """Number and time of every row that is whole, by radar."""
+def _rows_listed(folder: Path, names: Sequence[str]) -> list[dict[str, tuple[int, float, str]]]:
+    """Number, time and checksum of every row that is whole, by radar."""
     if not (folder / _ROWS).exists():
         return []
     try:
         listed = [{name: row[name] for name in names} for row in _kept(folder / _ROWS)]
-        return [{name: (int(number), float(time)) for name, (number, time) in row.items()} for row in listed]
+        return [
+            {name: (int(number), float(time), str(sha256)) for name, (number, time, sha256) in row.items()}
+            for row in listed
+        ]
     except (LookupError, TypeError, ValueError, OverflowError) as error:
         raise DamagedFileError(f"{printable(folder / _ROWS)} is no list of rows: {error}; remove the folder") from error
+
+
+def _taken_over(spools: "dict[str, Spool]", rows: list[dict[str, tuple[int, float, str]]]) -> int:
+    """How many rows are as they were written, from the first on. Spools take these; the others are scanned anew."""
+    for done, row in enumerate(rows):
+        if not all(spools[name].holds(done, told[2]) for name, told in row.items()):
+            return done
+        for name, told in row.items():
+            spools[name].listed.append(told)
+    return len(rows)
 
 
 def _kept(path: Path) -> Any:
@@ -223,27 +235,33 @@ def _joined(parts: Sequence[Path]) -> Trajectory:
 class Spool(Sequence):
     """Rows on disk until they are all there; each is read when it is asked for."""
 
-    def __init__(self, folder: Path, rows: list[tuple[int, float]]):
+    def __init__(self, folder: Path):
         self._folder = folder
-        self.rows = rows
+        self.listed: list[tuple[int, float, str]] = []  # number, time and checksum of each
+
+    def holds(self, index: int, sha256: str) -> bool:
+        """Whether the file of a row is there, byte for byte as it was written."""
+        path = self._path(index)
+        return path.is_file() and _sha256(path) == sha256
 
     def add(self, recording: Recording) -> None:
         # The number in a published file's name is its time in seconds.
         number = int(recording.first_time)
-        if self.rows:
-            number = max(number, self.rows[-1][0] + 1)
+        if self.listed:
+            number = max(number, self.listed[-1][0] + 1)
         samples = recording.samples
         if recording.lost.any():
             # A file has no other mark: a frame of zeros is one that is not there, and half a frame is no measurement.
             samples = np.where(recording.lost[:, None, None, None], np.complex64(0), samples)
-        np.save(self._path(len(self.rows)), samples)
-        self.rows.append((number, recording.first_time))
+        path = self._path(len(self))
+        np.save(path, samples)
+        self.listed.append((number, recording.first_time, _sha256(path)))
 
     def __len__(self) -> int:
-        return len(self.rows)
+        return len(self.listed)
 
     def __getitem__(self, index: Any) -> Any:
-        number, created = self.rows[index]
+        number, created, _ = self.listed[index]
         path = self._path(index % len(self))
         array_shapes(path)  # what NumPy raises of some headers is none of the errors below
         try:
@@ -256,3 +274,8 @@ class Spool(Sequence):
 
     def _path(self, index: int) -> Path:
         return self._folder / f"{index}.npy"
+
+
+def _sha256(path: Path) -> str:
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -1,9 +1,8 @@
 """The simulator's inner loops, compiled by Numba: the specular test, and the sum over lit vertices."""
 
 import numpy as np
-from numba import prange
 
-from millisight.core import inline, kernel, phase
+from millisight.core import inline, kernel, phase, prange
 from millisight.core import product as product  # here for whoever asks the kernels of a device
 
 _distance = inline(phase.distance)

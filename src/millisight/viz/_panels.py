@@ -35,6 +35,8 @@ OUTSIDE = "0.90"
 ORDER = "viridis"
 """Colour map of what is counted, such as poses; that of magnitudes is `checked_colormap()`."""
 
+# Settings of the user, or of a matplotlibrc in the working directory, change no figure.
+_DEFAULTS = {name: value for name, value in matplotlib.rcParamsDefault.items() if not name.startswith("backend")}
 _STYLE: dict[Any, Any] = {
     "font.size": 8.5,
     "axes.titlesize": 9.5,
@@ -65,7 +67,7 @@ def styled(function: Callable[P, T]) -> Callable[P, T]:
 
     @functools.wraps(function)
     def wrapper(*args: P.args, **kwargs: P.kwargs) -> T:
-        with matplotlib.rc_context(_STYLE):
+        with matplotlib.rc_context({**_DEFAULTS, **_STYLE}):
             return function(*args, **kwargs)
 
     return wrapper
@@ -100,7 +102,7 @@ def save_figure(figure: Figure, path: str | os.PathLike[str], *, dpi: float = 15
     if suffix not in _METADATA:
         raise UnknownNameError("figure format", suffix or Path(path).name, _METADATA)
     look: dict[Any, Any] = {**_STYLE, "svg.hashsalt": "millisight"}
-    with atomic_path(path) as temporary, matplotlib.rc_context(look), warnings.catch_warnings():
+    with atomic_path(path) as temporary, matplotlib.rc_context({**_DEFAULTS, **look}), warnings.catch_warnings():
         # Names in scripts that the letters have not: boxes stand for them, and a warning for each helps nobody.
         warnings.filterwarnings("ignore", message="Glyph .* missing from", category=UserWarning)
         for text in figure.findobj(Text):  # a file's name may be none that can be drawn

@@ -1,5 +1,6 @@
 """A dataset's card: `README.md` in its folder says what it is, how it was made, and what it is not."""
 
+import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -13,6 +14,9 @@ from millisight.datasets.generation._rig_job import RigJob
 from millisight.io.mito import SPLITS_NAME, TRUTH
 
 CARD_NAME = "README.md"
+
+_BEGIN = "<!-- millisight generate: written anew from here -->"
+_END = "<!-- millisight generate: to here -->"
 
 _RIG = """\
 - **The virtual rig** (`robot_collected/`): physical optics over finely meshed surfaces, with complex permittivities,
@@ -31,8 +35,14 @@ _SIMULATOR = """\
 def write_card(
     out: Path, recipe: Recipe, things: Iterable[DatasetObject], jobs: Sequence[Job], manifest: Manifest
 ) -> None:
-    """Write `README.md` of the jobs that are done."""
-    write_text(out / CARD_NAME, _card(recipe, list(things), jobs, manifest))
+    """Write `README.md` of the jobs that are done; what others wrote outside of our marks stays."""
+    card = f"{_BEGIN}\n{_card(recipe, list(things), jobs, manifest)}{_END}\n"
+    path = out / CARD_NAME
+    if path.exists():
+        before = path.read_text(encoding="utf-8")
+        found = re.search(rf"{re.escape(_BEGIN)}.*{re.escape(_END)}\n?", before, re.DOTALL)
+        card = before if found is None else before[: found.start()] + card + before[found.end() :]
+    write_text(path, card)
 
 
 def _card(recipe: Recipe, things: list[DatasetObject], jobs: Sequence[Job], manifest: Manifest) -> str:

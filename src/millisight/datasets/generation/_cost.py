@@ -147,7 +147,7 @@ def slowness_of(scans: Iterable[tuple[WorldLayout, float]], done: Callable[[], o
 
     With the median, the mean of these shares, come two standard errors of it.
     """
-    import numba
+    from millisight.core import numba
 
     threads, ratios = numba.get_num_threads(), []
     numba.set_num_threads(1)
@@ -170,7 +170,7 @@ def slowness() -> Slowness:
     Processor time does not count how long other programs have the core; that they share its caches and clock still
     shows, by a factor of 1.5 on a busy machine, and is told by the range.
     """
-    import numba
+    from millisight.core import numba
 
     world = World(objects=(WorldObject(object="golf_ball", at=(0.1, 0.1)),), scan=ScanSettings(size=(0.2, 0.2)))
     stage, settings, frames = build_layout(world), world.radars[0], 40

@@ -232,14 +232,16 @@ def _done(
 ) -> Generator[tuple[Job, Sequence[ManifestEntry], float | None, str], None, None]:
     """Jobs as they are done: the files that each tells of, the processor time it took [s], and why it failed."""
     if relay is None:
-        function, items = partial(make_in_place, plan.out.absolute(), version()), [(j, plan.texts[j.key]) for j in jobs]
+        function = partial(make_in_place, plan.out.absolute(), version())
+        items = [(job, plan.texts[job.key], plan.ledger.known(job.folders)) for job in jobs]
     else:
         function, items = relay.work(jobs, plan.texts)
     with closing(engine.run(function, items)) as outcomes:
         for number, result, failure in outcomes:
             entries, took = result or ((), None)
             if relay is not None and not failure:
-                entries, failure = attempt(partial(relay.take, jobs[number]), entries)
+                job = jobs[number]
+                entries, failure = attempt(partial(relay.take, job, plan.ledger.known(job.folders)), entries)
             yield jobs[number], entries, took, failure
 
 

@@ -31,6 +31,7 @@ EMPTY_FOLDERS = "{}_background", "{}_EMPTY"
 _EMPTY_CARTON = "{}-carton_EMPTY"
 _EMPTY_SIZES = (0.09, 0.09, 0.05), (0.24, 0.24, 0.14)  # of empty cartons, from and to [m]
 _CLOTHS = 4
+_MOST_JOBS = 200_000
 _UPRIGHT = (0, 0, 0)
 
 
@@ -74,6 +75,7 @@ def jobs_of(recipe: Recipe, things: Mapping[str, DatasetObject]) -> tuple[Job, .
 
     `things` are the recipe's objects by name, as `prepare` gives them.
     """
+    _check_number(recipe)
     subjects = tuple(_subjects(recipe, things))
     jobs: list[Job] = []
     if recipe.rig is not None:
@@ -87,6 +89,24 @@ def jobs_of(recipe: Recipe, things: Mapping[str, DatasetObject]) -> tuple[Job, .
                 "same objects"
             )
     return tuple(jobs)
+
+
+def _check_number(recipe: Recipe) -> None:
+    """Refuse a recipe of too many jobs before they are made."""
+    things = len(recipe.objects.chosen) + len(recipe.files)
+    subjects = things * (len(recipe.poses.stated) + recipe.poses.count) + len(recipe.scenes)
+    each, empty = 0, 0
+    if (rig := recipe.rig) is not None:
+        scans = max(1, len(rig.scans))
+        each += scans * len(rig.backgrounds) * (1 + rig.hidden_count)
+        empty = scans * len(rig.backgrounds) * (1 + (0 if rig.covers is None else rig.covers.empty))
+    if recipe.simulator is not None:
+        each += len(recipe.simulator.radars)
+    if subjects * each + empty > _MOST_JOBS:
+        raise FormatError(
+            f"{recipe.source}: it has {subjects * each + empty} jobs; expected {_MOST_JOBS} at most: divide it into "
+            "several, with names and seeds of their own"
+        )
 
 
 def seed_of(recipe: Recipe, *name: object) -> int:

@@ -6,13 +6,14 @@ begins with what is told.
 
 import json
 import os
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
-from millisight.core import alone, make_folder, printable
-from millisight.core.errors import DamagedFileError, InputError
+from millisight.core import alone, make_folder, printable, write_text
+from millisight.core.errors import DamagedFileError, FileError, InputError
 from millisight.datasets import (
     MANIFEST_NAME,
     Manifest,
@@ -36,6 +37,7 @@ class Ledger:
     def __init__(self, out: Path, settings: Mapping[str, Any]):
         self._out, self._settings = out, dict(settings)
         self._done: dict[str, tuple[str, tuple[ManifestEntry, ...]]] = {}
+        self._below: defaultdict[str, set[str]] = defaultdict(set)  # files that were made, at or below a folder
         before = read_manifest(out)
         if before is None and out.is_dir() and any(not entry.name.startswith(".") for entry in out.iterdir()):
             raise InputError(f"{printable(out)} is not empty, and not a dataset of this recipe; choose another folder")
@@ -54,6 +56,10 @@ class Ledger:
         told = self._done.get(job)
         return told is not None and told[0] == sha256 and all(is_whole(entry, self._out) for entry in told[1])
 
+    def known(self, folders: Iterable[str]) -> frozenset[str]:
+        """The files in or below some folders that were made here."""
+        return frozenset().union(*(self._below.get(folder, ()) for folder in folders))
+
     def files(self, jobs: Iterable[str]) -> list[ManifestEntry]:
         """The files of some jobs."""
         return [entry for job in jobs if job in self._done for entry in self._done[job][1]]
@@ -67,35 +73,44 @@ class Ledger:
         """Only in such a block jobs can be added, and only one at a time can have it."""
         make_folder(self._out)
         with alone(self._out, printable(self._out)):
+            if (self._out / JOURNAL_NAME).is_symlink():
+                raise FileError(f"{printable(self._out / JOURNAL_NAME)} is a link; expected a file of ours: remove it")
             if read_manifest(self._out) is None:
                 write_manifest(self._out, Manifest(settings=self._settings, entries={}))
             yield
 
     def add(self, entries: Iterable[ManifestEntry]) -> None:
-        """Tell of a job that is done."""
+        """Tell of a job that is done. What it made before and no more goes, unless somebody has changed it since."""
         entries = tuple(entries)
+        paths = {entry.path for entry in entries}
+        before = [old for job in _by_job(entries) for old in self._done.get(job, ("", ()))[1]]
         self._take(entries)
-        line = json.dumps([{**e._asdict(), "sources": [s._asdict() for s in e.sources]} for e in entries])
         with open(self._out / JOURNAL_NAME, "a", encoding="utf-8") as file:
-            file.write(line + "\n")
+            file.write(_line(entries))
             file.flush()
             os.fsync(file.fileno())
+        for old in before:
+            if old.path not in paths and is_whole(old, self._out):
+                (self._out / old.path).unlink()
 
     def close(self, jobs: Iterable[str], others: Iterable[ManifestEntry]) -> Manifest:
-        """Write the manifest, of these jobs and other files, in the journal's place."""
+        """Write the manifest of these jobs and other files; the journal keeps what jobs made that are none of these."""
+        jobs = list(jobs)
         entries = {entry.path: entry for entry in (*self.files(jobs), *others)}
         manifest = Manifest(settings=self._settings, entries=entries)
         write_manifest(self._out, manifest)
-        (self._out / JOURNAL_NAME).unlink(missing_ok=True)
+        if others_made := self.others(jobs):
+            write_text(self._out / JOURNAL_NAME, "".join(_line(self._done[job][1]) for job in others_made))
+        else:
+            (self._out / JOURNAL_NAME).unlink(missing_ok=True)
         return manifest
 
     def _take(self, entries: Iterable[ManifestEntry]) -> None:
-        by_job: dict[str, list[ManifestEntry]] = {}
-        for entry in entries:
-            if entry.sources and entry.sources[0].path.endswith(JOB_NAME):
-                by_job.setdefault(entry.sources[0].path, []).append(entry)
-        for job, told in by_job.items():
+        for job, told in _by_job(entries).items():
             self._done[job] = told[0].sources[0].sha256, tuple(told)
+            for entry in told:
+                for folder in PurePosixPath(entry.path).parents:
+                    self._below[str(folder)].add(entry.path)
 
 
 _LONGEST_LINE = 1 << 24  # of the journal, the files of one job [bytes]
@@ -107,6 +122,20 @@ JOB_NAME = "job.json"
 def job_source(path: Path, name: str) -> ManifestSource:
     """The description at `path` as the source of a job's files, under its name in the dataset."""
     return ManifestSource(name, path.stat().st_size, checksum(path))
+
+
+def _line(entries: Iterable[ManifestEntry]) -> str:
+    """Of the journal: the files of one job."""
+    return json.dumps([{**e._asdict(), "sources": [s._asdict() for s in e.sources]} for e in entries]) + "\n"
+
+
+def _by_job(entries: Iterable[ManifestEntry]) -> dict[str, list[ManifestEntry]]:
+    """Files by the path of the description that they were made from."""
+    found: dict[str, list[ManifestEntry]] = {}
+    for entry in entries:
+        if entry.sources and entry.sources[0].path.endswith(JOB_NAME):
+            found.setdefault(entry.sources[0].path, []).append(entry)
+    return found
 
 
 def _journal(out: Path) -> Iterator[list[ManifestEntry]]:

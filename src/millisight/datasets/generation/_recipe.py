@@ -214,8 +214,15 @@ class Rig:
     @property
     def hidden(self) -> tuple[str, ...]:
         """The conditions of one object in one pose that hide it, each as often as it is made."""
-        cartons = 1 if self.covers is None else self.covers.cartons
-        return tuple(c for c in self.conditions[1:] for _ in range(cartons if "carton" in c else 1))
+        return tuple(c for c in self.conditions[1:] for _ in range(self._made(c)))
+
+    @property
+    def hidden_count(self) -> int:
+        """How many these are."""
+        return sum(self._made(c) for c in self.conditions[1:])
+
+    def _made(self, condition: str) -> int:
+        return self.covers.cartons if self.covers is not None and "carton" in condition else 1
 
 
 @record
@@ -300,6 +307,10 @@ class Recipe:
         if not isinstance(self.name, str) or not self.name.strip() or len(self.name) > _LONGEST_NAME:
             raise InputError(
                 f"name is {quoted(self.name)}; expected a name for the dataset, of {_LONGEST_NAME} characters at most"
+            )
+        if self.name.startswith(".") or any(mark in self.name for mark in "/\\\0"):
+            raise InputError(
+                f"name is {quoted(self.name)}; expected the name of a folder, without slashes and no dot first"
             )
         put(self, seed=checked_integer(self.seed, name="seed", minimum=0))
         if not self.objects.chosen and not self.files and not self.scenes:

@@ -4,7 +4,7 @@ import hashlib
 import secrets
 import shutil
 import tempfile
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import closing, suppress
 from functools import partial
 from pathlib import Path
@@ -66,8 +66,10 @@ class Relay:
             items.append((job, texts[job.key], _folder_of(job), inputs))
         return partial(make_away, self._url, version()), items
 
-    def take(self, job: Job, entries: Sequence[ManifestEntry]) -> tuple[ManifestEntry, ...]:
+    def take(self, job: Job, known: Collection[str], entries: Sequence[ManifestEntry]) -> tuple[ManifestEntry, ...]:
         """A job's files to their places in the dataset, each compared with its checksum; those that it tells of.
+
+        `known` are files that earlier runs made.
 
         Raises
         ------
@@ -82,7 +84,7 @@ class Relay:
             with closing(in_threads(partial(fetch_file, self._store, stage), files, _THREADS)) as outcomes:
                 for _ in outcomes:
                     pass
-            place(job, entries, stage / folder, self._root)
+            place(entries, stage / folder, self._root, known)
         finally:
             shutil.rmtree(stage, ignore_errors=True)
         self._store.remove(str(folder))

@@ -77,12 +77,9 @@ class RigJob:
         return f"{mito.TRUTH}/{self.key}"
 
     @property
-    def owned(self) -> tuple[str, ...]:
-        """The folders that hold nothing but what this job makes, relative to the dataset."""
-        states = {"unprocessed": self.folder, "processed": self.image_folder or self.folder}
-        of_radars = [f"{folder}/{state}/radars/{r}" for state, folder in states.items() for r in self.radars]
-        of_camera = [f"{self.folder}/{state}/camera" for state in states] if self.camera else []
-        return (*of_radars, *of_camera, self.truth)
+    def folders(self) -> tuple[str, ...]:
+        """Where all that this job makes lies, relative to the dataset."""
+        return self.folder, self.image_folder or self.folder, self.truth
 
     @property
     def inputs(self) -> tuple[str, ...]:

@@ -63,9 +63,9 @@ class SimulatorJob:
         return f"{TRUTH}/{self.key}"
 
     @property
-    def owned(self) -> tuple[str, ...]:
-        """The folders that hold nothing but what this job makes, relative to the dataset."""
-        return f"{self.folder}/processed/radars/{self.radar}", self.truth
+    def folders(self) -> tuple[str, ...]:
+        """Where all that this job makes lies, relative to the dataset."""
+        return self.folder, self.truth
 
     @property
     def inputs(self) -> tuple[str, ...]:

@@ -2,16 +2,15 @@
 
 import importlib.metadata
 import json
-import os
 import secrets
 import shutil
 import tempfile
 import time
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import Any
 
-from millisight.core import make_folder, printable, write_text
+from millisight.core import make_folder, move_into, printable, write_text
 from millisight.core.errors import FileError, InputError
 from millisight.datasets import ManifestEntry, checksum
 from millisight.datasets._store import Store
@@ -21,7 +20,8 @@ from millisight.datasets.generation._ledger import JOB_NAME, job_source
 from millisight.datasets.generation._rig_job import RigJob
 from millisight.io.mito import INFO, INFO_NAME, RAW, TRUTH, kind_of
 
-PARTIAL_NAME = ".partial"
+PARTIAL_NAME = ".millisight.partial"
+"""A folder in the dataset's for what is not whole yet."""
 
 Made = tuple[tuple[ManifestEntry, ...], float]
 """What a job made, and the processor time that it took [s]."""
@@ -37,14 +37,15 @@ def description_of(job: Job) -> str:
     return f"{job.truth}/{JOB_NAME}"
 
 
-def make_in_place(root: Path, expected: str, item: tuple[Job, str]) -> Made:
+def make_in_place(root: Path, expected: str, item: tuple[Job, str, frozenset[str]]) -> Made:
     """Do one job: its files to their places in the dataset `root`.
 
-    `expected` is the version of millisight that asks for it, `item` the job and its description.
+    `expected` is the version of millisight that asks for it, `item` the job, its description, and files that earlier
+    runs made.
     """
     started = time.process_time()
     _check_version(expected)
-    job, text = item
+    job, text, known = item
     if not (root / PARTIAL_NAME).is_dir():
         raise FileError(
             f"{printable(root)} does not exist on this worker; the workers of a cluster must see the "
@@ -53,7 +54,7 @@ def make_in_place(root: Path, expected: str, item: tuple[Job, str]) -> Made:
     stage = make_folder(root / PARTIAL_NAME / secrets.token_hex(6))
     try:
         entries = _staged(job, text, root, stage)
-        place(job, entries, stage, root)
+        place(entries, stage, root, known)
     finally:
         shutil.rmtree(stage, ignore_errors=True)
     return answered(job, entries), time.process_time() - started
@@ -78,17 +79,15 @@ def make_away(url: str, expected: str, item: tuple[Job, str, str, tuple[WantedFi
     return entries, time.process_time() - started
 
 
-def place(job: Job, entries: Iterable[ManifestEntry], stage: Path, root: Path) -> None:
-    """Move what is whole from `stage` to its place; what an earlier job of this name left there goes."""
-    shared = [entry.path for entry in entries if entry.path.endswith(INFO_NAME)]
-    for name in (*shared, *job.owned):
-        target = root / name
-        if not (stage / name).exists():
-            continue
-        make_folder(target.parent)
-        if target.is_dir():
-            shutil.rmtree(target)
-        os.replace(stage / name, target)
+def place(entries: Iterable[ManifestEntry], stage: Path, root: Path, known: Collection[str]) -> None:
+    """Move files from `stage` to their places in `root`; of what is there, those `known` may be overwritten.
+
+    Raises
+    ------
+    FileError
+    """
+    for entry in entries:
+        move_into(stage / entry.path, root / entry.path, known=entry.path in known)
 
 
 def answered(job: Job, entries: Iterable[ManifestEntry]) -> tuple[ManifestEntry, ...]:

@@ -4,17 +4,19 @@ Studio sets the radar up and starts its frames; the DCA1000's packets are record
 it appears, the script removes it and starts the frames of one row.
 """
 
+import re
 import secrets
 import time
 from contextlib import suppress
 from pathlib import Path
 
-from millisight.core import check_own, printable, write_text
-from millisight.core.errors import DeviceError, FileError
+from millisight.core import check_own, printable, quoted, write_text
+from millisight.core.errors import DeviceError, FileError, FormatError
 from millisight.io.raw import read_ti_config
 from millisight.rig.drivers._ti_cli import profile_lines
 
 _PATIENCE = 3.0  # until the script takes the file [s]
+_RAMP = 14  # numbers of a profile
 _MARK = "asked for by millisight"
 
 _SCRIPT = """\
@@ -67,7 +69,7 @@ def studio_script(profile: Path, *, frames: int, start_file: str, lanes: int = 4
     Raises
     ------
     DeviceError
-        The profile has several chirps in a frame, which this script does not write.
+        There are several profiles, or several chirps in a frame, which this script does not write.
     FileError, FormatError
         The profile cannot be read, or cannot be right.
     """
@@ -77,21 +79,34 @@ def studio_script(profile: Path, *, frames: int, start_file: str, lanes: int = 4
             f"{printable(profile.name)} has {len(config.tx_masks)} chirps in a loop; expected 1, as the script for "
             "mmWave Studio has"
         )
-    words = {line.split()[0]: line.split()[1:] for line in profile_lines(profile)}
-    ramp = words["profileCfg"]
+    lines = [line.split() for line in profile_lines(profile)]
+    ramps = [words[1:] for words in lines if words[0] == "profileCfg"]
+    if len(ramps) != 1:
+        raise DeviceError(f"{printable(profile.name)} has {len(ramps)} profiles; expected 1, as the script has")
+    if len(ramps[0]) < _RAMP:
+        raise FormatError(f"{printable(profile.name)}: profileCfg has {len(ramps[0])} numbers; expected {_RAMP}")
+    words = {line[0]: line[1:] for line in lines}
+    ramp = [_number(word, profile) for word in ramps[0]]
     receivers = int(words["channelCfg"][0])
     return _SCRIPT.format(
         profile=printable(profile.name).replace("\n", " "),
         start_file=start_file.replace("\\", "/").replace('"', ""),
         tx=", ".join(str(config.tx_masks[0] >> i & 1) for i in range(3)),
         rx=", ".join(str(receivers >> i & 1) for i in range(4)),
-        adc_format=words["adcCfg"][1],
+        adc_format=_number(words["adcCfg"][1], profile),
         iq_swap=int(config.sample_swap),
         more_lanes=int(lanes == 4),
         start=ramp[1], idle=ramp[2], adc_start=ramp[3], ramp_end=ramp[4], slope=ramp[7], tx_start=ramp[8],
         samples=ramp[9], rate=ramp[10], gain=ramp[13],
         frames=frames, loops=config.loops, period=f"{1000 * config.frame_period:.9g}",
     )  # fmt: skip
+
+
+def _number(word: str, profile: Path) -> str:
+    """A number of the profile as it stands there: whatever else it holds would be run by Studio."""
+    if re.fullmatch(r"-?\d{1,12}(\.\d{1,12})?", word, re.ASCII) is None:
+        raise FormatError(f"{printable(profile.name)}: {quoted(word)} stands where a number is expected")
+    return word
 
 
 class StartFile:

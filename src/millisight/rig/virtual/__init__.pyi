@@ -19,6 +19,7 @@ from ._published import image_grid as image_grid
 from ._radar import Frames as Frames
 from ._radar import digitised as digitised
 from ._rig import VirtualRig as VirtualRig
+from ._rig import check_truth as check_truth
 from ._rig import optics_of as optics_of
 from ._rig import write_object_masks as write_object_masks
 from ._rig import write_truth as write_truth

@@ -57,6 +57,9 @@ class VirtualCamera:
         return self._pose
 
 
+_FARTHEST = np.iinfo(np.uint16).max  # depth in units, as a camera's file holds it
+
+
 def render(layout: WorldLayout, pose: np.ndarray, settings: CameraSettings, rng: np.random.Generator) -> CameraFrame:
     """The frame of a camera with the `pose` (4, 4) in the radar frame; the frame's own pose is in the base frame."""
     intrinsics = Intrinsics.published()
@@ -71,12 +74,13 @@ def render(layout: WorldLayout, pose: np.ndarray, settings: CameraSettings, rng:
         depth += sigma * rng.standard_normal(len(depth))
     if settings.holes:
         depth[_holes(layout, view, pose, shape, rng)] = 0.0
+    units = np.rint(depth.reshape(shape) / _DEPTH_UNIT)
     noisy = rgb.reshape(*shape, 3) * 255 + 1.5 * rng.standard_normal((*shape, 3))
     base = pose.copy()
     base[:3, 3] += BASE_ORIGIN
     return CameraFrame(
         rgb=np.clip(np.rint(noisy), 0, 255).astype(np.uint8),
-        depth=np.rint(depth.reshape(shape) / _DEPTH_UNIT).astype(np.uint16),
+        depth=np.where((units >= 0) & (units <= _FARTHEST), units, 0).astype(np.uint16),  # beyond, none is known
         pose=base,
         intrinsics=intrinsics,
         depth_unit=_DEPTH_UNIT,

@@ -18,9 +18,8 @@ bins (C, B, ORDER) complex64
 import math
 
 import numpy as np
-from numba import prange
 
-from millisight.core import inline, kernel, phase
+from millisight.core import inline, kernel, phase, prange
 
 _distance = inline(phase.distance)
 _wrapped = inline(phase.wrapped)

@@ -79,7 +79,7 @@ def cut(triangles: np.ndarray, reach: float) -> np.ndarray:
     What is too large is sliced parallel to its shortest side, and each slice is cut across, so that thin triangles
     give few pieces. Triangles without area are left out.
     """
-    triangles = triangles[_doubled_area(triangles) > 0]
+    triangles = triangles[doubled_area(triangles) > 0]
     too_large = np.linalg.norm(triangles - triangles.mean(axis=1, keepdims=True), axis=2).max(axis=1) > reach
     # Half a square, the worst of the pieces, reaches sqrt(5) / 3 of its side.
     return np.concatenate([triangles[~too_large], _sliced(_upright(triangles[too_large]), 3 / np.sqrt(5) * reach)])
@@ -92,7 +92,7 @@ def _upright(triangles: np.ndarray) -> np.ndarray:
     """
     sides = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2)
     longest = sides.max(axis=1)
-    sliver = _doubled_area(triangles) < _SLANTED * longest * sides.min(axis=1)
+    sliver = doubled_area(triangles) < _SLANTED * longest * sides.min(axis=1)
     order = (sides[sliver].argmax(axis=1)[:, None] + np.arange(3)) % 3
     a, b, c = np.take_along_axis(triangles[sliver], order[..., None], axis=1).transpose(1, 0, 2)
     share = ((c - a) * (b - a)).sum(axis=1, keepdims=True) / longest[sliver, None] ** 2
@@ -126,7 +126,7 @@ def _sliced(triangles: np.ndarray, longest: float) -> np.ndarray:
         np.where(straight, np.stack([p, r, q], axis=1), np.stack([q, s, r], axis=1)),
     )
     pieces = np.concatenate(halves)
-    area = _doubled_area(pieces)
+    area = doubled_area(pieces)
     # At a tip, the near side of a slice is a point, and so is one of its halves.
     return pieces[area > 1e-9 * area.max()]
 
@@ -163,6 +163,7 @@ def _counted(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return owner, place, counts[owner]
 
 
-def _doubled_area(triangles: np.ndarray) -> np.ndarray:
+def doubled_area(triangles: np.ndarray) -> np.ndarray:
+    """(F,) twice the areas of triangles (F, 3, 3) [m²]."""
     a, b, c = triangles.transpose(1, 0, 2)
     return np.linalg.norm(np.cross(b - a, c - a), axis=1)

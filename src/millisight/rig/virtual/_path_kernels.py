@@ -3,9 +3,8 @@
 import math
 
 import numpy as np
-from numba import prange
 
-from millisight.core import inline, kernel, phase
+from millisight.core import inline, kernel, phase, prange
 from millisight.rig.virtual._kernels import FULL, ORDER, form_factor, polynomial
 
 _distance = inline(phase.distance)

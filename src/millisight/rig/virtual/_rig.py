@@ -1,14 +1,15 @@
 """A whole virtual rig: the devices of one world, and the truth that only they know, also in files of its own."""
 
 import os
+import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
-from millisight.core import atomic_path, make_folder
-from millisight.core.errors import InputError, UnknownNameError
+from millisight.core import atomic_path, checked_path, make_folder, move_into, printable, toml_of
+from millisight.core.errors import FileError, InputError, UnknownNameError
 from millisight.data import CameraMask, Trajectory
 from millisight.io import save
 from millisight.rig import ArmPose, ScanPlan
@@ -19,6 +20,8 @@ from millisight.rig.virtual._published import BASE_ORIGIN, image_grid
 from millisight.rig.virtual._radar import Frames, VirtualRadar
 from millisight.rig.virtual._settings import RadarSettings, WorldTime
 from millisight.rig.virtual._world import World
+
+_WORLD_NAME = "world.toml"
 
 # Keys of the devices' random numbers: one that is added changes none of the others.
 _ARM, _CAMERA, _RADAR = 1, 2, 3
@@ -215,18 +218,41 @@ def write_truth(rig: VirtualRig, folder: str | os.PathLike[str]) -> Path:
     Raises
     ------
     FileError
+        It cannot be written, or holds other files of these names, which stay.
     """
+    check_truth(rig, folder)
     folder = make_folder(folder)
+    with tempfile.TemporaryDirectory(prefix=".millisight.", dir=folder) as stage:
+        _write_truth(rig, Path(stage), folder)
+        # The world last: where it is, the rest is.
+        for path in sorted(Path(stage).iterdir(), key=lambda path: path.name == _WORLD_NAME):
+            move_into(path, folder / path.name, known=False)
+    return folder
+
+
+def check_truth(rig: VirtualRig, folder: str | os.PathLike[str]) -> None:
+    """Refuse a folder with another scan's truth, before the scan.
+
+    Raises
+    ------
+    FileError
+    """
+    path = checked_path(folder) / _WORLD_NAME
+    if path.exists() and path.read_bytes() != toml_of(rig.world.seen_from(folder)).encode():
+        raise FileError(f"{printable(path)} is of another scan, and would be overwritten; choose another folder")
+
+
+def _write_truth(rig: VirtualRig, to: Path, folder: Path) -> None:
+    """All files of the truth into `to`, from where they go to `folder`."""
     layout = rig.layout
     several = layout.objects if len(layout.objects) > 1 else ()
     for radar in rig.radars:
-        save(folder / f"{radar.name}.path.h5", rig.truth(radar.name), reproducible=True)
+        save(to / f"{radar.name}.path.h5", rig.truth(radar.name), reproducible=True)
         grid = image_grid(rig.world, radar.name).xy
         for number, name in [(None, ""), *((item.number, f".{item.number}_{item.name}") for item in several)]:
             mask = footprint(layout, grid, number)
-            save(folder / f"{radar.name}{name}.footprint.h5", mask, reproducible=True)
+            save(to / f"{radar.name}{name}.footprint.h5", mask, reproducible=True)
     if layout.objects:
-        save(folder / "camera.mask.h5", line_of_sight_mask(rig), reproducible=True)
-        write_object_masks(rig, folder)
-    rig.world.seen_from(folder).to_toml(folder / "world.toml")
-    return folder
+        save(to / "camera.mask.h5", line_of_sight_mask(rig), reproducible=True)
+        write_object_masks(rig, to)
+    rig.world.seen_from(folder).to_toml(to / _WORLD_NAME)

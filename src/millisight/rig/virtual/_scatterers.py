@@ -14,7 +14,7 @@ from millisight.rig.virtual import _path_kernels as _path_kernels
 from millisight.rig.virtual._edges import Edges, sharp_edges
 from millisight.rig.virtual._multipath import double_bounces
 from millisight.rig.virtual._occluders import Sheet, sheet_tables
-from millisight.rig.virtual._patches import REACH, Patches, cut, gather
+from millisight.rig.virtual._patches import REACH, Patches, cut, doubled_area, gather
 from millisight.rig.virtual._settings import Antenna
 from millisight.rig.virtual._surface import Boundary, fitted
 
@@ -24,6 +24,7 @@ EDGE_DEG = 20.0
 # The phase that a bin's series must bear, half a band off the centre: by half a bin, and by a cluster's half diagonal
 # on both legs. The sum is 0.9, see _kernels.ORDER.
 _BIN_PHASE, _CLUSTER_PHASE = 0.3, 0.6
+_MOST_PATCHES = 4e6  # which take some 3 GB
 _WIDEST_CLUSTER = 0.03  # over which an antenna's pattern is as good as linear [m]
 _LEAST_SLOPE = 1.0  # of a single frequency [rad/m]: bins of 0.6 m
 
@@ -58,6 +59,22 @@ class Band(NamedTuple):
         return cls(center, half, center / SPEED_OF_LIGHT, slope, 2 * _BIN_PHASE / rounded, cell)
 
 
+def _check_area(surfaces: Sequence[np.ndarray], reach: float) -> None:
+    """Refuse surfaces, each (F, 3, 3) triangles, that would be cut into too many patches of `reach` [m].
+
+    Raises
+    ------
+    InputError
+    """
+    area = sum(float(doubled_area(triangles).sum() / 2) for triangles in surfaces)
+    most = _MOST_PATCHES * 0.9 * reach**2  # half a square of side 3 / sqrt(5) times the reach
+    if not area <= most:
+        raise InputError(
+            f"the world's surfaces have {area:.3g} m²; expected at most {most:.3g} m² at this frequency, counting both "
+            "faces of a carton and a cloth: make walls, support and covers smaller, as what lies far off hardly echoes"
+        )
+
+
 class SurfaceScatterers:
     """Patches of solids and sheets, and edges of solids; solids cast shadows, sheets none.
 
@@ -80,6 +97,7 @@ class SurfaceScatterers:
         faces = [(mesh.vertices[mesh.faces], surface) for mesh, surface in solids]
         faces += [face for sheet in sheets for face in sheet.faces(band.center)]
         surfaces = [surface for _, surface in faces]
+        _check_area([triangles for triangles, _ in faces], reach)
         patches = gather([cut(triangles, reach) for triangles, _ in faces], band.cell)
         self._radar, self._band = radar, band
         self._surface, self._starts = patches.surface, patches.starts

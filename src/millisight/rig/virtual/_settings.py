@@ -19,6 +19,8 @@ from millisight.core.errors import InputError
 from millisight.data import Radar
 from millisight.rig import CameraMount
 
+_MOST_NOISE = 1e3
+
 
 @record
 class Antenna:
@@ -322,6 +324,8 @@ class CameraSettings:
             depth_noise=checked_number(self.depth_noise, name="depth_noise", minimum=0),
             holes=checked_record(self.holes, bool, name="holes"),
         )
+        if self.depth_noise > _MOST_NOISE:
+            raise InputError(f"depth_noise is {self.depth_noise:g}; expected at most {_MOST_NOISE:g}")
 
     def pose(self, radar_frame: np.ndarray) -> np.ndarray:
         """(4, 4) camera frame to radar frame of the world, with the arm at `radar_frame` (3,) [m]."""

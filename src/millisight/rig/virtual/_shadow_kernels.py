@@ -1,9 +1,8 @@
 """Compiled loops over what is seen from where. See `_shadows` and `_multipath`."""
 
 import numpy as np
-from numba import prange
 
-from millisight.core import inline, kernel, phase, serial
+from millisight.core import inline, kernel, phase, prange, serial
 
 _distance = inline(phase.distance)
 

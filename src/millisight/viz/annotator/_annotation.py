@@ -24,6 +24,7 @@ from millisight.viz.annotator._subject import OpenedPicture
 
 _MOST_POINTS = 1000
 _LARGEST_FILE = 1 << 24  # of prompts
+_PENDING = "mask_pending"  # key in them: the mask was not written yet
 _PHOTO_PIXELS = 50_000
 """Of a photo that a segmenter without a network sees, so that it answers within a second."""
 
@@ -127,8 +128,9 @@ class Annotation:
             self._segmenter(method)
         self._last: tuple[Question, FoundMask] | None = None
         self.saved_now: bool = False
-        self._saved = self._read_prompts(able[0])
-        self._question = self._saved or Question(able[0], None)
+        earlier, whole = self._read_prompts(able[0])
+        self._saved = earlier if whole else None
+        self._question = earlier or Question(able[0], None)
         if method is not None:
             self._question = self._question._replace(method=method)
 
@@ -207,11 +209,16 @@ class Annotation:
             self._question = question
             answer = self._answered(question)
             told = self._provenance(question, answer)
+            # The points first, as not saved yet: they mark the mask as made by hand, whatever comes between.
+            self._write_prompts({**told, _PENDING: True})
             self._write(answer.inside, told)
-            lines = ",\n".join(f"  {json.dumps(name)}: {json.dumps(value)}" for name, value in told.items())
-            write_text(self.prompts_path, f"{{\n{lines}\n}}\n")
+            self._write_prompts(told)
             self._saved, self.saved_now = question, True
         return {"files": [printable(self.mask_path), printable(self.prompts_path)]}
+
+    def _write_prompts(self, told: Mapping[str, Any]) -> None:
+        lines = ",\n".join(f"  {json.dumps(name)}: {json.dumps(value)}" for name, value in told.items())
+        write_text(self.prompts_path, f"{{\n{lines}\n}}\n")
 
     def _write(self, inside: np.ndarray, told: Mapping[str, Any]) -> None:
         """The mask, in the form that its file's name asks for."""
@@ -300,11 +307,11 @@ class Annotation:
             f"millisight {importlib.metadata.version('millisight')}",
         }
 
-    def _read_prompts(self, otherwise: str) -> Question | None:
-        """What an earlier session saved of this picture, to go on from."""
+    def _read_prompts(self, otherwise: str) -> tuple[Question | None, bool]:
+        """What an earlier session saved of this picture, to go on from; and whether the mask was written, too."""
         path = self.prompts_path
         if not path.is_file():
-            return None
+            return None, False
         try:
             if path.stat().st_size > _LARGEST_FILE:
                 raise InputError("it is too large")
@@ -324,8 +331,8 @@ class Annotation:
         try:
             self._segmenter(told["method"])
         except (MillisightError, LookupError):
-            return Question(otherwise, prompts)
-        return Question(told["method"], prompts)
+            return Question(otherwise, prompts), _PENDING not in told
+        return Question(told["method"], prompts), _PENDING not in told
 
 
 def _checked_name(mask_path: Path, subject: OpenedPicture) -> Path:

@@ -301,11 +301,29 @@ async function begin() {
   fit();
   new ResizeObserver(fit).observe(canvas);
   askForMask();
-  const stream = new EventSource("open");
-  stream.addEventListener("ended", () => {
-    stream.close();
+  stayOpen();
+}
+
+// A browser has six connections to a server, in all tabs together: one tab holds the stream that tells when millisight
+// ends, and tells the others. When it is closed, the next one takes over.
+function stayOpen() {
+  const others = new BroadcastChannel(location.pathname);
+  let over = false;
+  const end = () => {
+    over = true;
     notify("millisight has stopped; this page can no longer save.", true);
-  });
+  };
+  others.addEventListener("message", end);
+  navigator.locks.request(location.pathname, () => new Promise((release) => {
+    if (over) return release();
+    const stream = new EventSource("open");
+    stream.addEventListener("ended", () => {
+      stream.close();
+      others.postMessage("ended");
+      end();
+      release();
+    });
+  }));
 }
 
 begin().catch((error) => notify(error.message, true));
