@@ -530,3 +530,33 @@ def test_examples_say_how_they_are_used(tmp_path, monkeypatch, capsys):
             runpy.run_path(str(script), run_name="__main__")
         assert ended.value.code == 2
         assert capsys.readouterr().err.startswith(f"usage: python examples/{script.name} ")
+
+
+@pytest.mark.parametrize(("name", "value"), [("NUMBA_DISABLE_JIT", "1"), ("NUMBA_THREADING_LAYER", "zz")])
+def test_settings_without_which_nothing_is_computed_get_one_clear_line(name, value, capture):
+    line = refused("info", capture.name, cwd=capture.parent, env={**os.environ, name: value})
+    assert f"{name} is {value}; expected" in line
+
+
+def test_what_standard_output_has_no_letter_for_is_escaped(capture):
+    """As in a pipe on Windows; it was a traceback, after the work."""
+    named = capture.rename(capture.with_name("ünï💥.capture.h5"))
+    environment = {
+        **os.environ, "PYTHONIOENCODING": "cp1252", "MPLBACKEND": "nope", "SOURCE_DATE_EPOCH": "x",
+    }  # fmt: skip
+    command = [sys.executable, "-m", "millisight.cli.main", "image", named.name, "--grid", "2cm", "--plot", "p.png"]
+    done = subprocess.run(command, cwd=capture.parent, env=environment, capture_output=True, timeout=240)
+    assert done.returncode == 0, done.stderr
+    assert rb"\U0001f4a5" in done.stdout
+    assert (capture.parent / "p.png").exists()
+
+
+def test_a_working_folder_that_is_gone_is_said(capture, tmp_path):
+    (tmp_path / "gone").mkdir()
+    image = shlex.join([sys.executable, "-m", "millisight.cli.main", "image", str(capture), "--grid", "2cm"])
+    command = f"rmdir {tmp_path / 'gone'}; {image} -o i.h5"
+    done = subprocess.run(command, shell=True, cwd=tmp_path / "gone", capture_output=True, timeout=240, text=True)
+    assert done.returncode == 1
+    assert done.stderr == (
+        "millisight: the folder that this command was started in is no longer there; change to another one\n"
+    )

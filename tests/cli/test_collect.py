@@ -8,7 +8,7 @@ import typer
 from typer.testing import CliRunner
 
 from millisight.cli.collect import collect
-from millisight.core.errors import CoverageError, FileError, FormatError, UnknownNameError
+from millisight.core.errors import CoverageError, FileError, FormatError, InputError, UnknownNameError
 from millisight.io import load
 from millisight.io.mito import read_experiment, read_published
 from millisight.rig.virtual import World
@@ -132,3 +132,38 @@ def test_live_images_stand_beside_the_scan(run, tmp_path):
     assert re.search(r"live image at http://127\.0\.0\.1:\d+/\S{20,}/", done.output)
     assert re.search(r"24_ghz: images [\d.]+ s behind the arm at most, all rows are scanned", done.output)
     assert len(read_experiment(tmp_path / "data/058_golf_ball/robot_collected/0_0_0/exp1/los", "24_ghz").rows) == 4
+
+
+def test_a_folder_with_other_truth_is_refused_before_the_scan(run, tmp_path):
+    """The world itself was overwritten by the truth's `world.toml`."""
+    (tmp_path / "world.toml").write_text(TINY)
+    done = run("world.toml", "-o", "data", "--truth", ".")
+    assert isinstance(done.exception, FileError)
+    assert "world.toml is of another scan, and would be overwritten; choose another folder" in str(done.exception)
+    assert (tmp_path / "world.toml").read_text() == TINY
+    assert not (tmp_path / "data").exists()
+    (tmp_path / "truth").mkdir()
+    (tmp_path / "truth" / "camera.mask.h5").write_bytes(b"mine")
+    done = run("tiny.toml", "-o", "data", "--truth", "truth")
+    assert "camera.mask.h5 is there already, was not made here, and would be overwritten" in str(done.exception)
+    assert (tmp_path / "truth" / "camera.mask.h5").read_bytes() == b"mine"
+    (tmp_path / "truth" / "camera.mask.h5").unlink()
+    assert run("tiny.toml", "-o", "again", "--truth", "truth").exit_code == 0
+    assert run("tiny.toml", "-o", "more", "--truth", "truth").exit_code == 0  # the same scan has the same truth
+    assert [path.name for path in (tmp_path / "truth").iterdir() if path.name.startswith(".")] == []
+
+
+@pytest.mark.parametrize(
+    "large",
+    [
+        "walls = [{lower=[-9,-9,-1], upper=[900,1,-0.9], material='wood'}]",
+        "carton = {size=[100,100,0.2]}",
+        "cloth = {overhang=50}",
+        "support = {kind='styrofoam', size=[100,100]}",
+    ],
+)
+def test_surfaces_of_gigabytes_are_refused(large, run, tmp_path):
+    (tmp_path / "tiny.toml").write_text(f"{large}\n{TINY}")
+    done = run("tiny.toml", "-o", "data", "--dry-run")
+    assert isinstance(done.exception, InputError)
+    assert "expected at most" in str(done.exception)

@@ -91,7 +91,7 @@ def test_json_that_is_too_large_is_not_parsed(large, monkeypatch):
     monkeypatch.setattr("json.loads", lambda *_: pytest.fail("it was parsed"))
     with pytest.raises(ValueError, match="more than 64 MiB"):
         read_json(large)
-    assert _read_cache(large) == {}
+    assert _read_cache(large) == ({}, set())
     assert _read_cached(large, "key") is None
     with pytest.raises(DamagedFileError, match=r"rows\.json is damaged: it has more than 64 MiB"):
         _rows_listed(large.parent, ["77_ghz"])

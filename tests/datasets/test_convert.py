@@ -290,3 +290,42 @@ def test_a_pipe_within_a_dataset_is_no_file(miniature, tmp_path):
         for word in words:
             assert word in done.stdout + done.stderr
     assert finished(tmp_path / "out") >= 10
+
+
+def test_a_file_of_the_users_where_ours_would_go_stays(converted, miniature, tmp_path):
+    out, root = tmp_path / "out", ms.datasets.open(miniature.healthy).only([EMPTY])
+    mine = out / next((converted[0] / EMPTY).rglob("processed_image.h5")).relative_to(converted[0])
+    mine.parent.mkdir(parents=True)
+    mine.write_bytes(b"mine")
+    done = convert(root, out, workers=1)
+    assert [why for _, why in done.failures] == [
+        f"{mine} is there already, was not made here, and would be overwritten; move it away"
+    ]
+    assert mine.read_bytes() == b"mine"
+    mine.unlink()
+    assert convert(root, out, workers=1).failures == ()
+
+
+def test_other_settings_overwrite_what_an_earlier_conversion_made(miniature, tmp_path):
+    """Also where a run between the two was broken off at once."""
+    root, out = ms.datasets.open(miniature.healthy).only([BOX]), tmp_path / "out"
+    assert convert(root, out, workers=1).failures == ()
+
+    def stop(*count):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        convert(root, out, min_distance=0.002, workers=1, progress=stop)
+    done = convert(root, out, min_distance=0.002, workers=1)
+    assert done.failures == ()
+
+
+def test_a_changed_checksum_of_a_source_is_not_believed(converted, miniature, tmp_path):
+    out, root = tmp_path / "out", ms.datasets.open(miniature.healthy).only([EMPTY])
+    convert(root, out, workers=1)
+    before, cache = read_manifest(out), (out / ".checksums.json").read_text()
+    digest = next(iter(before.entries.values())).sources[0].sha256
+    assert digest in cache
+    (out / ".checksums.json").write_text(cache.replace(digest, "0" * 64))
+    assert convert(root, out, workers=1).kept == 2
+    assert read_manifest(out).entries == before.entries

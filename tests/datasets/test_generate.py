@@ -18,7 +18,7 @@ from helpers import small_recipe
 from helpers.processes import wait_for
 from helpers.small_cluster import Cluster
 from helpers.small_jobs import failing, napping
-from millisight.core.errors import DeviceError, FileError, InputError, UnknownNameError
+from millisight.core.errors import DamagedFileError, DeviceError, FileError, FormatError, InputError, UnknownNameError
 from millisight.datasets import convert, read_manifest, verify
 from millisight.datasets.generation import Engine, RigJob, engine_of, plan_dataset, run_plan
 from millisight.datasets.generation import _cost as cost
@@ -464,3 +464,97 @@ def cluster(tmp_path_factory):
     made = Cluster(tmp_path_factory.mktemp("cluster"))
     yield made
     made.end()
+
+
+def test_files_of_the_users_beside_ours_stay(tmp_path):
+    """They were removed or overwritten when a job was done again."""
+    out = tmp_path / "out"
+    make(out, **simulated(["golf_ball"]))
+    image = next(out.rglob("processed_image_edges.pkl"))
+    mine = image.with_name("my.mask.h5")
+    mine.write_bytes(b"drawn by hand")
+    card = out / "README.md"
+    card.write_text(f"---\nlicense: mit\n---\n{card.read_text()}\nMeasured by me.\n")
+    image.write_bytes(b"damaged")
+    done = make(out, **simulated(["golf_ball"]))
+    assert (done.made, done.failures) == (1, ())
+    assert mine.read_bytes() == b"drawn by hand"
+    assert card.read_text().startswith("---\nlicense: mit\n---\n<!-- millisight generate:")
+    assert card.read_text().endswith("to here -->\n\nMeasured by me.\n")
+    card.write_text("# My own\n")
+    make(out, **simulated(["golf_ball"]))
+    assert card.read_text() == "# My own\n"
+
+
+def test_a_file_of_the_users_where_ours_would_go_stays(tmp_path):
+    make(tmp_path / "whole", **simulated(["golf_ball"]))
+    image = next((tmp_path / "whole").rglob("processed_image_edges.pkl")).relative_to(tmp_path / "whole")
+    out = tmp_path / "out"
+    plan = plan_dataset(small_recipe.recipe(**simulated(["golf_ball"])), out)
+    (out / image).parent.mkdir(parents=True)
+    (out / image).write_bytes(b"mine")
+    done = run_plan(plan, HERE)
+    assert [why for _, why in done.failures] == [
+        f"{out / image} is there already, was not made here, and would be overwritten; move it away"
+    ]
+    assert (out / image).read_bytes() == b"mine"
+    (out / image).write_bytes((tmp_path / "whole" / image).read_bytes())  # as a run leaves it that was killed just then
+    assert make(out, **simulated(["golf_ball"])).failures == ()
+
+
+def test_what_a_changed_recipe_makes_no_more_goes_unless_it_was_changed(tmp_path):
+    out = tmp_path / "out"
+    make(out, **simulated(["golf_ball"]))
+    gone = next(out.rglob("processed_image_edges.pkl"))
+    one = {**small_recipe.table()["simulator"], "models": ["specular"]}
+    make(out, **simulated(["golf_ball"], simulator=one))
+    assert not gone.exists()
+    make(out, **simulated(["golf_ball"]))
+    gone.write_bytes(b"changed by hand")
+    make(out, **simulated(["golf_ball"], simulator=one))
+    assert gone.read_bytes() == b"changed by hand"
+
+
+def test_hidden_files_of_others_stay(tmp_path):
+    out = tmp_path / "out"
+    (out / ".partial").mkdir(parents=True)
+    (out / ".partial" / "thesis.txt").write_text("mine")
+    (tmp_path / "outside.txt").write_text("mine, too")
+    (out / ".lock").symlink_to(tmp_path / "outside.txt")
+    make(out, **simulated(["golf_ball"]))
+    assert (out / ".partial" / "thesis.txt").read_text() == "mine"
+    assert (tmp_path / "outside.txt").read_text() == "mine, too"
+    for name in (JOURNAL_NAME, ".millisight.lock"):
+        (out / name).symlink_to(tmp_path / "outside.txt")
+        with pytest.raises(FileError, match="is a link|cannot write to"):
+            make(out, **simulated(["strawberry"]))
+        assert (tmp_path / "outside.txt").read_text() == "mine, too"
+        (out / name).unlink()
+
+
+def test_a_manifest_that_lost_a_line_is_damaged(tmp_path):
+    """The jobs were taken for done, without the file."""
+    out = tmp_path / "out"
+    make(out, **simulated(["golf_ball"]))
+    lines = (out / "manifest.jsonl").read_text().splitlines(keepends=True)
+    (out / "manifest.jsonl").write_text("".join(line for line in lines if "processed_image_edges" not in line))
+    with pytest.raises(DamagedFileError, match=r"lists \d+ files, \d+ by its first line; restore it, or remove it"):
+        make(out, **simulated(["golf_ball"]))
+
+
+@pytest.mark.parametrize("name", ["../other", "/tmp/other", "a\\b", ".hidden", ".."])
+def test_a_recipe_is_called_as_a_folder_can_be(name):
+    with pytest.raises(FormatError, match="expected the name of a folder"):
+        small_recipe.recipe(name=name)
+
+
+def test_too_many_jobs_are_refused_at_once(tmp_path):
+    drawn = {"count": 10_000, "x_deg": [-180, 180], "y_deg": [-90, 90]}
+    with pytest.raises(FormatError, match="it has 1520000 jobs; expected 200000 at most"):
+        plan_dataset(small_recipe.recipe(rig=None, objects={"all": True}, poses=drawn, simulator={}), tmp_path)
+
+
+def test_minus_zero_is_zero(tmp_path):
+    """NumPy draws from no range that ends at it."""
+    recipe = small_recipe.recipe(**simulated(["golf_ball"], poses={"angles_deg": [[0, 0, 0]], "shift": -0.0}))
+    assert plan_dataset(recipe, tmp_path / "out").jobs

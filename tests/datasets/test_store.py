@@ -257,7 +257,8 @@ def test_names_that_lead_out_of_the_folder_are_refused(name, made, tmp_path):
     first, *lines = (made / "manifest.jsonl").read_text().splitlines(keepends=True)
     evil = json.dumps({**json.loads(lines[0]), "path": name})
     with in_store(url, "manifest.jsonl") as file:
-        file.write((first + "".join(lines) + evil + "\n").encode())
+        head = {**json.loads(first), "files": len(lines) + 1}
+        file.write((json.dumps(head) + "\n" + "".join(lines) + evil + "\n").encode())
     before = set(tmp_path.rglob("*"))
     with pytest.raises(FileError, match="would lie outside the folder; refused") as error:
         download(tmp_path / "out" / "again", repository=url)

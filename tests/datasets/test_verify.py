@@ -1,12 +1,15 @@
 """Verification: what is healthy is found so, and each thing that goes wrong is found and named."""
 
+import json
+import os
 import shutil
 
 import pytest
 
 import millisight as ms
 from helpers.miniature import EMPTY, FAULTS, fault_folder, hostile_deed
-from millisight.datasets import convert, verify
+from millisight.core.errors import DamagedFileError
+from millisight.datasets import ManifestEntry, convert, read_manifest, verify, write_manifest
 
 PROBLEMS = {
     "truncated_pickle": "processed_image.pkl", "hostile_pickle": "mkdir", "nan_in_image": "NaN",
@@ -77,3 +80,37 @@ def test_only_the_objects_asked_for_are_verified(converted):
     results = verify(ms.datasets.open(converted).only([EMPTY]), workers=1)
     assert {one.path.split("/")[0] for one in results} == {EMPTY}
     assert len(results) == 2
+
+
+def test_a_listed_file_is_looked_for_wherever_it_is(converted):
+    """What the manifest lists of an object whose folder is gone was passed over, and all below truth/."""
+    (converted / "truth").mkdir()
+    ours = read_manifest(converted)
+    note = ManifestEntry("truth/0210_mug/job.json", "truth", 2, "0" * 64, ())
+    write_manifest(converted, ours.updated([note]))
+    assert all(one.ok for one in verify(ms.datasets.open(converted).only(["000"]), workers=1))
+    shutil.rmtree(next(converted.glob("0210*")))
+    found = {one.path: one for one in verify(converted, workers=1)}
+    assert found[note.path].problems == ("it is listed in manifest.jsonl, but missing",)
+    lost = [path for path in ours.entries if path.startswith("0210")]
+    assert lost
+    assert all(found[path].problems for path in lost)
+
+
+def test_what_is_no_regular_file_is_not_waited_for(converted):
+    path = next(converted.rglob("robot_log.h5"))
+    path.unlink()
+    os.mkfifo(path)
+    found = {one.path: one for one in verify(converted, workers=1)}
+    assert found[path.relative_to(converted).as_posix()].problems == ("it is no regular file",)
+
+
+def test_settings_that_nest_too_deep_are_damage(converted):
+    path = converted / "manifest.jsonl"
+    head, rest = path.read_text().split("\n", 1)
+    deep = json.loads(head)
+    for _ in range(500):
+        deep["settings"] = {"a": deep["settings"]}
+    path.write_text(f"{json.dumps(deep)}\n{rest}")
+    with pytest.raises(DamagedFileError, match=r"manifest.jsonl, line 1: settings nest too deep"):
+        verify(converted, workers=1)

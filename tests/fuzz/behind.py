@@ -61,6 +61,22 @@ def _write(file: Any, before: list[str], after: list[str]) -> None:
             file[name].attrs[key] = np.int64(value) if isinstance(value, int) else value
 
 
+def checksums(folder: Path) -> tuple[bytes, Any]:
+    """Checksums of sources, behind one of their own."""
+    from millisight.datasets._convert import _read_cache, _sha256
+
+    place = folder / "checksums.json"
+
+    def parse(path: Path) -> None:
+        cache = path.read_bytes().decode("utf-8", "surrogateescape")
+        place.write_text(json.dumps({"sha256": _sha256(cache), "cache": cache}))
+        _read_cache(place)
+        path.replace(place)
+        _read_cache(place)
+
+    return b'{"known": {"a": {"b": [1, 2, "00"]}}, "ours": ["c"]}', parse
+
+
 def rows(folder: Path) -> tuple[bytes, Any]:
     """The list of rows of a scan that is not whole."""
     from millisight.rig._rows import Spool, _rows_listed
@@ -73,7 +89,8 @@ def rows(folder: Path) -> tuple[bytes, Any]:
         for row in _rows_listed(place, ["77_ghz", "24_ghz"]):
             Spool(place, list(row.values()))
 
-    return json.dumps([{"77_ghz": [1700000000, 1.7e9], "24_ghz": [1700000001, 1.7e9]}] * 2).encode(), parse
+    told = {"77_ghz": [1700000000, 1.7e9, "0" * 64], "24_ghz": [1700000001, 1.7e9, "0" * 64]}
+    return json.dumps([told] * 2).encode(), parse
 
 
 def log(folder: Path) -> tuple[bytes, Any]:
@@ -95,7 +112,7 @@ def frames(folder: Path) -> tuple[bytes, Any]:
 
     def parse(path: Path) -> None:
         path.replace(place / "0.npy")
-        np.array(Spool(place, [(1, 1.0)])[0].frames)
+        np.array(Spool(place, [(1, 1.0, "")])[0].frames)
 
     return saved_frames(), parse
 

@@ -164,7 +164,6 @@ def _texts(make: "_Maker", folder: Path) -> list[Format]:
     from millisight.core.errors import InputError
     from millisight.data._radar import _Preset
     from millisight.datasets import read_manifest
-    from millisight.datasets._convert import _read_cache
     from millisight.datasets._hub_card import _info
     from millisight.datasets._runner import _read_cached
     from millisight.datasets.generation import read_recipe
@@ -229,7 +228,7 @@ def _texts(make: "_Maker", folder: Path) -> list[Format]:
                found=TOML_BOMBS),
         Format("journal", json.dumps([entry]).encode() + b"\n", beside(".journal.jsonl", lambda p: Ledger(p, {})), 1,
                ".jsonl", text=True, found=(*JSON_BOMBS, b'[{"path": ["a"], "sources": []}]')),
-        Format("checksum cache", b'{"a": {"b": [1, 2, "00"]}}', _read_cache, 1, ".json", text=True, found=JSON_BOMBS),
+        Format("checksum cache", *behind.checksums(folder), 1, ".json", text=True, found=JSON_BOMBS),
         Format("result cache", json.dumps(cached).encode(), lambda p: _read_cached(p, "k"), 1, ".json", text=True,
                found=JSON_BOMBS),
         Format("card facts", b'{"simulated": true, "physics": "points"}', _info, 1, ".json", text=True,

@@ -5,12 +5,14 @@ import subprocess
 import sys
 import time
 import tomllib
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from helpers.whole_scenes import object_parts, whole_scene
+from millisight import segment
 from millisight.core.errors import DamagedFileError, FileError, FormatError, InputError
 from millisight.data import Picture, Prompts, SarImage, VoxelGrid
 from millisight.meshes import CATALOGUE, build_object
@@ -312,3 +314,25 @@ def test_what_is_lost_with_the_other_band_is_looked_for_without_it(wave, scene, 
     found = wave.segment(project(image, other_band=other))
     assert asked == [False, True]
     assert found.masks[0].all()
+
+
+@pytest.mark.parametrize(("shape", "spacing"), [((20_000, 1, 1), 0.004), ((1, 400, 1), 0.5), ((60_000, 2, 1), 1e-4)])
+def test_images_much_longer_than_objects_are_refused_at_once(shape, spacing):
+    """Weights of 338 kB took 11 GB and a minute."""
+    values = np.exp(-(np.linspace(-3, 3, max(shape)) ** 2))[:, None].repeat(2, 1)[:, : min(shape[:2])].reshape(shape)
+    image = SarImage.from_array(values, spacing)
+    tracemalloc.start()
+    try:
+        with pytest.raises(InputError, match="everyday object|samples along a side"):
+            segment(image, method="wave")
+        assert tracemalloc.get_traced_memory()[1] < 100e6
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize("peak", [1e-310, 1e-42])
+@pytest.mark.filterwarnings("error")
+def test_an_image_of_too_small_numbers_is_refused(peak):
+    image = SarImage.from_array(np.full((4, 4, 2), peak, np.complex128), 0.004)
+    with pytest.raises(InputError, match=r"the largest value is 1e-\d+; expected at least 1.18e-38"):
+        segment(image, method="wave")

@@ -5,6 +5,7 @@ import time
 import numpy as np
 import pytest
 
+from millisight.core.errors import InputError
 from millisight.data import Intrinsics
 from millisight.io.mito import BASE_ORIGIN
 from millisight.rig import Camera
@@ -61,6 +62,17 @@ def test_depth_is_where_things_are():
     block = (np.abs(points[..., 2] + 0.30) < 1e-3) & ~mask
     assert block.sum() > 50_000
     assert np.abs(points[~mask & ~block][:, 2] - FLOOR).max() < 0.3 + 1e-3
+
+
+def test_depth_beyond_what_a_file_holds_is_not_known():
+    """It wrapped round: a wall at 68 m was at 2.4 m."""
+    layout = layout_of()
+    layout.background = ()
+    far = ABOVE[2] + 70.0
+    frame = render(layout, EXACT.pose((ABOVE[0], ABOVE[1], far)), EXACT, np.random.default_rng(0))
+    assert not frame.depth.any()
+    with pytest.raises(InputError, match="depth_noise is 1e[+]09; expected at most 1000"):
+        CameraSettings(depth_noise=1e9)
 
 
 def test_the_camera_looks_down_with_x_right_and_y_up():

@@ -242,6 +242,13 @@ def test_the_script_for_mmwave_studio_has_the_profile_s_numbers(tmp_path):
     assert "ar1.ProfileConfig(0, 77, 7, 6, 63, 0, 0, 0, 0, 0, 0, 58.6116, 1, 128, 10000, 0, 0, 30)" in script
     assert "ar1.ChirpConfig(0, 0, 0, 0, 0, 0, 0, 1, 0, 0)" in script
     assert "ar1.FrameConfig(0, 0, 2000, 1, 5, 0, 0, 1)" in script
+    ramp = next(line for line in PROFILE.splitlines() if line.startswith("profileCfg"))
+    path.write_text(PROFILE.replace(ramp, ramp.rsplit(" ", 1)[0] + ' os.execute("reboot")'))
+    with pytest.raises(FormatError, match=r"profile.cfg: 'os.execute\(.*' stands where a number is expected"):
+        studio_script(path, frames=2000, start_file="go")
+    path.write_text(PROFILE.replace(ramp, f"{ramp}\n{ramp.replace('profileCfg 0', 'profileCfg 1')}"))
+    with pytest.raises(DeviceError, match="has 2 profiles; expected 1"):
+        studio_script(path, frames=2000, start_file="go")
     path.write_text(PROFILE.replace("frameCfg 0 0", "chirpCfg 1 1 0 0 0 0 0 1\nframeCfg 0 1"))
     with pytest.raises(DeviceError, match="has 2 chirps in a loop; expected 1"):
         studio_script(path, frames=2000, start_file="go")

@@ -220,6 +220,13 @@ def test_a_scan_that_fails_goes_on_at_its_row(tmp_path):
         with pytest.raises(DamagedFileError, match=words):
             record_scan(rig.arm, [radar], None, rig.plan, PublishedWriter(out, info=info, keep=rig.plan))
     rows.write_text(whole)
+    first = writer.unfinished / "rows" / "77_ghz" / "0.npy"
+    frames = first.read_bytes()
+    first.write_bytes(frames[:-1] + bytes([frames[-1] ^ 1]))
+    again = PublishedWriter(out, info=info, keep=rig.plan)
+    with again.recording(rig.radars):  # what was changed is scanned anew
+        assert again.rows_done == 0
+    first.write_bytes(frames)
     done = []
     writer = PublishedWriter(out, info=info, keep=rig.plan)
     record_scan(rig.arm, [radar], None, rig.plan, writer, progress=lambda *count: done.append(count))
@@ -402,7 +409,7 @@ CUT = """
 import os, sys
 from pathlib import Path
 from millisight.rig._rows import Spool
-frames = Spool(Path(sys.argv[1]), [(1, 1.0)])[0].frames
+frames = Spool(Path(sys.argv[1]), [(1, 1.0, "")])[0].frames
 os.truncate(sys.argv[1] + "/0.npy", 0)
 print(frames.all())
 """
@@ -416,4 +423,4 @@ def test_a_row_cut_short_after_it_was_read_kills_no_process(tmp_path):
     np.save(tmp_path / "0.npy", np.ones((64, 1, 4, 64), np.complex64))
     os.truncate(tmp_path / "0.npy", 1000)
     with pytest.raises(DamagedFileError, match=r"0\.npy"):
-        Spool(tmp_path, [(1, 1.0)])[0]
+        Spool(tmp_path, [(1, 1.0, "")])[0]

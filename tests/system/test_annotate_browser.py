@@ -228,3 +228,35 @@ def test_ctrl_c_ends_it_and_says_what_was_not_saved(driver, command, tmp_path):
     assert out.splitlines()[-1] == "ended"
     assert err == "millisight: the last points were not saved\n"
     assert [path.name for path in tmp_path.iterdir()] == ["mug.image.h5"]
+
+
+def test_more_tabs_than_a_browser_has_connections(driver, tmp_path):
+    """Each held one of six; with six tabs none could ask or save any more."""
+    ms.save(tmp_path / "mug.image.h5", radar_image())
+    annotation = Annotation(
+        open_picture(tmp_path / "mug.image.h5"), tmp_path / "mug.mask.h5", segmenters={"discs": Discs()}
+    )
+    first = driver.current_window_handle
+    with AnnotatorServer(annotation) as server:
+        for _ in range(7):
+            driver.switch_to.new_window("tab")
+            page = Page(driver, server.address)
+        tabs = [tab for tab in driver.window_handles if tab != first]
+        page.click([5, 5])
+        driver.find_element("id", "save").click()
+        page.until("document.getElementById('saved').textContent !== ''")
+        assert annotation.saved_now
+        # The tab that holds the connection is closed: another one takes over, and the server is not left.
+        driver.switch_to.window(tabs[0])
+        driver.close()
+        driver.switch_to.window(tabs[-1])
+        end = time.monotonic() + 5
+        while server._pages != 1:
+            assert time.monotonic() < end
+            time.sleep(0.02)
+    page.until("document.body.innerText.includes('millisight has stopped')")
+    for tab in tabs[1:]:
+        driver.switch_to.window(tab)
+        page.until("document.body.innerText.includes('millisight has stopped')")
+        driver.close()
+    driver.switch_to.window(first)

@@ -487,3 +487,23 @@ class TestTheServer:
                 assert waiting.is_alive()
         waiting.join(5)
         assert not waiting.is_alive()
+
+
+def test_killed_between_mask_and_points_the_mask_is_marked_as_made_by_hand(annotation, radar_file, monkeypatch):
+    """It was overwritten by `segment`, and where there were older points, these were called saved."""
+    annotation.save(asked([[5, 5]], [True]))
+
+    def killed(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Annotation, "_write", killed)
+    with pytest.raises(KeyboardInterrupt):
+        annotation.save(asked([[9, 5]], [True]))
+    monkeypatch.undo()
+    assert annotation.prompts_path.exists()
+    later = Annotation(open_picture(radar_file), annotation.mask_path, segmenters={"discs": Discs()})
+    assert later.about()["question"] == asked([[9, 5]], [True])
+    assert not later.about()["saved"]
+    assert later.unsaved
+    later.save(asked([[9, 5]], [True]))
+    assert Annotation(open_picture(radar_file), annotation.mask_path, segmenters={"discs": Discs()}).about()["saved"]

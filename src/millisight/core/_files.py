@@ -115,6 +115,8 @@ def move_into(source: Path, target: Path, *, known: bool) -> None:
                 f"{printable(target)} is there already, was not made here, and would be overwritten; move it away"
             )
         os.replace(source, target)
+    except FileError:
+        raise
     except OSError as error:
         raise FileError(f"cannot write {printable(target)}: {error.strerror or error}") from error
 

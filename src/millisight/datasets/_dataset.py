@@ -372,7 +372,7 @@ class Dataset:
         text = text.replace(f"{os.path.abspath(self.root)}{os.sep}", "")
         if self.root != Path():
             text = text.replace(f"{self.root}{os.sep}", "")
-        return text.removeprefix(path).lstrip(":,/ ")
+        return text.removeprefix(path).lstrip(":,/ ") if text.startswith(path) else text
 
     def only(self, names: list[str]) -> "Dataset":
         """The objects whose id, name or folder is among `names`; all where there are none.

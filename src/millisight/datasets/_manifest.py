@@ -206,11 +206,11 @@ def manifest_entry(value: Any, place: str) -> ManifestEntry:
         stated: dict[str, Any] = {**value, "notes": tuple(value.get("notes", ())), "sources": sources}
         entry = ManifestEntry(**stated)
         inside = not PurePosixPath(entry.path).is_absolute() and ".." not in PurePosixPath(entry.path).parts
-        inside = inside and b"\0" not in os.fsencode(entry.path)
+        inside = inside and b"\0" not in os.fsencode(entry.path) and bool(PurePosixPath(entry.path).parts)
     except (KeyError, TypeError, AttributeError, UnicodeEncodeError) as error:
         raise DamagedFileError(f"{place}: {error}; convert again") from error
     right = all(
-        isinstance(one.path, str) and isinstance(one.sha256, str) and isinstance(one.size, int)
+        isinstance(one.path, str) and isinstance(one.sha256, str) and isinstance(one.size, int) and one.size >= 0
         for one in (entry, *sources)
     )
     if not right:

@@ -235,9 +235,9 @@ def _joined(parts: Sequence[Path]) -> Trajectory:
 class Spool(Sequence):
     """Rows on disk until they are all there; each is read when it is asked for."""
 
-    def __init__(self, folder: Path):
+    def __init__(self, folder: Path, listed: Sequence[tuple[int, float, str]] = ()):
         self._folder = folder
-        self.listed: list[tuple[int, float, str]] = []  # number, time and checksum of each
+        self.listed: list[tuple[int, float, str]] = list(listed)  # number, time and checksum of each
 
     def holds(self, index: int, sha256: str) -> bool:
         """Whether the file of a row is there, byte for byte as it was written."""
