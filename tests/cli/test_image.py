@@ -82,6 +82,11 @@ def test_a_whole_object_at_once(mug, tmp_path):
     code, out, err, _ = run_here(*arguments, "--grid", "3cm")  # other options, another image
     assert code == 0, err
     assert "imaged 2 of 2 captures" in out
+    raw = next((mug / "robot_collected" / "0_0_90" / "exp1" / "los").rglob("24_ghz/radar_data/*"))
+    raw.touch()  # the capture may be another one of the same name
+    code, out, err, _ = run_here(*arguments, "--grid", "3cm")
+    assert code == 0, err
+    assert "imaged 1 of 2 captures, 1 already done" in out
     kept = {name: time for name, time in kept.items() if ".exp1." not in name or ".24_ghz." not in name}
     now = {path.name: path.stat().st_mtime_ns for path in (tmp_path / "images").iterdir()}
     assert set(now) == set(images)

@@ -227,7 +227,7 @@ def test_damaged_manifests_are_refused_by_line(content, message, tmp_path):
 def test_a_damaged_checksum_cache_is_worked_out_again(miniature, converted, tmp_path):
     shutil.copytree(converted[0], tmp_path / "out")
     for content in (b"", b"[]", b'{"a": {"b": 1}}', b"\xff", b'{"a": {"b": [1e999, 2, "0"]}}'):
-        (tmp_path / "out" / ".checksums.json").write_bytes(content)
+        (tmp_path / "out" / ".millisight.checksums.json").write_bytes(content)
         done = convert(ms.datasets.open(miniature.healthy).only([EMPTY]), tmp_path / "out", workers=1)
         assert (done.made, done.kept) == (0, 2)
 
@@ -323,9 +323,9 @@ def test_other_settings_overwrite_what_an_earlier_conversion_made(miniature, tmp
 def test_a_changed_checksum_of_a_source_is_not_believed(converted, miniature, tmp_path):
     out, root = tmp_path / "out", ms.datasets.open(miniature.healthy).only([EMPTY])
     convert(root, out, workers=1)
-    before, cache = read_manifest(out), (out / ".checksums.json").read_text()
+    before, cache = read_manifest(out), (out / ".millisight.checksums.json").read_text()
     digest = next(iter(before.entries.values())).sources[0].sha256
     assert digest in cache
-    (out / ".checksums.json").write_text(cache.replace(digest, "0" * 64))
+    (out / ".millisight.checksums.json").write_text(cache.replace(digest, "0" * 64))
     assert convert(root, out, workers=1).kept == 2
     assert read_manifest(out).entries == before.entries

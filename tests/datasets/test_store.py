@@ -18,6 +18,7 @@ from typer.testing import CliRunner
 
 from helpers import small_recipe
 from millisight.cli.app import app
+from millisight.core import OWN_NAME
 from millisight.core.errors import FileError, InputError, UnknownNameError
 from millisight.datasets import Manifest, ManifestEntry, checksum, download, push, read_manifest, verify, write_manifest
 from millisight.datasets.generation import Engine, plan_dataset, run_plan
@@ -113,8 +114,9 @@ def test_an_interrupted_push_continues_and_is_no_dataset_before(s3, made, tmp_pa
         download(tmp_path / "again", repository="s3://bucket/small")
     s3.most_sent = 10**6
     done = push(made, "s3://bucket/small")
-    assert done.there == 3
-    assert len(s3.sent) == len(set(s3.sent)) == done.files == 8
+    assert done.there == 2
+    assert len(s3.sent) == len(set(s3.sent)) == 9  # with the note that a push has begun
+    assert done.files == 8
     assert s3.sent[-1] == "small/manifest.jsonl"
     download(tmp_path / "again", repository="s3://bucket/small")
     assert files_of(tmp_path / "again") == files_of(made)
@@ -175,6 +177,7 @@ def test_damaged_objects_are_named_and_stop_no_others(url, made, tmp_path):
     with in_store(url, PATHS[1]) as file:
         file.write(b"half")
     (tmp_path / "again" / MUG).mkdir(parents=True)
+    (tmp_path / "again" / OWN_NAME).touch()  # as a download leaves it that is broken off
     (tmp_path / "again" / PATHS[1]).write_text("what was here before")
     done = download(tmp_path / "again", repository=url)
     reasons = dict(done.failures)
@@ -416,3 +419,26 @@ def test_the_commands_push_and_download(s3, tmp_path):
     shutil.rmtree(tmp_path / "again")
     failed = run("download", tmp_path / "again", "--repo", "s3://bucket/data/small")
     assert failed.exit_code == 1
+
+
+def test_files_of_others_stay_on_both_sides(url, made, tmp_path):
+    """They were overwritten where no manifest said whose they were."""
+    with in_store(url, "README.md") as file:
+        file.write(b"mine")
+    with pytest.raises(FileError, match=r"holds README.md, which is another file and would be overwritten, and no"):
+        push(made, url)
+    with pytest.raises(FileError, match="which is another file"):
+        push(made, url, dry_run=True)
+    store, path = fsspec.core.url_to_fs(f"{url}/README.md")
+    store.rm(path)
+    push(made, url)
+    out = tmp_path / "mine"
+    out.mkdir()
+    (out / "README.md").write_text("mine")
+    with pytest.raises(FileError, match=r"README.md is there already, is another file, and would be overwritten"):
+        download(out, repository=url)
+    assert [path.name for path in out.iterdir()] == ["README.md"]
+    (out / "README.md").unlink()
+    (out / "notes.txt").write_text("mine")
+    assert download(out, repository=url).failures == ()
+    assert (out / "notes.txt").read_text() == "mine"

@@ -167,7 +167,7 @@ def _texts(make: "_Maker", folder: Path) -> list[Format]:
     from millisight.datasets._hub_card import _info
     from millisight.datasets._runner import _read_cached
     from millisight.datasets.generation import read_recipe
-    from millisight.datasets.generation._ledger import Ledger
+    from millisight.datasets.generation._ledger import JOURNAL_NAME, Ledger
     from millisight.io import save
     from millisight.io.mito._setup import read_info
     from millisight.perception import read_description
@@ -226,7 +226,7 @@ def _texts(make: "_Maker", folder: Path) -> list[Format]:
                found=(*TOML_BOMBS, POSES.replace("0.0, 1.0]", "1e200, 1.0]").encode())),
         Format("radar", preset, lambda p: record_from_file(_Preset, p, "a radar"), 0, ".toml", text=True,
                found=TOML_BOMBS),
-        Format("journal", json.dumps([entry]).encode() + b"\n", beside(".journal.jsonl", lambda p: Ledger(p, {})), 1,
+        Format("journal", json.dumps([entry]).encode() + b"\n", beside(JOURNAL_NAME, lambda p: Ledger(p, {})), 1,
                ".jsonl", text=True, found=(*JSON_BOMBS, b'[{"path": ["a"], "sources": []}]')),
         Format("checksum cache", *behind.checksums(folder), 1, ".json", text=True, found=JSON_BOMBS),
         Format("result cache", json.dumps(cached).encode(), lambda p: _read_cached(p, "k"), 1, ".json", text=True,

@@ -1,5 +1,6 @@
 """Images in slabs: the same voxels as at once, resumed where they stopped, within the memory that was asked for."""
 
+import dataclasses
 import os
 import subprocess
 import sys
@@ -91,7 +92,13 @@ def test_an_interrupted_image_goes_on_with_the_slabs_that_are_done(capture, tmp_
     assert [round(float(x), 3) for x in formed[3:]] == [-0.025, 0.0, 0.03]
     whole = ms.form_image(capture, GRID).values
     np.testing.assert_allclose(ms.load(path).values, whole, atol=0.01 * abs(whole).max())
-    # Of other frames nothing is kept.
+    # Of other frames nothing is kept, though they differ in one pose alone.
+    formed.clear()
+    frames = capture.frames.copy()
+    frames[7] = 0
+    with pytest.raises(KeyboardInterrupt):
+        form_image_to(path, dataclasses.replace(capture, frames=frames), GRID, memory=memory)
+    assert len(formed) == 3
     formed.clear()
     with pytest.raises(KeyboardInterrupt):
         form_image_to(path, capture, GRID, memory=memory)

@@ -52,12 +52,12 @@ def demo(
     Example: millisight demo -o demo && xdg-open demo/index.html
     """
     from millisight.cli.demo_carton import look_into_carton
-    from millisight.core import make_folder
+    from millisight.core import own_folder
     from millisight.datasets import beside
-    from millisight.viz import PageItem, check_page, write_page
+    from millisight.viz import PageItem, write_page
 
     started = time.monotonic()
-    check_page(make_folder(output))
+    own_folder(output)
     # Beside the three objects: on two cores the first run, which compiles, takes three quarters of the time.
     with beside(look_into_carton, output) as looked_into:
         items = _three_objects(output)

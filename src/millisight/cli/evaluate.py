@@ -359,10 +359,8 @@ def _evaluate(
 ) -> None:
     """Run a task, print its main tables, and end with its failures."""
     from millisight.datasets import evaluate
-    from millisight.viz import check_page
 
     sight = checked_sight(sight)
-    check_page(output)
     with progress(label, compiles=False) as report:
         result = evaluate(
             task,

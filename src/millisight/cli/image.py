@@ -254,7 +254,7 @@ def _image_all(
             )
             say(label)
             try:
-                if resume and _done(outputs, settings):
+                if resume and _done(source, outputs, settings):
                     passed_over += 1
                     continue
                 figures = outputs.plot, outputs.slices
@@ -282,7 +282,7 @@ def _image_one(source: Source, outputs: _Outputs, settings: ImageSettings, *, la
                 return
         mesh = None if settings.outline is None else outline_mesh(settings.outline, opened.capture)
         formed = image_of(opened, source, settings, label)
-    metadata = {**formed.metadata, "asked": settings.asked}
+    metadata = {**formed.metadata, "asked": settings.asked(source)}
     save(outputs.image, SarImage(grid=formed.grid, values=formed.values, metadata=metadata))
     _say_written(float(formed.magnitude.max()), formed.peak, outputs.image)
     _draw(formed, mesh, outputs, settings)
@@ -293,14 +293,14 @@ def _say_written(peak: float, place: Any, path: Path) -> None:
     say(f"wrote {path}")
 
 
-def _done(outputs: _Outputs, settings: ImageSettings) -> bool:
-    """Whether an earlier run made this image with these options; pictures that are missing are drawn from it."""
+def _done(source: Source, outputs: _Outputs, settings: ImageSettings) -> bool:
+    """Whether an earlier run made this image of these files with these options; missing pictures are drawn from it."""
     from millisight.io import load
 
     if not outputs.image.exists():
         return False
     image = load(outputs.image)
-    if not isinstance(image, SarImage) or image.metadata.get("asked") != settings.asked:
+    if not isinstance(image, SarImage) or image.metadata.get("asked") != settings.asked(source):
         return False
     missing = (path if path is not None and not path.exists() else None for path in (outputs.plot, outputs.slices))
     _draw(image, None, _Outputs(outputs.image, *missing), settings)

@@ -1,5 +1,6 @@
 """What `millisight image` does with one capture: background, clocks, focus, sheets, and the image."""
 
+import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -11,7 +12,7 @@ import numpy as np
 from millisight.cli.console import progress, say, say_sampling
 from millisight.cli.grids import check_memory, parse_grid
 from millisight.cli.sources import Opened, Source, sources
-from millisight.core import toml_of
+from millisight.core import printable, toml_of
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.data import Capture, SarImage, VoxelGrid
 from millisight.imaging import (
@@ -51,9 +52,8 @@ class ImageSettings:
     colormap: str | None = None
     memory: float | None = None  # [bytes]
 
-    @property
-    def asked(self) -> dict[str, Any]:
-        """What decides the image's values, as its metadata hold it."""
+    def asked(self, source: Source) -> dict[str, Any]:
+        """What decides the values of the image of a capture, as its metadata hold it."""
         values = {name: getattr(self, name) for name in ("grid", "method", "window", "tolerance", "clock")}
         if self.focus != "none":
             values["focus"] = self.focus
@@ -63,7 +63,17 @@ class ImageSettings:
             values["clutter"] = self.clutter
         if self.calibration:
             values["calibration"] = [toml_of(one) for one in self.calibration]
-        return {**values, "background": [source.name for source in self.background]}
+        return {**values, "background": [one.name for one in self.background], "files": self._files_of(source)}
+
+    def _files_of(self, source: Source) -> str:
+        """A checksum of the files that the image is made of, known by names, sizes and times."""
+        found = hashlib.sha256()
+        for one in (source, *self.background):
+            for path in one.files(self.data):
+                told = path.stat()
+                line = f"{printable(path.name)} {told.st_size} {told.st_mtime_ns} {told.st_ctime_ns}\n"
+                found.update(line.encode())
+        return found.hexdigest()
 
 
 def image_of(opened: Opened, source: Source, settings: ImageSettings, label: str) -> SarImage:
@@ -96,7 +106,7 @@ def large_image_of(
     with progress(f"{label}image by {method}") as report:
         return form_image_to(
             path, capture, voxels, memory=memory, method=method, window=window, tolerance=settings.tolerance,
-            asked=settings.asked, progress=report,
+            asked=settings.asked(source), progress=report,
         )  # fmt: skip
 
 

@@ -44,6 +44,11 @@ class Source:
     radar: str | None
     folder: Path
 
+    def files(self, data: Path | None) -> list[Path]:
+        """The files that are read for it, as far as they are there; `data` as of `opened`."""
+        found = [self.path, *_read_with(self, data)]
+        return sorted(path for path in found if path.is_file())
+
     @contextmanager
     def opened(self, data: Path | None, label: str = "read", *, as_published: bool = False) -> Iterator[Opened]:
         """Open the capture for a `with` block; the frames of an HDF5 capture stay on disk.

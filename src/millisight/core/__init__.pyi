@@ -19,14 +19,12 @@ from ._files import FIGURE_SUFFIXES as FIGURE_SUFFIXES
 from ._files import RECORD_SUFFIXES as RECORD_SUFFIXES
 from ._files import atomic_path as atomic_path
 from ._files import check_folder as check_folder
-from ._files import check_own as check_own
 from ._files import check_readable as check_readable
 from ._files import check_record_suffix as check_record_suffix
 from ._files import check_writable as check_writable
 from ._files import checked_path as checked_path
 from ._files import files_under as files_under
 from ._files import make_folder as make_folder
-from ._files import move_into as move_into
 from ._files import parsed_toml as parsed_toml
 from ._files import printable as printable
 from ._files import read_json as read_json
@@ -42,6 +40,11 @@ from ._locks import claimed as claimed
 from ._matrix import product as product
 from ._numba import numba as numba
 from ._numba import prange as prange
+from ._own import OWN_NAME as OWN_NAME
+from ._own import PAGE_MARK as PAGE_MARK
+from ._own import check_own as check_own
+from ._own import move_into as move_into
+from ._own import own_folder as own_folder
 from ._peaks import peak_place as peak_place
 from ._peaks import widths_in_samples as widths_in_samples
 from ._progress import share_of as share_of

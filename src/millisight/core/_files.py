@@ -80,57 +80,6 @@ def check_writable(path: str | os.PathLike[str]) -> None:
     _claim(checked_path(path))[0].unlink()
 
 
-def check_own(path: str | os.PathLike[str], mark: str, *, other: str = "name") -> None:
-    """Refuse a file that is there and does not hold the `mark` of what we write, for it would be overwritten.
-
-    Raises
-    ------
-    FileError
-        With the advice to choose another `other`.
-    """
-    path = checked_path(path)
-    if path.is_file() and mark.encode() not in path.read_bytes():
-        raise FileError(
-            f"{printable(path)} was not made by millisight and would be overwritten; choose another {other}"
-        )
-
-
-def move_into(source: Path, target: Path, *, known: bool) -> None:
-    """Move a whole file to its place; its folder is made.
-
-    Parameters
-    ----------
-    source : on the same disk
-    known : the file that is there was made by us, as somebody noted; if not, it stays, unless it is the same
-
-    Raises
-    ------
-    FileError
-        A file that somebody else may have put there, or a folder, would be lost; or it cannot be moved.
-    """
-    make_folder(target.parent)
-    try:
-        if not known and os.path.lexists(target) and not _same_content(source, target):
-            raise FileError(
-                f"{printable(target)} is there already, was not made here, and would be overwritten; move it away"
-            )
-        os.replace(source, target)
-    except FileError:
-        raise
-    except OSError as error:
-        raise FileError(f"cannot write {printable(target)}: {error.strerror or error}") from error
-
-
-def _same_content(one: Path, other: Path) -> bool:
-    if not other.is_file() or one.stat().st_size != other.stat().st_size:
-        return False
-    with open(one, "rb") as a, open(other, "rb") as b:
-        while block := a.read(1 << 20):
-            if block != b.read(1 << 20):
-                return False
-    return True
-
-
 def check_record_suffix(path: str | os.PathLike[str]) -> None:
     """Refuse a name for a file of a record that has the suffix of another format; one without suffix is taken.
 

@@ -44,7 +44,7 @@ from millisight.io import SCHEMA_VERSION, mito, save
 
 _VERSION = 2  # of the conversion: another one, and everything is converted anew
 _COPIED = (mito.INFO, mito.CAMERA_PICTURE)  # as they are
-_CACHE_NAME = ".checksums.json"
+_CACHE_NAME = ".millisight.checksums.json"
 _PARTIAL_NAME = ".millisight.partial"
 _SECONDS = 2.0  # between two writes of the manifest
 
@@ -172,11 +172,12 @@ class _Ledger:
             self._write()
 
     def _write(self) -> None:
-        write_manifest(self._out, self.manifest)
-        # An old conversion's files are overwritten one by one: a run after this one must know them, too.
+        # An old conversion's files are overwritten one by one: a run after this one must know them, too. They are told
+        # here before the old manifest goes.
         ours = sorted(self._ours - self.manifest.entries.keys())
         cache = json.dumps({"known": self._known, "ours": ours}, sort_keys=True)
         write_text(self._out / _CACHE_NAME, json.dumps({"sha256": _sha256(cache), "cache": cache}))
+        write_manifest(self._out, self.manifest)
         self._written = time.monotonic()
 
     def __enter__(self) -> "_Ledger":

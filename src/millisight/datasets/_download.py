@@ -9,11 +9,11 @@ from contextlib import closing
 from pathlib import Path
 from typing import NamedTuple
 
-from millisight.core import make_folder
+from millisight.core import OWN_NAME
 from millisight.core.errors import InputError
 from millisight.datasets._hub import explained, hub_library
 from millisight.datasets._manifest import size_of
-from millisight.datasets._remote import Download, RemoteFile, check_inside, check_room, chosen
+from millisight.datasets._remote import OF_THE_HUB, Download, RemoteFile, check_inside, check_room, chosen, claim_folder
 from millisight.datasets._store import is_url
 from millisight.datasets._store_download import download_from_store
 from millisight.datasets._workers import each
@@ -82,7 +82,7 @@ def download(
     wanted = Download(repository=repository, commit=commit, files=files, there=len(files) - len(lacking))
     if dry_run:
         return wanted
-    root = make_folder(out)
+    root = claim_folder(out, lacking)
     check_room(root, sum(file.size for file in lacking))
     jobs = [_Job(repository, commit, file.path, os.fspath(root), endpoint) for file in files]
     done, failures = 0, []
@@ -94,6 +94,8 @@ def download(
                 failures.append((file.path, outcome.failure))
             if progress is not None:
                 progress(done, wanted.size)
+    if (root / OF_THE_HUB).exists():  # it says whose folder this is
+        (root / OWN_NAME).unlink(missing_ok=True)
     if not failures:  # what killed runs left behind
         for remains in (root / ".cache" / "huggingface" / "download").rglob("*.incomplete"):
             remains.unlink(missing_ok=True)

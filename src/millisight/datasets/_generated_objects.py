@@ -3,13 +3,15 @@
 import hashlib
 import logging
 import os
+import tempfile
+from collections.abc import Collection
 from itertools import permutations, product
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from millisight.core import atomic_path, make_folder, printable
+from millisight.core import make_folder, move_into, printable
 from millisight.core.errors import MillisightError
 from millisight.data import TriangleMesh
 from millisight.datasets._manifest import checksum
@@ -57,12 +59,24 @@ class DatasetObject(NamedTuple):
         """Of its mesh file, relative to the dataset."""
         return f"{self.folder}/{MESH_NAME}"
 
-    def write(self, root: Path) -> None:
-        """Its mesh file into a dataset's folder, where it is not there already."""
+    def write(self, root: Path, known: Collection[str] = ()) -> None:
+        """Its mesh file into a dataset's folder, where it is not there already.
+
+        Parameters
+        ----------
+        known : files of the dataset that an earlier run made, which may be overwritten
+
+        Raises
+        ------
+        FileError
+            Somebody else's file is in its place, or it cannot be written.
+        """
         path = make_folder(root / self.folder) / MESH_NAME
-        if not path.exists() or checksum(path) != self.sha256:
-            with atomic_path(path) as temporary:
-                temporary.write_bytes(_stl(self.mesh))
+        if not path.is_file() or checksum(path) != self.sha256:
+            with tempfile.TemporaryDirectory(prefix=".millisight.", dir=path.parent) as stage:
+                whole = Path(stage, MESH_NAME)
+                whole.write_bytes(_stl(self.mesh))
+                move_into(whole, path, known=self.path in known)
 
 
 def prepare_objects(recipe: Recipe, *, meshes: str | os.PathLike[str] | None = None) -> dict[str, DatasetObject]:

@@ -1,16 +1,19 @@
 """A dataset that is sent elsewhere or comes from there, hub or object store: its files, and what was done with them."""
 
+import os
 import shutil
 from collections.abc import Iterable, Sequence
 from pathlib import Path, PureWindowsPath
 from typing import NamedTuple
 
-from millisight.core import files_under, printable, quoted, record
+from millisight.core import OWN_NAME, files_under, make_folder, printable, quoted, record, write_text
 from millisight.core.errors import FileError, InputError, UnknownNameError
 from millisight.datasets._hub_card import CARD_NAME
 from millisight.datasets._manifest import MANIFEST_NAME, Manifest, checksum, read_manifest, size_of
 from millisight.datasets._published import empty_scenes_of
 from millisight.io.mito import SPLITS_NAME, TRUTH, object_of
+
+OF_THE_HUB = ".cache/huggingface"  # where its library keeps what it knows of a download
 
 
 class RemoteFile(NamedTuple):
@@ -113,6 +116,26 @@ def check_inside(place: str, paths: Iterable[str]) -> None:
                 f"{place} lists the file {quoted(path)}, which would lie outside the folder; refused: expected a "
                 "relative path with /, without .. and backslashes"
             )
+
+
+def claim_folder(out: str | os.PathLike[str], lacking: Sequence[RemoteFile]) -> Path:
+    """The folder of a download, made, and marked as ours where it is not yet.
+
+    Raises
+    ------
+    FileError
+        Files of the same names are in it, and nothing says that they are of a download.
+    """
+    root = make_folder(out)
+    if not any((root / name).exists() for name in (OWN_NAME, MANIFEST_NAME, OF_THE_HUB)):
+        for file in lacking:
+            if os.path.lexists(root / file.path):
+                raise FileError(
+                    f"{printable(root / file.path)} is there already, is another file, and would be overwritten; "
+                    "choose another folder"
+                )
+        write_text(root / OWN_NAME, "Downloaded by millisight, which may download these files again.\n")
+    return root
 
 
 def chosen(files: Sequence[RemoteFile], objects: Sequence[str]) -> tuple[RemoteFile, ...]:

@@ -10,7 +10,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
-from millisight.core import make_folder, printable, read_json, write_text
+from millisight.core import make_folder, own_folder, printable, read_json, write_text
 from millisight.core.errors import InputError
 from millisight.datasets import _mito
 from millisight.datasets._dataset import Dataset
@@ -59,13 +59,13 @@ def evaluate(
     InputError
         The task has no such option, or the options do not fit the data.
     FileError
-        The dataset cannot be read, or the folder cannot be written.
+        The dataset cannot be read; or the folder cannot be written, or holds files of others.
     """
     data = _opened(dataset, objects, sight, experiment)
     made = _task(task, options)
     planned = made.plan(data)
     planned = replace(planned, notes=(*data.notes, *planned.notes))
-    folder = None if output is None else make_folder(output) / made.cache
+    folder = None if output is None else own_folder(output) / made.cache
     run = run_items(made.run, planned.items, folder, workers=workers, progress=progress)
     rows = made.rows(planned, run.results)
     result = Result(
@@ -172,11 +172,14 @@ def run_items(
 
 
 def _cache_key(paths: Iterable[Path], **settings: Any) -> str:
-    """Of what a result follows from: files, known by size and time; settings; and the version of this package."""
+    """Of what a result follows from: files, known by size and times; settings; and the version of this package.
+
+    Of a copy or an unpacked archive, which keep the time of the last change to the content, the other time is new.
+    """
     stats = [path.stat() if path.exists() else None for path in paths]
     content = {
         "version": version("millisight"),
-        "files": [(one.st_size, one.st_mtime_ns) if one else None for one in stats],
+        "files": [(one.st_size, one.st_mtime_ns, one.st_ctime_ns) if one else None for one in stats],
         **settings,
     }
     return _checksum(content)

@@ -26,6 +26,7 @@ from millisight.evaluation import (
 )
 from millisight.imaging import crop_slices
 from millisight.io import load_extras, mito
+from millisight.io.description import files_named
 
 TRUTHS = ("camera", "exact")
 TRANSFORMS = ("file", "published")
@@ -127,9 +128,9 @@ class SceneFiles(SceneSource):
         return crop_slices(image, low=crop[0], high=crop[1]) if band == HIGH else image, made_by
 
     def shape_paths(self, band: str) -> tuple[Path, ...]:
-        """The capture, and the world that the virtual rig scanned."""
+        """The capture, the world that the virtual rig scanned, and the files that it names."""
         capture, world = self._capture_of(band), self._world_of(band)
-        return () if capture is None or world is None else (capture.path, world)
+        return () if capture is None or world is None else (capture.path, world, *files_named(world))
 
     def read_capture(self, band: str) -> Capture:
         """The capture of a band.

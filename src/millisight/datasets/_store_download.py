@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-from millisight.core import atomic_path, make_folder, printable
+from millisight.core import OWN_NAME, atomic_path, make_folder, printable
 from millisight.core.errors import DamagedFileError, FileError
 from millisight.datasets._hub_card import CARD_NAME
 from millisight.datasets._manifest import (
@@ -21,7 +21,7 @@ from millisight.datasets._manifest import (
     size_of,
     write_manifest,
 )
-from millisight.datasets._remote import Download, RemoteFile, check_inside, check_room, chosen
+from millisight.datasets._remote import Download, RemoteFile, check_inside, check_room, chosen, claim_folder
 from millisight.datasets._store import Store, in_threads, told_md5
 from millisight.datasets._workers import attempt
 from millisight.io.mito import SPLITS_NAME
@@ -55,7 +55,7 @@ def download_from_store(
     commit, there = hashlib.sha256(content).hexdigest(), len(wanted) - len(lacking)
     if dry_run:
         return Download(repository=store.url, commit=commit, files=files, there=there)
-    root = make_folder(out)
+    root = claim_folder(out, [RemoteFile(file.path, file.size) for file in lacking])
     check_room(root, sum(file.size for file in lacking))
     size, failures = sum(file.size for file in files), []
     done = size - sum(file.size for file in lacking)
@@ -67,6 +67,7 @@ def download_from_store(
             if progress is not None:
                 progress(done, size)
     _write_manifest(root, manifest, content)
+    (root / OWN_NAME).unlink(missing_ok=True)  # the manifest says it
     return Download(repository=store.url, commit=commit, files=files, there=there, failures=tuple(sorted(failures)))
 
 

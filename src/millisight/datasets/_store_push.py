@@ -1,13 +1,14 @@
 """A dataset made here, to an object store: the manifest last, so that whoever finds it finds all that it lists."""
 
 import hashlib
+import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from millisight.core import printable
+from millisight.core import OWN_NAME, printable, write_text
 from millisight.core.errors import DamagedFileError, FileError
 from millisight.datasets._hub_card import CARD_NAME
 from millisight.datasets._manifest import LARGEST_MANIFEST, MANIFEST_NAME, Manifest, checksum, parsed_manifest
@@ -28,6 +29,12 @@ def push_to_store(
     listed = store.listing(writes=True)
     _check_same(store, listed, manifest)
     lacking = [file for file in files if not _is_there(store, root, listed.get(file.path), file)]
+    taken = [file.path for file in lacking if file.path in listed]
+    if taken and not {MANIFEST_NAME, OWN_NAME} & listed.keys():
+        raise FileError(
+            f"{store.url} holds {printable(taken[0])}, which is another file and would be overwritten, and no "
+            f"{MANIFEST_NAME}; choose another place, or remove it"
+        )
     sizes = [file.size for file in files]
     told = Push(
         repository=store.url, files=len(files), size=sum(sizes), there=len(files) - len(lacking),
@@ -38,8 +45,12 @@ def push_to_store(
         return told
     done = told.size - sum(file.size for file in lacking)
     (last,) = [file for file in files if file.path == MANIFEST_NAME]
-    others = [file for file in lacking if file is not last]
-    with closing(in_threads(partial(_send, store, root), others, _THREADS)) as outcomes:
+    if not {MANIFEST_NAME, OWN_NAME} & listed.keys():
+        with tempfile.TemporaryDirectory() as folder:
+            write_text(Path(folder, OWN_NAME), "Files of a push by millisight that has not ended.\n")
+            store.send(OWN_NAME, Path(folder, OWN_NAME))
+    before = [file for file in lacking if file is not last]
+    with closing(in_threads(partial(_send, store, root), before, _THREADS)) as outcomes:
         for file, _ in outcomes:
             done += file.size
             if progress is not None:
@@ -47,6 +58,8 @@ def push_to_store(
     _check_arrived(store, [file for file in files if file is not last])
     if last in lacking:
         _send(store, root, last)
+    if OWN_NAME in store.listing(writes=True):
+        store.remove(OWN_NAME)
     if progress is not None:
         progress(told.size, told.size)
     return told

@@ -143,12 +143,12 @@ def autofocus(
         )
     if capture.layers is not None:
         raise InputError("the capture was measured through layers; autofocus expects straight paths")
+    if not np.ptp(path.positions, axis=0).any():
+        return _unchanged(capture, [], "the radar did not move")
     rows = rows_of_path(path)
     tried = (("rows", "path"), ("rows",)) if focus == "path" else (("rows",),)
     if len(rows) < _LEAST_ROWS:
         rows, tried = [], (("path",),) if focus == "path" else ()
-    if not np.ptp(path.positions, axis=0).any():
-        return _unchanged(capture, rows, "the radar did not move")
     if not tried:
         return _unchanged(
             capture, rows, f"the path has {len(rows_of_path(path))} rows; expected {_LEAST_ROWS} at least"

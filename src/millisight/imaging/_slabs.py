@@ -27,7 +27,7 @@ PROFILE_BYTES = 1_000_000_000
 VOXEL_BYTES = 96
 """Of a voxel while its slab is formed: the image in parts and whole, and its places by direct backprojection."""
 
-_SAMPLED = 16  # poses whose frames tell one capture from another
+_BLOCK = 1 << 26  # of frames that are read at once to tell one capture from another [bytes]
 
 
 def memory_needed(capture: Capture, grid: VoxelGrid) -> float:
@@ -182,11 +182,12 @@ def _fixed(capture: Capture) -> float:
 
 
 def _digest(capture: Capture, grid: VoxelGrid, slabs: Sequence[slice], settings: Mapping[str, Any]) -> str:
-    """What an image is made of, as text: frames of some poses, the antennas' places, the voxels, the settings."""
+    """What an image is made of, as text: the frames, the antennas' places, the voxels, the settings."""
     found = hashlib.sha256()
-    poses = len(capture.trajectory)
-    for pose in sorted({int(i) for i in np.linspace(0, poses - 1, min(poses, _SAMPLED))}):
-        found.update(np.ascontiguousarray(capture.frames_of(slice(pose, pose + 1))).tobytes())
+    poses, values = len(capture.trajectory), 8 * int(np.prod(capture.frames_of(slice(0, 1)).shape))
+    some = max(1, _BLOCK // values)
+    for start in range(0, poses, some):  # a gigabyte a second; forming an image of one takes minutes
+        found.update(np.ascontiguousarray(capture.frames_of(slice(start, start + some))))
     for array in (
         capture.tx_positions,
         capture.rx_positions,

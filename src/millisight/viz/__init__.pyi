@@ -49,7 +49,6 @@ from ._notebook import plot_mask as plot_mask
 from ._notebook import plot_mesh as plot_mesh
 from ._notebook import plot_scene as plot_scene
 from ._page import PageItem as PageItem
-from ._page import check_page as check_page
 from ._page import write_page as write_page
 from ._page import write_report as write_report
 from ._page_server import PageServer as PageServer

@@ -8,7 +8,7 @@ from html import escape
 from pathlib import Path, PurePosixPath
 from urllib.parse import quote
 
-from millisight.core import check_own, make_folder, put, record, write_text
+from millisight.core import OWN_NAME, PAGE_MARK, check_own, make_folder, put, record, write_text
 from millisight.core.errors import FileError, InputError
 from millisight.evaluation import ReportFigure, Table
 from millisight.viz._panels import save_figure
@@ -90,19 +90,6 @@ class PageItem:
         put(self, facts=dict(self.facts), alt=self.alt or self.heading)
 
 
-_FOOTER = "<footer><p>Made by millisight.</p></footer>"
-
-
-def check_page(folder: str | os.PathLike[str]) -> None:
-    """Refuse a folder whose `index.html` is not a page of `write_page`: it would be overwritten.
-
-    Raises
-    ------
-    FileError
-    """
-    check_own(Path(folder) / "index.html", _FOOTER, other="folder")
-
-
 def write_page(
     folder: str | os.PathLike[str],
     *,
@@ -131,8 +118,8 @@ def write_page(
     FileError
         A picture is not in the folder, another page is, or the page cannot be written there.
     """
-    check_page(folder)
     folder = Path(folder)
+    check_own(folder / "index.html", PAGE_MARK, other="folder")
     for item in items:
         if not (folder / item.picture).is_file():
             raise FileError(f"{folder / item.picture}: no such picture; save it before the page is written")
@@ -157,11 +144,12 @@ def write_page(
 </header>
 <main>
 {sections}</main>
-{_FOOTER}
+{PAGE_MARK}
 </body>
 </html>
 """
     write_text(folder / "index.html", page)
+    (folder / OWN_NAME).unlink(missing_ok=True)  # the page says it
     return folder / "index.html"
 
 

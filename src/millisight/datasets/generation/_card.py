@@ -1,11 +1,12 @@
 """A dataset's card: `README.md` in its folder says what it is, how it was made, and what it is not."""
 
+import os
 import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from millisight.core import write_text
+from millisight.core import atomic_path, check_readable
 from millisight.datasets._generated_objects import MESH_NAME, DatasetObject
 from millisight.datasets._manifest import MANIFEST_NAME, Manifest
 from millisight.datasets.generation._jobs import EMPTY_FOLDERS, Job
@@ -36,13 +37,16 @@ def write_card(
     out: Path, recipe: Recipe, things: Iterable[DatasetObject], jobs: Sequence[Job], manifest: Manifest
 ) -> None:
     """Write `README.md` of the jobs that are done; what others wrote outside of our marks stays."""
-    card = f"{_BEGIN}\n{_card(recipe, list(things), jobs, manifest)}{_END}\n"
+    content = f"{_BEGIN}\n{_card(recipe, list(things), jobs, manifest)}{_END}\n".encode()
     path = out / CARD_NAME
-    if path.exists():
-        before = path.read_text(encoding="utf-8")
-        found = re.search(rf"{re.escape(_BEGIN)}.*{re.escape(_END)}\n?", before, re.DOTALL)
-        card = before if found is None else before[: found.start()] + card + before[found.end() :]
-    write_text(path, card)
+    if os.path.lexists(path):
+        before = check_readable(path).read_bytes()
+        found = re.search(rf"{re.escape(_BEGIN)}.*{re.escape(_END)}\n?".encode(), before, re.DOTALL)
+        if found is None:
+            return
+        content = before[: found.start()] + content + before[found.end() :]
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(content)
 
 
 def _card(recipe: Recipe, things: list[DatasetObject], jobs: Sequence[Job], manifest: Manifest) -> str:

@@ -200,7 +200,7 @@ def run_plan(plan: Plan, engine: Engine, *, store: str | None = None, progress: 
         shutil.rmtree(plan.out / PARTIAL_NAME, ignore_errors=True)
         make_folder(plan.out / PARTIAL_NAME)
         for thing in plan.things.values():
-            thing.write(plan.out)
+            thing.write(plan.out, plan.ledger.listed)
         try:
             for phase in (True, False):  # the empty scenes first: others subtract them
                 jobs = [job for job in expensive_first if _is_empty(job) == phase]

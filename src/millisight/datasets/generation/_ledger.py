@@ -25,7 +25,7 @@ from millisight.datasets import (
 )
 from millisight.datasets._manifest import is_whole, manifest_entry
 
-JOURNAL_NAME = ".journal.jsonl"
+JOURNAL_NAME = ".millisight.journal.jsonl"
 
 
 class Ledger:
@@ -46,6 +46,7 @@ class Ledger:
                 f"{printable(out)} holds another dataset: its {MANIFEST_NAME} says {dict(before.settings)}, this one "
                 f"would say {self._settings}; choose another folder"
             )
+        self.listed: frozenset[str] = frozenset(() if before is None else before.entries)  # in the manifest, at first
         if before is not None:
             self._take(before.entries.values())
         for line in _journal(out):

@@ -9,14 +9,16 @@ import hashlib
 import json
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
-from millisight.core import write_text
+from millisight.core import read_json, write_text
 from millisight.datasets.generation._jobs import Job
 from millisight.datasets.generation._recipe import Recipe, Shares
 from millisight.datasets.generation._rig_job import RigJob
 from millisight.io.mito import SPLITS_NAME, object_of
 
 SIDES = ("train", "val", "test")
+_CHECKSUM = "sha256"  # key: of all other keys
 
 
 def split(names: Iterable[str], shares: Shares, seed: int) -> dict[str, str]:
@@ -81,11 +83,29 @@ def splits_of(folders: Iterable[str], shares: Shares, seed: int) -> dict[str, di
 
 
 def write_splits(out: Path, recipe: Recipe, jobs: Sequence[Job]) -> None:
-    """Write `splits.json` of the jobs that are done; empty scenes are on no side."""
+    """Write `splits.json` of the jobs that are done; empty scenes are on no side.
+
+    One that somebody has changed since it was written, as its own checksum tells, stays as it is.
+    """
+    if (out / SPLITS_NAME).exists() and not _is_ours(out / SPLITS_NAME):
+        return
     folders = [job.folder for job in jobs if not isinstance(job, RigJob) or job.world.objects]
     shares = {side: getattr(recipe.splits, side) for side in SIDES}
     content = {"seed": recipe.seed, "shares": shares, **splits_of(folders, recipe.splits, recipe.seed)}
-    write_text(out / SPLITS_NAME, json.dumps(content, indent=1) + "\n")
+    write_text(out / SPLITS_NAME, json.dumps({**content, _CHECKSUM: _checksum(content)}, indent=1) + "\n")
+
+
+def _is_ours(path: Path) -> bool:
+    """Whether the splits at `path` are as they were written."""
+    try:
+        content = read_json(path)
+        return content.pop(_CHECKSUM) == _checksum(content)
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
+        return False
+
+
+def _checksum(content: dict[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 
 
 def _objects(folder: str) -> list[str]:

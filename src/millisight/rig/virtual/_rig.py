@@ -12,6 +12,7 @@ from millisight.core import atomic_path, checked_path, make_folder, move_into, p
 from millisight.core.errors import FileError, InputError, UnknownNameError
 from millisight.data import CameraMask, Trajectory
 from millisight.io import save
+from millisight.io.mito import FRAMES
 from millisight.rig import ArmPose, ScanPlan
 from millisight.rig.virtual._arm import VirtualArm
 from millisight.rig.virtual._camera import VirtualCamera, camera_mask, footprint, object_pixels, render, visible_pixels
@@ -31,6 +32,7 @@ _SAMPLED = 60  # frames
 _SHARING = 10  # rows that share what the optics keep of one
 _MOST_PLANNED = 200  # poses of a row
 _VALUE_BYTES = {"77_ghz": 2, "24_ghz": 6}  # int16, and text
+_ZERO_BYTES = 2  # of text
 
 
 class VirtualRig:
@@ -113,12 +115,15 @@ class VirtualRig:
         return total
 
     def estimated_bytes(self) -> int:
-        """Estimated size of the raw files."""
+        """Estimated size of the raw files. The rows of text at 24 GHz are filled up with zeros, as published."""
         values = 0
         for radar in self.radars:
             shape = (int(radar.settings.chirps or 1), len(radar.radar.array.rx_positions))
             per_frame = 2 * int(np.prod(shape)) * radar.radar.waveform.samples_per_chirp
-            values += _VALUE_BYTES[radar.name] * per_frame * self.plan.frames(radar.frame_period)
+            frames = self.plan.frames(radar.frame_period)
+            values += _VALUE_BYTES[radar.name] * per_frame * frames
+            if radar.name == "24_ghz":
+                values += _ZERO_BYTES * per_frame * (-frames % FRAMES["24_ghz", "normal"])
         return values * len(self.plan.rows)
 
     def _radar(self, name: str) -> VirtualRadar:
