@@ -108,6 +108,15 @@ def test_a_damaged_scene_does_not_stop_the_rest(work):
     assert (work / "out" / "index.html").exists()
 
 
+def test_files_of_others_in_the_folder_stay(work):
+    """Only an `index.html` of others was seen."""
+    (work / "out").mkdir()
+    (work / "out" / "trials.csv").write_text("mine")
+    done = run(work, "--method", "classical", "--seeds", "1", "--failures", "0")
+    assert "out is not empty and was not made by millisight" in str(done.exception)
+    assert [path.name for path in (work / "out").iterdir()] == ["trials.csv"]
+
+
 def test_data_not_marked_as_simulated_are_not_called_so(work):
     for path in (work / "data").rglob("experiment_info.json"):
         path.write_text(json.dumps({key: value for key, value in INFO.items() if key not in ("simulated", "physics")}))

@@ -15,7 +15,7 @@ import millisight as ms
 from helpers.miniature import ANGLES, BOX, EMPTY, MUG, fault_folder, hostile_deed, image_file, same, values_of
 from helpers.processes import alive, wait_for
 from millisight.core.errors import DamagedFileError, FileError, InputError
-from millisight.datasets import convert, read_manifest
+from millisight.datasets import Manifest, convert, read_manifest, write_manifest
 from millisight.io import load_extras, provenance
 from millisight.io.mito import experiment_folder, radar_folder, read_experiment, write_published
 
@@ -329,3 +329,12 @@ def test_a_changed_checksum_of_a_source_is_not_believed(converted, miniature, tm
     (out / ".millisight.checksums.json").write_text(cache.replace(digest, "0" * 64))
     assert convert(root, out, workers=1).kept == 2
     assert read_manifest(out).entries == before.entries
+
+
+def test_a_dataset_of_another_kind_is_not_converted_into(miniature, tmp_path):
+    """Its manifest was replaced."""
+    write_manifest(tmp_path, Manifest(settings={"generator": 1, "recipe": "r", "seed": 0}, entries={}))
+    before = contents(tmp_path)
+    with pytest.raises(InputError, match=r"holds another dataset: its manifest says .*'recipe': 'r'.*choose another"):
+        convert(miniature.healthy, tmp_path, workers=1)
+    assert contents(tmp_path) == before

@@ -442,3 +442,17 @@ def test_files_of_others_stay_on_both_sides(url, made, tmp_path):
     (out / "notes.txt").write_text("mine")
     assert download(out, repository=url).failures == ()
     assert (out / "notes.txt").read_text() == "mine"
+
+
+def test_a_dataset_that_has_more_here_is_not_overwritten(made, tmp_path):
+    url = f"file://{tmp_path}/store"
+    push(made, url)
+    out = tmp_path / "more"
+    shutil.copytree(made, out)
+    (out / "mine.txt").write_text("mine")
+    entry = ManifestEntry("mine.txt", "raw", 4, checksum(out / "mine.txt"), ())
+    write_manifest(out, read_manifest(out).updated([entry]))
+    before = files_of(out)
+    with pytest.raises(FileError, match=r"holds 1 files that .* has not, the first mine.txt; push them, or choose"):
+        download(out, repository=url)
+    assert files_of(out) == before

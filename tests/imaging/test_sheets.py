@@ -304,6 +304,18 @@ def test_history_files_and_precision(path, spots, tmp_path):
     assert ms.load(tmp_path / "image.h5").metadata["history"][-1]["clutter"] == "auto"
 
 
+@pytest.mark.filterwarnings("error")
+def test_weak_frames_on_disk_are_searched_as_strong_ones_are(path, spots, tmp_path):
+    """Squares of 1e-36 are 0 in float32: means were NaN."""
+    frames = spots + mirror(RADAR, path, -0.2)
+    strong = remove_sheets(capture_of(RADAR, path, frames)).sheets
+    ms.save(tmp_path / "weak.h5", capture_of(RADAR, path, frames * 2.0**-120))
+    with ms.open_capture(tmp_path / "weak.h5") as on_disk:
+        weak = remove_sheets(on_disk)
+    assert [sheet.height for sheet in weak.sheets] == pytest.approx([sheet.height for sheet in strong], abs=1e-6)
+    assert 0 < np.abs(weak.result.frames).max() < 1e-34
+
+
 def test_what_cannot_be_right_is_refused(path, spots):
     capture = capture_of(RADAR, path, spots)
     image = ms.SarImage(grid=GRID, values=np.ones(GRID.shape))

@@ -81,7 +81,7 @@ def test_scenes_are_kept_in_files(dice, tmp_path):
         return [dice], [drawn_sheet] * 2
 
     settings = WholeSettings(covered=1.0)
-    first, again = (cached_whole_scene("a", settings, parts, seed=[1], folder=tmp_path) for _ in range(2))
+    first, again = (cached_whole_scene("a", settings, parts, seed=[1], folder=tmp_path, among="o") for _ in range(2))
     assert len(asked) == 1
     for band in BANDS:
         np.testing.assert_array_equal(first.levels[band], again.levels[band])
@@ -89,9 +89,11 @@ def test_scenes_are_kept_in_files(dice, tmp_path):
     (path,) = tmp_path.iterdir()
     path.write_bytes(path.read_bytes()[:200])
     with pytest.raises(DamagedFileError, match="is not a scene of this training"):
-        cached_whole_scene("a", settings, parts, seed=[1], folder=tmp_path)
-    cached_whole_scene("b", settings, parts, seed=[1], folder=tmp_path)
+        cached_whole_scene("a", settings, parts, seed=[1], folder=tmp_path, among="o")
+    cached_whole_scene("b", settings, parts, seed=[1], folder=tmp_path, among="o")
     assert len(asked) == 2
+    cached_whole_scene("b", settings, parts, seed=[1], folder=tmp_path, among="o;p")  # of other partners: another one
+    assert len(asked) == 3
 
 
 @pytest.mark.parametrize(

@@ -39,6 +39,7 @@ from ._locks import alone as alone
 from ._locks import claimed as claimed
 from ._matrix import product as product
 from ._numba import numba as numba
+from ._numba import overload as overload
 from ._numba import prange as prange
 from ._own import OWN_NAME as OWN_NAME
 from ._own import PAGE_MARK as PAGE_MARK

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from millisight.core._locks import private_folder
-from millisight.core._numba import numba
+from millisight.core._numba import caching, numba
 from millisight.core.errors import DeviceError
 
 _KERNELS: list[Any] = []
@@ -91,7 +91,7 @@ def _cache_in(folder: str) -> Iterator[None]:
         settings.CACHE_DIR = before
 
 
-class _CheckedFiles(numba.core.caching.IndexDataCacheFile):
+class _CheckedFiles(caching.IndexDataCacheFile):
     """Numba's files of a cache, each with a checksum behind it, where unpickling does not look.
 
     A file without the right one is as if it were not there: it is compiled and written anew.

@@ -88,7 +88,8 @@ def _locked(path: Path, name: str) -> Iterator[None]:
             # held for the block; a link would lead to another's file, which is truncated below
             file = open(path, "a+", encoding="utf-8", opener=_no_link)  # noqa: SIM115
         except OSError as error:
-            raise FileError(f"cannot write to {name}: {error.strerror}; make it writable, or choose another") from error
+            why = error.strerror or error
+            raise FileError(f"cannot write to {name}: {why}; make it writable, or choose another") from error
         try:
             if not held(file):
                 file.seek(0)

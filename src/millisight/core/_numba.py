@@ -35,3 +35,5 @@ _import_without_file()
 
 import numba as numba  # noqa: E402
 from numba import prange as prange  # noqa: E402
+from numba.core import caching as caching  # noqa: E402
+from numba.extending import overload as overload  # noqa: E402

@@ -151,6 +151,11 @@ class _Ledger:
     def __init__(self, out: Path, settings: dict[str, Any]):
         self._out = out
         before = read_manifest(out)
+        if before is not None and "conversion" not in before.settings:
+            raise InputError(
+                f"{printable(out)} holds another dataset: its manifest says {dict(before.settings)}; choose another "
+                "folder"
+            )
         entries = before.entries if before is not None and before.settings == settings else {}
         self.manifest = Manifest(settings=settings, entries=entries)
         self._known, self._ours = _read_cache(out / _CACHE_NAME)

@@ -92,6 +92,12 @@ def _check_same(root: Path, store: Store, manifest: Manifest) -> None:
             f"{printable(root)} holds another dataset: its {MANIFEST_NAME} says {dict(here.settings)}, that of "
             f"{store.url} {dict(manifest.settings)}; choose another folder"
         )
+    more = [] if here is None else sorted(here.entries.keys() - manifest.entries.keys())
+    if more:
+        raise FileError(
+            f"{printable(root)} holds {len(more)} files that {store.url} has not, the first {printable(more[0])}; push "
+            "them, or choose another folder"
+        )
 
 
 def _wanted(store: Store, manifest: Manifest, objects: Sequence[str]) -> list[WantedFile]:

@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from millisight.core import inline, kernel, numba, phase, prange
+from millisight.core import inline, kernel, numba, overload, phase, prange
 
 _distance = inline(phase.distance, fastmath=True)
 _wrapped = inline(phase.wrapped, fastmath=True)
@@ -31,14 +31,14 @@ def _sine(turns):
     return math.sin(phase.TAU * turns)
 
 
-@numba.extending.overload(_cosine, inline="always")
+@overload(_cosine, inline="always")
 def _cosine_typed(turns):
     if turns == numba.types.float32:
         return lambda turns: _cosine32(turns)
     return lambda turns: math.cos(phase.TAU * turns)
 
 
-@numba.extending.overload(_sine, inline="always")
+@overload(_sine, inline="always")
 def _sine_typed(turns):
     if turns == numba.types.float32:
         return lambda turns: _sine32(turns)

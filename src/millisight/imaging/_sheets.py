@@ -34,6 +34,7 @@ _LEAST_SHARE = 0.15  # of the scene
 _LARGE = 0.06  # sheets so large are no object's top [m²]
 _LEAST_LID = 0.004  # what ends within the scene and is smaller is no lid [m²]
 _RING = 2  # cells along the scene's border
+_LOOKED_AT = 16  # poses of a capture on disk
 _USUAL = 1e-9, 1e9  # of an image's maximum
 _ATTEMPTS = 4  # flat things that are looked at, besides the sheets that are taken
 
@@ -210,7 +211,11 @@ def at_usual_scale(scene: Any) -> tuple[Any, float]:
         All values are so small that float32 holds few digits of them, or none.
     """
     if isinstance(scene, Capture) and not scene.in_memory:
-        return scene, 1.0
+        poses = np.unique(np.linspace(0, len(scene.trajectory) - 1, _LOOKED_AT).astype(int))
+        peak = max(float(np.abs(scene.frames_of(slice(i, i + 1))).max()) for i in poses)
+        if peak == 0 or _USUAL[0] < peak < _USUAL[1]:
+            return scene, 1.0
+        scene = replace(scene, frames=np.array(scene.frames_of(slice(None))))
     parts = np.asarray(scene.values if isinstance(scene, SarImage) else scene.frames)
     parts = parts.view(parts.real.dtype) if parts.flags.c_contiguous else np.abs(parts)  # without a copy
     peak = float(max(-parts.min(), parts.max()))

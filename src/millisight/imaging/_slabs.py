@@ -187,7 +187,7 @@ def _digest(capture: Capture, grid: VoxelGrid, slabs: Sequence[slice], settings:
     poses, values = len(capture.trajectory), 8 * int(np.prod(capture.frames_of(slice(0, 1)).shape))
     some = max(1, _BLOCK // values)
     for start in range(0, poses, some):  # a gigabyte a second; forming an image of one takes minutes
-        found.update(np.ascontiguousarray(capture.frames_of(slice(start, start + some))))
+        found.update(np.ascontiguousarray(capture.frames_of(slice(start, start + some))).data)
     for array in (
         capture.tx_positions,
         capture.rx_positions,

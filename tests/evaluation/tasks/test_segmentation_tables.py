@@ -13,6 +13,7 @@ from millisight.evaluation import (
     PAPER_MASKS,
     MaskScores,
     MaskTrial,
+    SegmentationTask,
     by_scene,
     difference_table,
     empty_table,
@@ -170,3 +171,8 @@ def test_the_worst_are_of_radar_images_and_of_each_scene_one():
         ("t", "a", 0.2),
         ("s", "b", 0.4),
     ]
+
+
+def test_a_billion_seeds_are_refused():
+    with pytest.raises(InputError, match="seeds is 1000000000; expected 1000 at most"):
+        SegmentationTask(seeds=10**9)

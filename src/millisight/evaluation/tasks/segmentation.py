@@ -20,7 +20,7 @@ from millisight.evaluation.tasks._segmentation_tables import (
 )
 from millisight.meshes import CATALOGUE, object_name
 
-_FORMAT = 4
+_FORMAT, _MOST_SEEDS = 4, 1000
 _BLIND = "blind."  # the parts of what does not look begin so
 
 
@@ -85,7 +85,8 @@ class SegmentationTask(Task):
             options=dict(self.options),
             crop=None if self.crop is None else tuple(self.crop),
         )
-        checked_integer(self.seeds, name="seeds")
+        if checked_integer(self.seeds, name="seeds") > _MOST_SEEDS:
+            raise InputError(f"seeds is {self.seeds}; expected {_MOST_SEEDS} at most")
         checked_integer(self.failures, name="failures", minimum=0)
 
     def plan(self, data: EvaluationData) -> EvaluationSet:

@@ -8,7 +8,7 @@ import dataclasses
 import json
 import os
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, TypeVar
 
@@ -173,8 +173,15 @@ class _Maker:
     def scene(self, view: int) -> WholeScene:
         """The scene of that number among the request's."""
         name, number = self._request.name, self._request.number
-        key = f"{self._request.side}/{name}/{number}/{view}/{self._digest()}"
-        return cached_whole_scene(key, self._whole, self._parts, seed=[self._seed], folder=self._folder)
+        key = f"{self._request.side}/{name}/{number}/{view}/{self._digest(self._request)}"
+        return cached_whole_scene(
+            key, self._whole, self._parts, seed=[self._seed], folder=self._folder, among=self._among
+        )
+
+    @cached_property
+    def _among(self) -> str:
+        """What other objects of a scene are drawn from."""
+        return ";".join(f"{one.name}/{one.number}/{self._digest(one)}" for one in self._others)
 
     def _parts(self, rng: np.random.Generator) -> tuple[list[SceneParts], list[Callable[[], SheetParts]]]:
         """Of the request's side: its object, perhaps one or two others; two sheets and a stand, made when needed."""
@@ -192,10 +199,10 @@ class _Maker:
         ]
         return [self._own, *map(self._simulated, drawn)], sheets
 
-    def _digest(self) -> str:
-        if self._request.source is None:
-            return scene_digest(self._request.shown or self._request.name, self._request.settings, self._seed)
-        return simulation_digest(self._request.source)
+    def _digest(self, one: SceneRequest) -> str:
+        if one.source is None:
+            return scene_digest(one.shown or one.name, one.settings, self._seed)
+        return simulation_digest(one.source)
 
     def _simulated(self, one: SceneRequest) -> SceneParts:
         if one.source is not None:

@@ -101,15 +101,20 @@ def cached_whole_scene(
     *,
     seed: Sequence[int],
     folder: str | os.PathLike[str],
+    among: str,
 ) -> WholeScene:
     """The scene of that key: read from `folder`, or composed of drawn parts and written there.
+
+    Parameters
+    ----------
+    among : what the parts are drawn from; a scene that was drawn from others is another one
 
     Raises
     ------
     DamagedFileError
     """
     made_of = json.dumps(
-        [key, list(seed), settings.empty, settings.several, settings.covered, settings.sheets, settings.parts]
+        [key, list(seed), settings.empty, settings.several, settings.covered, settings.sheets, settings.parts, among]
     )
     path = Path(folder) / f"whole-{hashlib.sha256(made_of.encode()).hexdigest()[:16]}.npz"
     if not path.exists():
