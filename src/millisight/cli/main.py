@@ -77,7 +77,7 @@ def _check_environment() -> None:
             from millisight.core.errors import InputError
 
             raise InputError(
-                f"{name} is {printable(os.environ[name])}; expected {' or '.join(allowed)}, or none at all"
+                f"{name} is {printable(os.environ[name]) or 'empty'}; expected {' or '.join(allowed)}, or none at all"
             )
     os.environ["MPLBACKEND"] = "agg"  # no window is opened
     os.environ.pop("SOURCE_DATE_EPOCH", None)  # no date is written

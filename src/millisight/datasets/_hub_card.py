@@ -60,7 +60,7 @@ def hub_card(folder: Path, manifest: Manifest, repository: str, licence: str | N
     }  # fmt: skip
     yaml = "".join(f"{key}: {json.dumps(value)}\n" for key, value in front.items())  # JSON is YAML
     own = folder / CARD_NAME
-    body = own.read_text(encoding="utf-8") if own.exists() else _body(name, origins, manifest)
+    body = own.read_text(encoding="utf-8", errors="replace") if own.exists() else _body(name, origins, manifest)
     return (
         f"---\n{yaml}---\n\n{body.rstrip()}\n\n{_GET.format(name=name, repository=repository, manifest=MANIFEST_NAME)}"
     )

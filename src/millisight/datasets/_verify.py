@@ -80,8 +80,8 @@ def verify(
             found.append(Checked(path=path, kind=items[path].kind, problems=tuple(problems), notes=tuple(notes)))
             if progress is not None:
                 progress(count, len(jobs))
-    folders, known = ({one.folder.name for one in of.objects} for of in (dataset, _mito.open(dataset.root)))
-    whole = folders == known
+    folders = {one.folder.name for one in dataset.objects}
+    whole = folders == {one.folder.name for one in _mito.open(dataset.root).objects}
     found += [  # files that the manifest names, and that are no items: missing, or what comes along with one
         Checked(path=path, kind="listed", problems=tuple(_differences(dataset.root / path, entry)))
         for path, entry in entries.items()

@@ -99,6 +99,8 @@ def _is_ours(path: Path) -> bool:
     """Whether the splits at `path` are as they were written."""
     try:
         content = read_json(path)
+        if content.keys() == {"seed", "shares", "by_object", "by_pose"}:  # of before there was a checksum
+            return True
         return content.pop(_CHECKSUM) == _checksum(content)
     except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
         return False
