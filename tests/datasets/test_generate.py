@@ -19,10 +19,11 @@ from helpers.processes import wait_for
 from helpers.small_cluster import Cluster
 from helpers.small_jobs import failing, napping
 from millisight.core.errors import DamagedFileError, DeviceError, FileError, FormatError, InputError, UnknownNameError
-from millisight.datasets import convert, read_manifest, verify
+from millisight.datasets import convert, prepare_objects, read_manifest, verify
 from millisight.datasets.generation import Engine, RigJob, engine_of, plan_dataset, run_plan
 from millisight.datasets.generation import _cost as cost
 from millisight.datasets.generation import _generate as generate
+from millisight.datasets.generation._jobs import jobs_of
 from millisight.datasets.generation._ledger import JOURNAL_NAME, Ledger
 from millisight.datasets.generation._simulator_job import SimulatorJob
 from millisight.imaging import form_image
@@ -570,7 +571,7 @@ def test_too_many_jobs_are_refused_at_once(tmp_path):
         plan_dataset(small_recipe.recipe(rig=None, objects={"all": True}, poses=drawn, simulator={}), tmp_path)
 
 
-def test_minus_zero_is_zero(tmp_path):
+def test_minus_zero_is_zero():
     """NumPy draws from no range that ends at it."""
     recipe = small_recipe.recipe(**simulated(["golf_ball"], poses={"angles_deg": [[0, 0, 0]], "shift": -0.0}))
-    assert plan_dataset(recipe, tmp_path / "out").jobs
+    assert jobs_of(recipe, prepare_objects(recipe))

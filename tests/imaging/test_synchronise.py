@@ -20,7 +20,7 @@ def likeness(a, b):
     return abs(np.vdot(a.values, b.values)) / np.linalg.norm(a.values) / np.linalg.norm(b.values)
 
 
-@pytest.mark.parametrize(("offset", "drift", "seed"), [(0.02, 50e-6, 0), (-0.05, -80e-6, 1)])
+@pytest.mark.parametrize(("offset", "drift", "seed"), [(-0.05, -80e-6, 1)])
 def test_offset_and_drift_are_recovered_together_and_the_image_with_them(offset, drift, seed):
     capture, log, middle = scan(offset, drift)
     way = np.linalg.norm(np.diff(capture.trajectory.positions, axis=0), axis=1).sum()
