@@ -489,6 +489,9 @@ def test_files_of_the_users_beside_ours_stay(tmp_path):
     make(out, **simulated(["golf_ball"]))
     assert card.read_bytes() == b"# My own\r\n\xff"
     assert splits.read_text() == changed
+    splits.write_text(changed[:50])
+    make(out, **simulated(["golf_ball"]))
+    assert json.loads(splits.read_text())["seed"] == 3
 
 
 def test_a_mesh_of_the_users_in_the_place_of_an_objects_stays(tmp_path):
@@ -556,6 +559,9 @@ def test_a_manifest_that_lost_a_line_is_damaged(tmp_path):
     lines = (out / "manifest.jsonl").read_text().splitlines(keepends=True)
     (out / "manifest.jsonl").write_text("".join(line for line in lines if "processed_image_edges" not in line))
     with pytest.raises(DamagedFileError, match=r"lists \d+ files, \d+ by its first line; restore it, or remove it"):
+        make(out, **simulated(["golf_ball"]))
+    (out / "manifest.jsonl").write_text("".join(lines).replace('"kind": "image"', '"kind": "raw"', 1))
+    with pytest.raises(DamagedFileError, match="was changed after it was written"):
         make(out, **simulated(["golf_ball"]))
 
 

@@ -260,7 +260,7 @@ def test_names_that_lead_out_of_the_folder_are_refused(name, made, tmp_path):
     first, *lines = (made / "manifest.jsonl").read_text().splitlines(keepends=True)
     evil = json.dumps({**json.loads(lines[0]), "path": name})
     with in_store(url, "manifest.jsonl") as file:
-        head = {**json.loads(first), "files": len(lines) + 1}
+        head = {**json.loads(first), "files": len(lines) + 1, "sha256": None}
         file.write((json.dumps(head) + "\n" + "".join(lines) + evil + "\n").encode())
     before = set(tmp_path.rglob("*"))
     with pytest.raises(FileError, match="would lie outside the folder; refused") as error:

@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from millisight.core.errors import DamagedFileError
+
 JSON_BEYOND = (b"[" * 100_000, b"1" * 4301, b"null", b"[null]", b'[{"24_ghz": [1e400, NaN]}]', b"\xff\xfe")
 
 
@@ -79,18 +81,22 @@ def checksums(folder: Path) -> tuple[bytes, Any]:
 
 def rows(folder: Path) -> tuple[bytes, Any]:
     """The list of rows of a scan that is not whole."""
-    from millisight.rig._rows import Spool, _rows_listed
+    from millisight.rig._rows import Spool, _rows_listed, _sha256_of
 
     place = folder / "scan"
     place.mkdir()
 
     def parse(path: Path) -> None:
-        path.replace(place / "rows.json")
-        for row in _rows_listed(place, ["77_ghz", "24_ghz"]):
-            Spool(place, list(row.values()))
+        listed = path.read_bytes().decode("utf-8", "surrogateescape")
+        sealed = json.dumps({"sha256": _sha256_of(listed), "listed": listed})
+        for text in (sealed.encode(), path.read_bytes()):
+            (place / "rows.json").write_bytes(text)
+            with suppress(DamagedFileError):
+                for row in _rows_listed(place, ["77_ghz", "24_ghz"])[0]:
+                    Spool(place, list(row.values()))
 
     told = {"77_ghz": [1700000000, 1.7e9, "0" * 64], "24_ghz": [1700000001, 1.7e9, "0" * 64]}
-    return json.dumps([told] * 2).encode(), parse
+    return json.dumps({"rows": [told] * 2, "logs": ["0" * 64] * 2}).encode(), parse
 
 
 def log(folder: Path) -> tuple[bytes, Any]:

@@ -2,6 +2,7 @@
 
 import json
 import logging
+import re
 import struct
 import subprocess
 import sys
@@ -43,6 +44,15 @@ def test_every_format_gives_the_same_faces(tmp_path, suffix):
     np.testing.assert_allclose(
         sorted_corners(mesh.vertices, mesh.faces), sorted_corners(expected.vertices, expected.faces), atol=2e-6
     )
+
+
+def test_normals_that_are_no_numbers_are_not_needed(tmp_path, caplog):
+    """trimesh logged a traceback."""
+    box = trimesh.creation.box((0.1, 0.1, 0.1))
+    text = re.sub("facet normal .*", "facet normal 0 x 1", trimesh.exchange.stl.export_stl_ascii(box))
+    (tmp_path / "a.stl").write_text(text, encoding="ascii")
+    assert len(load_mesh(tmp_path / "a.stl").faces) == 12
+    assert not [record for record in caplog.records if record.name == "trimesh"]
 
 
 def test_text_stl_and_text_ply(tmp_path):

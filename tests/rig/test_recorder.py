@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import os
+import re
 import subprocess
 import sys
 from contextlib import contextmanager
@@ -219,6 +220,9 @@ def test_a_scan_that_fails_goes_on_at_its_row(tmp_path):
         rows.write_text(text)
         with pytest.raises(DamagedFileError, match=words):
             record_scan(rig.arm, [radar], None, rig.plan, PublishedWriter(out, info=info, keep=rig.plan))
+    rows.write_text(re.sub(r"\[(\d+), \d", r"[\1, 7", whole, count=1))  # a row's time
+    with pytest.raises(DamagedFileError, match="its checksum is of another text; remove the folder"):
+        record_scan(rig.arm, [radar], None, rig.plan, PublishedWriter(out, info=info, keep=rig.plan))
     rows.write_text(whole)
     first = writer.unfinished / "rows" / "77_ghz" / "0.npy"
     frames = first.read_bytes()
@@ -227,6 +231,13 @@ def test_a_scan_that_fails_goes_on_at_its_row(tmp_path):
     with again.recording(rig.radars):  # what was changed is scanned anew
         assert again.rows_done == 0
     first.write_bytes(frames)
+    log = writer.unfinished / "log" / "0.npz"
+    content = log.read_bytes()
+    log.write_bytes(content[:-1] + b"x")
+    again = PublishedWriter(out, info=info, keep=rig.plan)
+    with again.recording(rig.radars):
+        assert again.rows_done == 0
+    log.write_bytes(content)
     done = []
     writer = PublishedWriter(out, info=info, keep=rig.plan)
     record_scan(rig.arm, [radar], None, rig.plan, writer, progress=lambda *count: done.append(count))

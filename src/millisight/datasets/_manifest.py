@@ -87,14 +87,16 @@ def write_manifest(folder: str | os.PathLike[str], manifest: Manifest) -> None:
     ------
     FileError
     """
-    head = {
-        "format": _FORMAT, "version": _VERSION, "settings": manifest.settings, "files": len(manifest.entries),
-    }  # fmt: skip
     entries = [
         {**entry._asdict(), "sources": [source._asdict() for source in entry.sources]}
         for _, entry in sorted(manifest.entries.items())
     ]
-    write_text(Path(folder) / MANIFEST_NAME, "".join(json.dumps(line) + "\n" for line in (head, *entries)))
+    lines = "".join(json.dumps(line) + "\n" for line in entries)
+    head = {
+        "format": _FORMAT, "version": _VERSION, "settings": manifest.settings, "files": len(entries),
+        "sha256": hashlib.sha256(lines.encode()).hexdigest(),
+    }  # fmt: skip
+    write_text(Path(folder) / MANIFEST_NAME, f"{json.dumps(head)}\n{lines}")
 
 
 def read_manifest(folder: str | os.PathLike[str]) -> Manifest | None:
@@ -143,6 +145,9 @@ def parsed_manifest(name: str, content: bytes) -> Manifest:
             f"{name} lists {len(entries)} files, {head['files']} by its first line; restore it, or remove it to make "
             "all anew"
         )
+    stated = head.get("sha256")
+    if stated is not None and stated != hashlib.sha256(content.partition(b"\n")[2]).hexdigest():
+        raise DamagedFileError(f"{name} was changed after it was written; restore it, or remove it to make all anew")
     settings = head.get("settings")
     if not isinstance(settings, dict):
         raise DamagedFileError(f"{name}, line 1: settings is {settings!r}; expected a mapping")

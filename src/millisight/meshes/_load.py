@@ -8,6 +8,8 @@ import io
 import logging
 import os
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -87,7 +89,7 @@ def _read(path: Path) -> Any:
             "reduce it, since a radar image needs some ten thousand triangles"
         )
     try:
-        with open(path, "rb") as file, warnings.catch_warnings():
+        with open(path, "rb") as file, warnings.catch_warnings(), _silent("trimesh"):
             # An open file and no resolver: whatever else the file names cannot be read or fetched.
             warnings.simplefilter("ignore")
             if suffix == "glb":
@@ -115,6 +117,17 @@ def _read(path: Path) -> Any:
             f"{suffix.upper()} format: it is empty, truncated, or of another format; export it again as triangles"
         )
     return scene
+
+
+@contextmanager
+def _silent(name: str) -> Iterator[None]:
+    """For a block, what a library logs is not shown: such as normals, which are not needed, that it cannot read."""
+    log = logging.getLogger(name)
+    before, log.disabled = log.disabled, True
+    try:
+        yield
+    finally:
+        log.disabled = before
 
 
 def _without_materials(file: BinaryIO) -> BinaryIO:

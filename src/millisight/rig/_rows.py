@@ -1,6 +1,7 @@
 """Rows of a scan on disk as they come, until the scan is whole: what writers of scans share."""
 
 import hashlib
+import itertools
 import json
 import os
 import secrets
@@ -66,6 +67,7 @@ class RowWriter(ABC):
         self._told, self._keep = dict(told), keep
         self._origin = np.array(checked_numbers(origin, name="origin", count=3, unit="m"))
         self._spools: dict[str, Spool] = {}
+        self._logs: list[str] = []  # checksums of the rows' logs
         self._radars: Sequence[RadarDevice] = ()
 
     @property
@@ -101,9 +103,11 @@ class RowWriter(ABC):
         else:
             self._part = self._claim(self._keep, {radar.name: radar.frame_period for radar in self._radars})
         try:
-            done = _rows_listed(self._part, names)
+            done, self._logs = _rows_listed(self._part, names)
             self._spools = {name: Spool(make_folder(self._part / "rows" / name)) for name in names}
-            self.rows_done = _taken_over(self._spools, done)
+            kept = sum(itertools.takewhile(bool, (self._holds_log(row) for row in range(len(done)))))
+            self.rows_done = _taken_over(self._spools, done[:kept])
+            del self._logs[self.rows_done :]
             make_folder(self._part / "log")
             yield
         except FileError:
@@ -137,10 +141,12 @@ class RowWriter(ABC):
             if log.orientations is not None:
                 tables["orientations"] = log.orientations
             np.savez(file, allow_pickle=False, **tables)
+        self._logs.append(_sha256(self._log_part(self.rows_done)))
         self.rows_done += 1
         rows = zip(*(spool.listed for spool in self._spools.values()), strict=True)
         listed = [dict(zip(self._spools, row, strict=True)) for row in rows]
-        write_text(self._part / _ROWS, json.dumps(listed))
+        text = json.dumps({"rows": listed, "logs": self._logs})
+        write_text(self._part / _ROWS, json.dumps({"sha256": _sha256_of(text), "listed": text}))
 
     def clear(self) -> None:
         """Remove what a run left that was killed when its scan was there: its lock and its copies.
@@ -172,6 +178,11 @@ class RowWriter(ABC):
         """The log of all rows, in the arm's base frame."""
         return _joined([self._log_part(row) for row in range(self.rows_done)])
 
+    def _holds_log(self, row: int) -> bool:
+        """Whether the log of a row is there, byte for byte as it was written."""
+        path = self._log_part(row)
+        return path.is_file() and _sha256(path) == self._logs[row]
+
     def _log_part(self, row: int) -> Path:
         return self._part / "log" / f"{row}.npz"
 
@@ -190,21 +201,34 @@ class RowWriter(ABC):
         return folder
 
 
-def _rows_listed(folder: Path, names: Sequence[str]) -> list[dict[str, tuple[int, float, str]]]:
-    """Number, time and checksum of every row that is whole, by radar."""
-    if not (folder / _ROWS).exists():
-        return []
+_Told = tuple[int, float, str]
+"""Number, time and checksum of a row."""
+
+
+def _rows_listed(folder: Path, names: Sequence[str]) -> tuple[list[dict[str, _Told]], list[str]]:
+    """Every row that is whole, by radar; and the checksums of their logs."""
+    path = folder / _ROWS
+    if not path.exists():
+        return [], []
+    sealed = _kept(path)
     try:
-        listed = [{name: row[name] for name in names} for row in _kept(folder / _ROWS)]
-        return [
+        if sealed["sha256"] != _sha256_of(sealed["listed"]):
+            raise ValueError("its checksum is of another text")
+        told = json.loads(sealed["listed"])
+        listed = [{name: row[name] for name in names} for row in told["rows"]]
+        rows = [
             {name: (int(number), float(time), str(sha256)) for name, (number, time, sha256) in row.items()}
             for row in listed
         ]
-    except (LookupError, TypeError, ValueError, OverflowError) as error:
-        raise DamagedFileError(f"{printable(folder / _ROWS)} is no list of rows: {error}; remove the folder") from error
+        logs = [str(sha256) for sha256 in told["logs"]]
+        if len(logs) != len(rows):
+            raise ValueError(f"{len(logs)} logs of {len(rows)} rows")
+    except (LookupError, TypeError, ValueError, AttributeError, OverflowError, RecursionError) as error:
+        raise DamagedFileError(f"{printable(path)} is no list of rows: {error}; remove the folder") from error
+    return rows, logs
 
 
-def _taken_over(spools: "dict[str, Spool]", rows: list[dict[str, tuple[int, float, str]]]) -> int:
+def _taken_over(spools: "dict[str, Spool]", rows: list[dict[str, _Told]]) -> int:
     """How many rows are as they were written, from the first on. Spools take these; the others are scanned anew."""
     for done, row in enumerate(rows):
         if not all(spools[name].holds(done, told[2]) for name, told in row.items()):
@@ -279,3 +303,7 @@ class Spool(Sequence):
 def _sha256(path: Path) -> str:
     with open(path, "rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _sha256_of(text: str) -> str:
+    return hashlib.sha256(text.encode("utf-8", "surrogateescape")).hexdigest()

@@ -102,7 +102,9 @@ def _is_ours(path: Path) -> bool:
         if content.keys() == {"seed", "shares", "by_object", "by_pose"}:  # of before there was a checksum
             return True
         return content.pop(_CHECKSUM) == _checksum(content)
-    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
+    except ValueError:  # it was cut short, or is no JSON
+        return True
+    except (OSError, LookupError, TypeError, AttributeError, RecursionError):
         return False
 
 
