@@ -10,6 +10,8 @@ install_import_hook(["millisight.imaging._exact", "millisight.imaging._backproje
 @pytest.fixture(scope="session")
 def miniature(tmp_path_factory):
     """The published dataset in miniature, and its faults, made once: for reading only."""
-    from helpers.miniature import make
+    from helpers.miniature import Miniature, make
+    from helpers.processes import made_once
 
-    return make(tmp_path_factory.mktemp("miniature"))
+    folder = made_once(tmp_path_factory, "miniature", make)
+    return Miniature(folder / "MITO_Miniature", folder / "MITO_Faults")

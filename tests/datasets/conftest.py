@@ -2,13 +2,14 @@
 
 import pytest
 
+from helpers.processes import made_once
 from helpers.published_mock import make
 
 
 @pytest.fixture(scope="session")
 def published_root(tmp_path_factory):
     """The published dataset's mock; for reading only."""
-    return make(tmp_path_factory.mktemp("mock"))
+    return made_once(tmp_path_factory, "mock", make) / "MITO_Dataset"
 
 
 @pytest.fixture

@@ -16,6 +16,7 @@ import pytest
 from typer.testing import CliRunner
 
 import millisight as ms
+from helpers.processes import made_once
 from helpers.published_mock import CRACKERS, LEFT_OUT, MUG, PEACH, SUGAR, TUNA, WRENCH
 from helpers.whole_scenes import PLAIN
 from millisight import datasets
@@ -36,11 +37,11 @@ FORMS = ("published", "converted")
 @pytest.fixture(scope="module")
 def roots(tmp_path_factory, published_root):
     """The dataset as published, and converted; for reading only."""
-    published = published_root
-    converted = tmp_path_factory.mktemp("converted") / "mito"
-    done = datasets.convert(published, converted, workers=1)
-    assert done.failures == ()
-    return {"published": published, "converted": converted}
+
+    def convert(folder):
+        assert datasets.convert(published_root, folder / "mito", workers=1).failures == ()
+
+    return {"published": published_root, "converted": made_once(tmp_path_factory, "converted-mock", convert) / "mito"}
 
 
 def run(*words, fails=False):

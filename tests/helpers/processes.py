@@ -1,5 +1,6 @@
-"""Waiting for what other processes do, and limits of this one."""
+"""Waiting for what other processes do, sharing with them, and limits of this one."""
 
+import fcntl
 import itertools
 import os
 import time
@@ -22,6 +23,20 @@ def alive(group):
     except ProcessLookupError:
         return False
     return True
+
+
+def made_once(tmp_path_factory, name, make):
+    """A folder that `make` fills, once for all processes that run these tests beside each other; for reading only."""
+    base = tmp_path_factory.getbasetemp()
+    base = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+    folder, whole = base / name, base / f"{name}.whole"
+    with open(base / f"{name}.lock", "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not whole.exists():
+            folder.mkdir()
+            make(folder)
+            whole.touch()
+    return folder
 
 
 @contextmanager

@@ -14,7 +14,7 @@ SOURCES = Path(ms.__file__).parent
 COMMAND = [sys.executable, "-P", "-m", "millisight.cli.main"]
 
 
-@pytest.mark.parametrize("config", ["cache_dir: kept\nnum_threads: 99999\n", "disable_jit: 1\n", "{", "- a\n"])
+@pytest.mark.parametrize("config", ["cache_dir: kept\nnum_threads: 99999\ndisable_jit: 1\n", "{"])
 def test_settings_of_libraries_there_are_not_obeyed(config, tmp_path):
     """Numba would run the compiled code that it finds in a folder named there."""
     (tmp_path / ".numba_config.yaml").write_text(config)
