@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from millisight.core import sealed
 from millisight.core.errors import DamagedFileError
 
 JSON_BEYOND = (b"[" * 100_000, b"1" * 4301, b"null", b"[null]", b'[{"24_ghz": [1e400, NaN]}]', b"\xff\xfe")
@@ -65,13 +66,13 @@ def _write(file: Any, before: list[str], after: list[str]) -> None:
 
 def checksums(folder: Path) -> tuple[bytes, Any]:
     """Checksums of sources, behind one of their own."""
-    from millisight.datasets._convert import _read_cache, _sha256
+    from millisight.datasets._convert import _read_cache
 
     place = folder / "checksums.json"
 
     def parse(path: Path) -> None:
         cache = path.read_bytes().decode("utf-8", "surrogateescape")
-        place.write_text(json.dumps({"sha256": _sha256(cache), "cache": cache}))
+        place.write_text(sealed(cache))
         _read_cache(place)
         path.replace(place)
         _read_cache(place)
@@ -81,15 +82,14 @@ def checksums(folder: Path) -> tuple[bytes, Any]:
 
 def rows(folder: Path) -> tuple[bytes, Any]:
     """The list of rows of a scan that is not whole."""
-    from millisight.rig._rows import Spool, _rows_listed, _sha256_of
+    from millisight.rig._rows import Spool, _rows_listed
 
     place = folder / "scan"
     place.mkdir()
 
     def parse(path: Path) -> None:
         listed = path.read_bytes().decode("utf-8", "surrogateescape")
-        sealed = json.dumps({"sha256": _sha256_of(listed), "listed": listed})
-        for text in (sealed.encode(), path.read_bytes()):
+        for text in (sealed(listed).encode(), path.read_bytes()):
             (place / "rows.json").write_bytes(text)
             with suppress(DamagedFileError):
                 for row in _rows_listed(place, ["77_ghz", "24_ghz"])[0]:

@@ -73,6 +73,10 @@ from ._rotations import rotation_from_quaternion as rotation_from_quaternion
 from ._rotations import rotation_from_vector as rotation_from_vector
 from ._rotations import rotation_vector as rotation_vector
 from ._rotations import turn_between_deg as turn_between_deg
+from ._sealed import read_sealed as read_sealed
+from ._sealed import sealed as sealed
+from ._sealed import sha256_of as sha256_of
+from ._sealed import write_sealed as write_sealed
 from ._tables import record_from_file as record_from_file
 from ._tables import record_from_table as record_from_table
 from ._tables import toml_of as toml_of

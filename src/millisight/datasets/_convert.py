@@ -4,8 +4,6 @@ Every item becomes one file at the same place, `.h5` for `.pkl`; a folder of raw
 log in it. What the files hold follows from the sources and the settings alone, so that equal sources give equal bytes.
 """
 
-import hashlib
-import json
 import os
 import shutil
 import stat
@@ -22,10 +20,11 @@ from millisight.core import (
     make_folder,
     move_into,
     printable,
-    read_json,
+    read_sealed,
     record,
     same_file,
-    write_text,
+    sha256_of,
+    write_sealed,
 )
 from millisight.core.errors import FileError, InputError
 from millisight.datasets import _mito
@@ -180,8 +179,7 @@ class _Ledger:
         # An old conversion's files are overwritten one by one: a run after this one must know them, too. They are told
         # here before the old manifest goes.
         ours = sorted(self._ours - self.manifest.entries.keys())
-        cache = json.dumps({"known": self._known, "ours": ours}, sort_keys=True)
-        write_text(self._out / _CACHE_NAME, json.dumps({"sha256": _sha256(cache), "cache": cache}))
+        write_sealed(self._out / _CACHE_NAME, {"known": self._known, "ours": ours})
         write_manifest(self._out, self.manifest)
         self._written = time.monotonic()
 
@@ -200,10 +198,7 @@ def _read_cache(path: Path) -> tuple[dict[str, Checksums], set[str]]:
     """The checksums that an earlier run left, and the outputs of conversions before it; none where the file was changed
     or cannot be read: checksums are worked out again."""
     try:
-        sealed = read_json(path)
-        if sealed["sha256"] != _sha256(sealed["cache"]):
-            return {}, set()
-        cache = json.loads(sealed["cache"])
+        cache = read_sealed(path)
         known = {
             item: {name: (int(size), int(changed), str(sha256)) for name, (size, changed, sha256) in files.items()}
             for item, files in cache["known"].items()
@@ -211,10 +206,6 @@ def _read_cache(path: Path) -> tuple[dict[str, Checksums], set[str]]:
         return known, {str(name) for name in cache["ours"]}
     except (OSError, ValueError, TypeError, LookupError, AttributeError, RecursionError, OverflowError):
         return {}, set()
-
-
-def _sha256(text: str) -> str:
-    return hashlib.sha256(text.encode("utf-8", "surrogateescape")).hexdigest()
 
 
 def _convert(job: _Job) -> _Done:
@@ -310,7 +301,7 @@ def _source(path: Path, files: Iterable[Path], job: _Job, known: Checksums) -> M
     if [file for _, file in lines] == [path]:
         return ManifestSource(_relative(path, job.root), size, lines[0][0])
     listing = "".join(f"{sha256}  {file.relative_to(path).as_posix()}\n" for sha256, file in lines)
-    digest = _sha256(listing)
+    digest = sha256_of(listing)
     return ManifestSource(_relative(path, job.root), size, digest, len(lines))
 
 

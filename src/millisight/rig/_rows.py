@@ -8,7 +8,7 @@ import secrets
 import shutil
 import warnings
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,8 @@ from millisight.core import (
     make_folder,
     printable,
     read_json,
+    read_sealed,
+    write_sealed,
     write_text,
 )
 from millisight.core.errors import DamagedFileError, FileError, InputError
@@ -145,8 +147,7 @@ class RowWriter(ABC):
         self.rows_done += 1
         rows = zip(*(spool.listed for spool in self._spools.values()), strict=True)
         listed = [dict(zip(self._spools, row, strict=True)) for row in rows]
-        text = json.dumps({"rows": listed, "logs": self._logs})
-        write_text(self._part / _ROWS, json.dumps({"sha256": _sha256_of(text), "listed": text}))
+        write_sealed(self._part / _ROWS, {"rows": listed, "logs": self._logs})
 
     def clear(self) -> None:
         """Remove what a run left that was killed when its scan was there: its lock and its copies.
@@ -210,11 +211,8 @@ def _rows_listed(folder: Path, names: Sequence[str]) -> tuple[list[dict[str, _To
     path = folder / _ROWS
     if not path.exists():
         return [], []
-    sealed = _kept(path)
     try:
-        if sealed["sha256"] != _sha256_of(sealed["listed"]):
-            raise ValueError("its checksum is of another text")
-        told = json.loads(sealed["listed"])
+        told = _kept(path, read_sealed)
         listed = [{name: row[name] for name in names} for row in told["rows"]]
         rows = [
             {name: (int(number), float(time), str(sha256)) for name, (number, time, sha256) in row.items()}
@@ -238,10 +236,10 @@ def _taken_over(spools: "dict[str, Spool]", rows: list[dict[str, _Told]]) -> int
     return len(rows)
 
 
-def _kept(path: Path) -> Any:
+def _kept(path: Path, read: Callable[[Path], Any] = read_json) -> Any:
     """What a file of an unfinished scan holds."""
     try:
-        return read_json(path)
+        return read(path)
     except (ValueError, RecursionError) as error:
         raise DamagedFileError(f"{printable(path)} is damaged: {error}; remove the folder it is in") from error
 
@@ -303,7 +301,3 @@ class Spool(Sequence):
 def _sha256(path: Path) -> str:
     with open(path, "rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-def _sha256_of(text: str) -> str:
-    return hashlib.sha256(text.encode("utf-8", "surrogateescape")).hexdigest()

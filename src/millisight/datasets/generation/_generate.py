@@ -1,6 +1,5 @@
 """A dataset from a recipe: planned, checked, its cost told, then made on any engine, and resumable at any point."""
 
-import hashlib
 import json
 import os
 import shutil
@@ -15,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from millisight.core import make_folder, printable, record
+from millisight.core import make_folder, printable, record, sha256_of
 from millisight.core.errors import FileError, InputError
 from millisight.datasets import DatasetObject, Manifest, ManifestEntry, prepare_objects
 from millisight.datasets._workers import attempt
@@ -112,7 +111,7 @@ def plan_dataset(
     things = prepare_objects(recipe, meshes=meshes)
     jobs = jobs_of(recipe, things)
     texts = _texts(recipe, jobs)
-    todo = tuple(job for job in jobs if not ledger.kept(description_of(job), _sha256(texts[job.key])))
+    todo = tuple(job for job in jobs if not ledger.kept(description_of(job), sha256_of(texts[job.key])))
     with tempfile.TemporaryDirectory() as workspace:
         for thing in things.values():
             thing.write(Path(workspace))
@@ -303,9 +302,5 @@ def _texts(recipe: Recipe, jobs: Sequence[Job]) -> dict[str, str]:
             described["empty"] = {radar: [folder, empty[f"{folder}/{radar}"]] for radar, folder in job.empty.items()}
         texts[job.key] = json.dumps(described, indent=1, sort_keys=True) + "\n"
         if isinstance(job, RigJob) and _is_empty(job):
-            empty |= {f"{job.folder}/{radar}": _sha256(texts[job.key]) for radar in job.radars}
+            empty |= {f"{job.folder}/{radar}": sha256_of(texts[job.key]) for radar in job.radars}
     return texts
-
-
-def _sha256(text: str) -> str:
-    return hashlib.sha256(text.encode()).hexdigest()

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from millisight.core import read_json, write_text
+from millisight.core import read_json, sha256_of, write_text
 from millisight.datasets.generation._jobs import Job
 from millisight.datasets.generation._recipe import Recipe, Shares
 from millisight.datasets.generation._rig_job import RigJob
@@ -109,7 +109,7 @@ def _is_ours(path: Path) -> bool:
 
 
 def _checksum(content: dict[str, Any]) -> str:
-    return hashlib.sha256(json.dumps(content).encode()).hexdigest()
+    return sha256_of(json.dumps(content))
 
 
 def _objects(folder: str) -> list[str]:
