@@ -28,8 +28,15 @@ class Cluster:
         }
         self._scheduler = self._started("dask_scheduler", "--port", "0")
         self.workers = []
-        wait_for(self._file.exists)
-        self.address = json.loads(self._file.read_text())["address"]
+        wait_for(self._told)
+        self.address = self._told()["address"]
+
+    def _told(self):
+        """What the scheduler says of itself, when its file is whole: it is there before it is written."""
+        try:
+            return json.loads(self._file.read_text())
+        except (FileNotFoundError, ValueError):
+            return None
 
     def _started(self, name, *arguments):
         command = [sys.executable, "-m", f"distributed.cli.{name}", "--scheduler-file", self._file, "--no-dashboard"]
