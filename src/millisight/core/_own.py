@@ -1,5 +1,6 @@
 """What is ours and what is somebody else's: that is not overwritten, unless its name was given for the output."""
 
+import filecmp
 import os
 from pathlib import Path
 
@@ -69,7 +70,8 @@ def move_into(source: Path, target: Path, *, known: bool) -> None:
     """
     make_folder(target.parent)
     try:
-        if not known and os.path.lexists(target) and not _same_content(source, target):
+        taken = not known and os.path.lexists(target)
+        if taken and not (target.is_file() and filecmp.cmp(source, target, shallow=False)):
             raise FileError(
                 f"{printable(target)} is there already, was not made here, and would be overwritten; move it away"
             )
@@ -78,13 +80,3 @@ def move_into(source: Path, target: Path, *, known: bool) -> None:
         raise
     except OSError as error:
         raise FileError(f"cannot write {printable(target)}: {error.strerror or error}") from error
-
-
-def _same_content(one: Path, other: Path) -> bool:
-    if not other.is_file() or one.stat().st_size != other.stat().st_size:
-        return False
-    with open(one, "rb") as a, open(other, "rb") as b:
-        while block := a.read(1 << 20):
-            if block != b.read(1 << 20):
-                return False
-    return True

@@ -1,6 +1,5 @@
 """`ms.evaluate`: a task on a dataset, in several processes; results are cached, so that a run can go on."""
 
-import hashlib
 import json
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -10,7 +9,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
-from millisight.core import make_folder, own_folder, printable, read_json, write_text
+from millisight.core import make_folder, own_folder, printable, read_json, sha256_of, write_text
 from millisight.core.errors import InputError
 from millisight.datasets import _mito
 from millisight.datasets._dataset import Dataset
@@ -201,4 +200,4 @@ def _read_cached(path: Path, key: str) -> Any:
 
 
 def _checksum(content: Any) -> str:
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+    return sha256_of(json.dumps(content, sort_keys=True))

@@ -58,7 +58,7 @@ def push_to_store(
     _check_arrived(store, [file for file in files if file is not last])
     if last in lacking:
         _send(store, root, last)
-    if OWN_NAME in store.listing(writes=True):
+    if store.info(OWN_NAME) is not None:
         store.remove(OWN_NAME)
     if progress is not None:
         progress(told.size, told.size)

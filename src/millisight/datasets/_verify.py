@@ -81,7 +81,7 @@ def verify(
             if progress is not None:
                 progress(count, len(jobs))
     folders = {one.folder.name for one in dataset.objects}
-    whole = folders == {one.folder.name for one in _mito.open(dataset.root).objects}
+    whole = dataset is not root or folders == {one.folder.name for one in _mito.open(dataset.root).objects}
     found += [  # files that the manifest names, and that are no items: missing, or what comes along with one
         Checked(path=path, kind="listed", problems=tuple(_differences(dataset.root / path, entry)))
         for path, entry in entries.items()
