@@ -101,6 +101,36 @@ def test_without_a_home_the_second_process_starts_at_once(tmp_path):
     assert run(tmp_path, **{**shut, "TMPDIR": SHUT}) == [False]
 
 
+TOGETHER = """
+import pathlib, sys, time
+import numpy as np
+from numba.core.event import install_recorder
+sys.path.insert(0, ".")
+import small_kernels
+
+pathlib.Path(sys.argv[1]).touch()
+while len(list(pathlib.Path().glob("ready*"))) < 2:
+    time.sleep(0.01)
+with install_recorder("numba:run_pass") as passes:
+    print(small_kernels.total(np.arange(4.0)), len(passes.buffer) > 0)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no locks there")
+def test_of_two_processes_that_start_together_one_compiles(tmp_path):
+    (tmp_path / "small_kernels.py").write_text(KERNEL)
+    settings = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "TMPDIR": str(tmp_path)}
+    settings.pop("NUMBA_CACHE_DIR", None)
+    both = [
+        subprocess.Popen(
+            [sys.executable, "-c", TOGETHER, f"ready{i}"], cwd=tmp_path, env=settings, stdout=subprocess.PIPE, text=True
+        )
+        for i in range(2)
+    ]
+    assert sorted(one.communicate(timeout=300)[0] for one in both) == ["10.0 False\n", "10.0 True\n"]
+    assert list(tmp_path.glob("millisight-locks*/*")) == []  # no lock is left
+
+
 FORKED = """
 import multiprocessing, sys
 import millisight as ms

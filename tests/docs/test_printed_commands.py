@@ -105,6 +105,7 @@ def test_what_is_printed_runs_in_its_order(page, stage, miniature, tmp_path, mon
     (tmp_path / "examples").symlink_to(ROOT / "examples", target_is_directory=True)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0}, raising=False)  # one process: no others to be started
+    monkeypatch.setitem(ms.locate.__kwdefaults__, "turns", 200)  # how well they find a pose is tried elsewhere
     for line in PRINTS[page]:
         if why_not(line) is None:
             words = [one for word in words_of(line) for one in (sorted(glob.glob(word)) if "*" in word else [word])]

@@ -81,7 +81,7 @@ def reference(file):
 
 
 def deep(file):
-    file.create_group("/".join("x" * 2000))
+    file.create_group("/".join("x" * 200))
 
 
 def many_texts(file):

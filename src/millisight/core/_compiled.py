@@ -18,11 +18,12 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-from millisight.core._locks import private_folder
+from millisight.core._locks import one_at_a_time, private_folder
 from millisight.core._numba import caching, numba
 from millisight.core.errors import DeviceError
 
 _KERNELS: list[Any] = []
+_PATIENCE = 120.0  # longest that a process waits for what another one compiles [s]
 
 
 def kernel(**options: Any) -> Callable[[Callable[..., Any]], Any]:
@@ -130,26 +131,35 @@ def _as_kept(function: Any) -> Any:
     """
     compile_here, store = function._compiler.compile, function._cache
     load, save = store.load_overload, store.save_overload
+    where = ""
     if hasattr(store, "_cache_file"):
         store._cache_file.__class__ = _CheckedFiles
-    compiled: dict[Any, Any] = {}
+        where = store._cache_file._index_path
 
     def compile_and_reload(arguments: Any, return_type: Any) -> Any:
-        made = compile_here(arguments, return_type)
+        if not where:
+            return put_together(compile_here(arguments, return_type))
+        # Of processes that start together one compiles, and the others wait for what it keeps. Of the threads of a
+        # process one comes here at a time: Numba holds its own lock.
+        with one_at_a_time(f"{where}: {arguments}", seconds=_PATIENCE):
+            kept = load(arguments, _apart())
+            if kept is not None:
+                function.targetctx.insert_user_function(kept.entry_point, kept.fndesc, [kept.library])
+                return kept
+            made = compile_here(arguments, return_type)
+            with suppress(OSError):
+                save(arguments, made)  # what was put together again cannot be taken apart
+        return put_together(made)
+
+    def put_together(made: Any) -> Any:
         kept = type(made)._rebuild(_apart(), *made._reduce())
         # Functions that call this one find it by the address that is called.
         function.targetctx.insert_user_function(kept.entry_point, made.fndesc, [made.library])
-        compiled[kept.entry_point] = made
         return kept
-
-    def try_to_keep(signature: Any, code: Any) -> None:
-        made = compiled.pop(code.entry_point)  # what was put together again cannot be taken apart
-        with suppress(OSError):
-            save(signature, made)
 
     function._compiler.compile = compile_and_reload
     store.load_overload = lambda signature, _: load(signature, _apart())
-    store.save_overload = try_to_keep
+    store.save_overload = lambda *_: None  # it was kept before
     return function
 
 

@@ -4,6 +4,7 @@ import hashlib
 import os
 import stat
 import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -12,6 +13,7 @@ from typing import IO
 from millisight.core.errors import FileError
 
 LOCK_NAME = ".millisight.lock"
+_PAUSE = 0.05  # between looks at a lock that another process holds [s]
 
 
 def private_folder(name: str) -> Path:
@@ -66,18 +68,46 @@ def claimed(path: Path) -> Iterator[None]:
         Another run holds it.
     """
     lock = None
-    try:
+    with suppress(OSError):
         if path.is_file() or not path.exists():
-            number = hashlib.sha256(os.fsencode(path.resolve())).hexdigest()[:32]
-            lock = private_folder("millisight-locks") / number
-            open(lock, "a", encoding="utf-8").close()
-    except OSError:
-        lock = None
+            lock = _lock_of(path.resolve())
     if lock is None:
         yield
         return
     with _locked(lock, path.name):
         yield
+
+
+def _lock_of(name: str | Path) -> Path:
+    """The lock of a name, of this user; OSError where nothing can be written."""
+    lock = private_folder("millisight-locks") / hashlib.sha256(os.fsencode(name)).hexdigest()[:32]
+    open(lock, "a", encoding="utf-8").close()
+    return lock
+
+
+@contextmanager
+def one_at_a_time(name: str, *, seconds: float) -> Iterator[None]:
+    """Wait until no other process of this user is in a `with` block of this name, but no longer than that.
+
+    Where nothing can be locked, nobody waits.
+    """
+    end = time.monotonic() + seconds
+    try:
+        lock = _lock_of(name)
+        file = open(lock, "a", encoding="utf-8", opener=_no_link)  # noqa: SIM115
+        while not (free := held(file) and _is_at(file, lock)) and time.monotonic() < end:
+            file.close()
+            time.sleep(_PAUSE)
+            file = open(lock, "a", encoding="utf-8", opener=_no_link)  # noqa: SIM115
+    except OSError:
+        yield
+        return
+    try:
+        yield
+    finally:
+        if free:
+            lock.unlink(missing_ok=True)
+        file.close()  # and with it the lock
 
 
 @contextmanager
