@@ -78,7 +78,19 @@ def test_a_whole_object_at_once(mug, tmp_path):
     code, out, err, _ = run_here(*arguments, "--grid", "2cm", "--plot", "pictures")
     assert code == 0, err
     assert "imaged 0 of 2 captures, 2 already done" in out
-    assert (tmp_path / "pictures" / f"{MUG}.0_0_90.exp1.los.24_ghz.png").exists()
+    picture = tmp_path / "pictures" / f"{MUG}.0_0_90.exp1.los.24_ghz.png"
+    assert picture.exists()
+    drawn = picture.read_bytes()
+    # A picture that is older than the image may show another one; an outline is drawn of what is imaged again.
+    picture.write_bytes(b"of an earlier image")
+    os.utime(picture, ns=(0, 0))
+    code, out, err, _ = run_here(*arguments, "--grid", "2cm", "--plot", "pictures")
+    assert (code, picture.read_bytes()) == (0, drawn), err
+    picture.unlink()
+    code, out, err, _ = run_here(*arguments, "--grid", "2cm", "--plot", "pictures", "--outline", "mug")
+    assert code == 0, err
+    assert "imaged 1 of 2 captures, 1 already done" in out
+    assert picture.read_bytes() != drawn
     code, out, err, _ = run_here(*arguments, "--grid", "3cm")  # other options, another image
     assert code == 0, err
     assert "imaged 2 of 2 captures" in out
@@ -87,6 +99,10 @@ def test_a_whole_object_at_once(mug, tmp_path):
     code, out, err, _ = run_here(*arguments, "--grid", "3cm")
     assert code == 0, err
     assert "imaged 1 of 2 captures, 1 already done" in out
+    (mug / "robot_collected" / "0_0_90" / "exp1" / "experiment_info.json").touch()  # it places the receivers
+    code, out, err, _ = run_here(*arguments, "--grid", "3cm")
+    assert code == 0, err
+    assert "imaged 2 of 2 captures" in out
     kept = {name: time for name, time in kept.items() if ".exp1." not in name or ".24_ghz." not in name}
     now = {path.name: path.stat().st_mtime_ns for path in (tmp_path / "images").iterdir()}
     assert set(now) == set(images)

@@ -1,6 +1,7 @@
 """`millisight surface` as a user meets it: a capture, an image, and what cannot be."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import trimesh
 from PIL import Image
 
 import millisight as ms
-from helpers import solid_mirrors
+from helpers import posed, solid_mirrors
 from helpers.commands import run_here
 from millisight.meshes import load_mesh
 
@@ -56,6 +57,21 @@ def test_a_depth_picture_states_its_levels(ball, tmp_path, here):
     assert levels.dtype == np.uint16
     assert lowest + 1e-5 * levels.max() == pytest.approx(-0.25, abs=2e-3)
     assert not (tmp_path / "b.surface.png").exists()
+
+
+def test_a_depth_picture_has_levels_for_all_heights(ball, tmp_path, here, monkeypatch):
+    """Of 0.01 mm each they reach 65 cm: what lay higher was told as lower, without a word."""
+    low, high = (posed.block([x, -0.02, z - 0.01], [x + 0.04, 0.02, z]) for x, z in ((-0.05, -0.4), (0.01, 0.4)))
+    metadata = {"history": [{"step": "surface", "spacing": 0.002}], "patches": 2}
+    made = ms.Surface(mesh=posed.together(low, high), sigma=np.full(16, 1e-3), metadata=metadata)
+    monkeypatch.setattr("millisight.geometry.surface", lambda *_, **__: made)
+    code, out, err, _ = here(str(ball), "--grid", VOXELS, "-o", "b.ply", "--depth", "two.png", "--no-picture")
+    assert code == 0, err
+    unit, lowest = (float(found) for found in re.search(r": (\S+) mm a level above z = (\S+) m", out).groups())
+    with Image.open(tmp_path / "two.png") as picture:
+        levels = np.asarray(picture)
+    assert lowest + 1e-3 * unit * levels.max() == pytest.approx(0.4, abs=1e-4)
+    assert lowest + 1e-3 * unit * levels[levels > 0].min() == pytest.approx(-0.4, abs=1e-4)
 
 
 def test_a_watertight_mesh_tells_what_was_not_seen(ball, tmp_path, here):

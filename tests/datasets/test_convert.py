@@ -9,6 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import millisight as ms
@@ -151,6 +152,14 @@ def test_what_is_there_and_right_is_kept_and_the_rest_made_anew(converted, minia
     assert (done.made, done.kept) == (4, 15)  # and the mask that lies on the changed image
     differing = {path for path, content in contents(out / BOX).items() if content != before[path]}
     assert differing == {"robot_collected/0_0_90/exp2/los/processed/radars/77_ghz/processed_image.h5"}
+    # A copy of another source that keeps size and time.
+    time = source.stat().st_mtime_ns
+    content = bytearray(source.read_bytes())
+    middle = len(content) // 2
+    content[middle : middle + 8] = np.float64(0.5).tobytes()
+    source.write_bytes(content)
+    os.utime(source, ns=(time, time))
+    assert convert(root, out, workers=1).made >= 1
     # Other settings: everything anew, and the manifest says with which.
     done = convert(root, out, min_distance=0, workers=1)
     assert (done.made, done.kept) == (19, 0)

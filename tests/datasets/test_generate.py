@@ -18,6 +18,7 @@ from helpers import small_recipe
 from helpers.processes import wait_for
 from helpers.small_cluster import Cluster
 from helpers.small_jobs import failing, napping
+from millisight.core import sealed
 from millisight.core.errors import DamagedFileError, DeviceError, FileError, FormatError, InputError, UnknownNameError
 from millisight.datasets import convert, prepare_objects, read_manifest, verify
 from millisight.datasets.generation import Engine, RigJob, engine_of, plan_dataset, run_plan
@@ -188,8 +189,10 @@ COMMAND = "import sys, typer; from millisight.cli.generate import generate; type
 def test_a_damaged_line_of_the_journal_tells_nothing(tmp_path, change):
     source = {"path": "a/job.json", "size": 1, "sha256": "0", "files": 1}
     good = {"path": "a/b.h5", "kind": "image", "size": 1, "sha256": "0", "sources": [source], "notes": []}
-    lines = [[good], [good | change], {"path": 1}, 3, [3], [[good]]]
-    (tmp_path / JOURNAL_NAME).write_text("\n".join(map(json.dumps, lines)) + "\n[" + "[" * 100_000 + "\n\xff")
+    lines = [sealed(json.dumps(line)) for line in ([good], [good | change], {"path": 1}, 3, [3], [[good]])]
+    other = sealed(json.dumps([good | {"path": "a/c.h5"}])).replace("c.h5", "d.h5")  # of another text than its checksum
+    damaged = "[" + "[" * 100_000 + "\n\xff"
+    (tmp_path / JOURNAL_NAME).write_text("\n".join([*lines, other, json.dumps([good]), damaged]))
     told = Ledger(tmp_path, {}).files(["a/job.json"])
     assert [entry.path for entry in told] == ["a/b.h5"]
 

@@ -5,6 +5,7 @@ import json
 import os
 import sys
 from importlib.metadata import EntryPoint
+from pathlib import Path
 from types import ModuleType
 
 import numpy as np
@@ -17,6 +18,7 @@ import millisight as ms
 from helpers.small_scenes import make
 from millisight.cli.evaluate import segmentation
 from millisight.core.errors import InputError, UnknownNameError
+from millisight.datasets._runner import _cache_key
 from millisight.evaluation import METRICS, TASKS, Metric, SegmentationTask, Task
 from millisight.evaluation import _scenes as scenes
 from millisight.perception.segmentation import Candidates
@@ -29,9 +31,9 @@ class Bright:
     needs_prompts = True
     calls = 0
 
-    def __init__(self, above=0.4):
-        self.above = above
-        self.description = {"sha256": str(above)}
+    def __init__(self, above=0.4, weights=None):
+        self.above = above if weights is None else float(Path(weights).read_text())
+        self.description = {"sha256": str(self.above)}
 
     def segment(self, picture, prompts):
         Bright.calls += 1
@@ -96,6 +98,23 @@ def test_only_what_changed_is_done_again(root, tmp_path):
     last = again()
     assert last.cached == 1
     assert [one.scores for one in last.rows] == [one.scores for one in done.rows]
+    weights = tmp_path / "weights.onnx"
+    found = []
+    for above in ("0.3", "0.95"):  # written anew while the process runs
+        weights.write_text(above)
+        found.append(again(options={"bright": {"weights": str(weights)}}))
+        assert found[-1].cached == 0
+    assert [one.scores for one in found[0].rows] != [one.scores for one in found[1].rows]
+
+
+def test_a_result_of_a_folder_is_that_of_its_files(tmp_path):
+    raw = tmp_path / "77_ghz" / "radar_data"
+    raw.mkdir(parents=True)
+    (raw / "adc.bin").write_bytes(b"one")
+    before = _cache_key([raw.parent])
+    assert _cache_key([raw.parent]) == before
+    (raw / "adc.bin").write_bytes(b"two")
+    assert _cache_key([raw.parent]) != before
 
 
 def test_a_damaged_scene_fails_alone_and_is_tried_again(root, tmp_path):

@@ -282,6 +282,16 @@ def test_another_dataset_is_not_overwritten(url, made, tmp_path):
     assert files_of(tmp_path / "again") == files_of(made)
 
 
+def test_a_dataset_that_has_more_there_is_not_orphaned(url, made, tmp_path):
+    """Two conversions of other data say the same of themselves."""
+    push(made, url)
+    fewer = write_dataset(tmp_path / "fewer", {PATHS[0]: b"other"})
+    before = stored(url)
+    with pytest.raises(FileError, match=rf"holds {len(PATHS) - 1} files of a dataset that this one has not, the first"):
+        push(fewer, url)
+    assert stored(url) == before
+
+
 def test_a_damaged_manifest_is_sent_again_and_one_of_something_else_is_not_overwritten(url, made):
     push(made, url)
     with in_store(url, "manifest.jsonl") as file:

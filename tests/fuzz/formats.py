@@ -160,7 +160,7 @@ def _texts(make: "_Maker", folder: Path) -> list[Format]:
     from helpers import annotating, small_recipe
     from millisight.calibration import RadarCalibration, read_capture, read_poses
     from millisight.cli.segment import _read_prompts
-    from millisight.core import record_from_file
+    from millisight.core import record_from_file, sealed
     from millisight.core.errors import InputError
     from millisight.data._radar import _Preset
     from millisight.datasets import read_manifest
@@ -226,8 +226,8 @@ def _texts(make: "_Maker", folder: Path) -> list[Format]:
                found=(*TOML_BOMBS, POSES.replace("0.0, 1.0]", "1e200, 1.0]").encode())),
         Format("radar", preset, lambda p: record_from_file(_Preset, p, "a radar"), 0, ".toml", text=True,
                found=TOML_BOMBS),
-        Format("journal", json.dumps([entry]).encode() + b"\n", beside(JOURNAL_NAME, lambda p: Ledger(p, {})), 1,
-               ".jsonl", text=True, found=(*JSON_BOMBS, b'[{"path": ["a"], "sources": []}]')),
+        Format("journal", f"{sealed(json.dumps([entry]))}\n".encode(), beside(JOURNAL_NAME, lambda p: Ledger(p, {})), 1,
+               ".jsonl", text=True, found=(*JSON_BOMBS, sealed('[{"path": ["a"], "sources": []}]').encode())),
         Format("checksum cache", *behind.checksums(folder), 1, ".json", text=True, found=JSON_BOMBS),
         Format("result cache", json.dumps(cached).encode(), lambda p: _read_cached(p, "k"), 1, ".json", text=True,
                found=JSON_BOMBS),

@@ -146,6 +146,15 @@ def test_a_path_that_is_right_stays_so(right):
     assert np.linalg.norm(found.displacements, axis=1).max() < right.radar.waveform.wavelength / 18
 
 
+@pytest.mark.parametrize("unit", [1e30, 1e-30])
+def test_the_unit_of_frames_does_not_matter(right, unit):
+    late = replace(right, frames=right.frames * np.float32(unit))
+    found, usual = (ms.autofocus(one, GRID, focus="rows") for one in (late, right))
+    assert found.applied == usual.applied
+    np.testing.assert_allclose(found.row_offsets, usual.row_offsets, atol=1e-3)
+    assert np.abs(found.capture.frames).max() == pytest.approx(np.abs(late.frames).max(), rel=1e-6)
+
+
 def test_where_nothing_tells_the_path_stays_and_the_reason_is_said(right):
     rng = np.random.default_rng(0)
     noise = rng.normal(size=(*right.frames.shape, 2)).astype(np.float32).view(np.complex64)[..., 0]

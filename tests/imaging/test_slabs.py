@@ -10,6 +10,7 @@ import pytest
 
 import millisight as ms
 from millisight.core.errors import InputError, UnknownNameError
+from millisight.data import Layers
 from millisight.imaging import _slabs, form_image_to, image_slabs, memory_needed
 
 GRID = ms.VoxelGrid.regular((-0.05, -0.04, -0.03), (0.05, 0.04, 0.03), 0.005)
@@ -109,6 +110,13 @@ def test_an_interrupted_image_goes_on_with_the_slabs_that_are_done(capture, tmp_
     with pytest.raises(KeyboardInterrupt):
         form_image_to(path, other, GRID, memory=memory)
     assert len(formed) == 3
+    # Nor of the same frames through other layers.
+    for index in (1.3, 1.7):
+        formed.clear()
+        layers = Layers(thicknesses=[0.02], indices=[index], normal=[0, 0, -1], moved=0.0, offset=0.0, error=0.0)
+        with pytest.raises(KeyboardInterrupt):
+            form_image_to(path, dataclasses.replace(other, layers=layers), GRID, memory=memory)
+        assert len(formed) == 3
 
 
 def test_names_of_other_formats_are_refused_before_anything_is_made(capture, tmp_path):

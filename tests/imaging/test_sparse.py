@@ -52,6 +52,12 @@ def random_pair(model, rng):
     return values.astype(np.complex64), frames.astype(np.complex64)
 
 
+def test_the_unit_of_frames_does_not_matter(few):
+    tiny = dataclasses.replace(few, frames=few.frames * np.float32(1e-30))
+    images = [_sparse.sparse(one, GRID, iterations=5)[0] for one in (few, tiny)]
+    assert relative(images[1] * np.float32(1e30), images[0]) < 1e-4
+
+
 @pytest.mark.parametrize("block", [256_000_000, 1_000_000])
 def test_the_operators_are_adjoint(few, block, monkeypatch):
     monkeypatch.setattr(_sparse, "_BLOCK_BYTES", block)

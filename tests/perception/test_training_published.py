@@ -125,6 +125,23 @@ def test_a_segmenter_recipe_takes_them_and_leaves_out_an_object_by_any_spelling(
     assert (mesh.side, mesh.source) == ("validation", None)
 
 
+def test_scenes_composed_of_other_masks_are_not_taken(root, tmp_path):
+    """In a folder that is kept: the specular image is the same."""
+    scenes = SceneSettings(published=str(root), poses=0, validation=("sugar_box",))
+    recipe = SegmenterRecipe(scenes=scenes, whole=PLAIN)
+
+    def marked(folder):
+        return [(one.whole.objects > 0).sum() for one in make_scenes(recipe, folder)["training"]]
+
+    before = marked(tmp_path / "kept")
+    for path in root.glob("*/simulation/*/processed/radars/*/radar_masks_*.pkl"):
+        held = published_image(PLACE, z=np.arange(-0.37, -0.15, 0.02), columns=48)
+        dump(path, {"radar_mask": disc(PLACE, 0.015, (held["x_locs"], held["y_locs"]))})
+    after = marked(tmp_path / "kept")
+    assert sum(after) < 0.7 * sum(before)
+    assert after == marked(tmp_path / "new")
+
+
 def test_images_and_masks_on_different_grids_are_refused(root):
     folder = root / "003_cracker_box" / "simulation" / "0_0_0"
     held = published_image((0.2, 0.27), z=np.arange(-0.37, -0.15, 0.02), columns=48)

@@ -214,6 +214,11 @@ def test_a_scan_that_fails_goes_on_at_its_row(tmp_path):
     writer = PublishedWriter(out, info=info, keep=other)
     with pytest.raises(InputError, match="unfinished scan of another plan; remove it"):
         record_scan(rig.arm, [radar], None, other, writer)
+    waveform = dataclasses.replace(radar.radar.waveform, start_frequency=78e9)
+    tuned = Broken(rig.radars[0])
+    tuned.radar = dataclasses.replace(radar.radar, waveform=waveform)
+    with pytest.raises(InputError, match="unfinished scan of another plan; remove it"):
+        record_scan(rig.arm, [tuned], None, rig.plan, PublishedWriter(out, info=info, keep=rig.plan))
     rows = writer.unfinished / "rows.json"
     whole = rows.read_text()
     for text, words in (("{", "is damaged"), ('["row"]', "is no list of rows")):

@@ -302,9 +302,17 @@ def _done(source: Source, outputs: _Outputs, settings: ImageSettings) -> bool:
     image = load(outputs.image)
     if not isinstance(image, SarImage) or image.metadata.get("asked") != settings.asked(source):
         return False
-    missing = (path if path is not None and not path.exists() else None for path in (outputs.plot, outputs.slices))
-    _draw(image, None, _Outputs(outputs.image, *missing), settings)
+    made = outputs.image.stat().st_mtime_ns
+    plot, slices = (None if path is None or _is_since(path, made) else path for path in (outputs.plot, outputs.slices))
+    if settings.outline is not None and (plot, slices) != (None, None):
+        return False  # what lies in the scene is told by the capture
+    _draw(image, None, _Outputs(outputs.image, plot, slices), settings)
     return True
+
+
+def _is_since(path: Path, nanoseconds: int) -> bool:
+    """Whether a picture is there, and no older than that: an older one may show an earlier image."""
+    return path.exists() and path.stat().st_mtime_ns >= nanoseconds
 
 
 def _draw(formed: SarImage, mesh: Any, outputs: _Outputs, settings: ImageSettings) -> None:

@@ -239,11 +239,14 @@ def files_read(path: Path, data: Path | None = None) -> list[Path]:
 
 
 def _read_with(source: Source, data: Path | None) -> list[Path]:
-    """Files that are read along with a capture; of an experiment the raw ones, not images made of them."""
+    """Files that are read along with a capture; of an experiment the raw ones, not images made of them, and what tells
+    of its set-up."""
     if source.radar is None:
         return files_read(source.path, data)
-    raw = source.path / "unprocessed"
-    return files_under(raw) if raw.is_dir() else []
+    from millisight.io.mito import INFO_NAME
+
+    raw, told = source.path / "unprocessed", source.path.parent / INFO_NAME
+    return [*([told] if told.is_file() else []), *(files_under(raw) if raw.is_dir() else [])]
 
 
 def _log_beside(path: Path) -> Trajectory | None:

@@ -19,7 +19,7 @@ from millisight.imaging import CLUTTER
 
 _DEPTHS = (".npz", ".png")
 _UNSEEN = 128  # grey
-_UNIT = 1e-5  # of a depth picture's grey levels [m]
+_UNIT, _LEVELS = 1e-5, 65535  # of a depth picture: least distance of grey levels [m], and their number
 
 
 def surface(
@@ -42,7 +42,7 @@ def surface(
         Path | None,
         typer.Option(
             help="Also write a depth map seen from above: NPZ with x, y, z and sigma [m], or a PNG of 16 bits, 0.01 mm "
-            "a level above the lowest place, 0 where nothing was seen."
+            "a level, or more where heights differ by over 65 cm, above the lowest place; 0 where nothing was seen."
         ),
     ] = None,
     grid: Annotated[
@@ -260,8 +260,10 @@ def _write_depth(to: Path, made: Surface, step: float) -> str:
             with open(temporary, "wb") as file:
                 np.savez_compressed(file, x=x, y=y, z=z, sigma=sigma)
             return f": {' x '.join(map(str, z.shape))} pixels, {step * 1e3:.2g} mm apart"
-        lowest = float(np.nanmin(z)) - _UNIT
-        levels = np.nan_to_num(np.round((z - lowest) / _UNIT), nan=0.0).clip(0, 65535).astype(np.uint16)
+        low, high = float(np.nanmin(z)), float(np.nanmax(z))
+        unit = max(_UNIT, (high - low) / (_LEVELS - 1))
+        lowest = low - unit
+        levels = np.nan_to_num(np.round((z - lowest) / unit), nan=0.0).clip(0, _LEVELS).astype(np.uint16)
         # Rows of the picture run down y, columns along x, as the figures show it.
         Image.fromarray(levels.T[::-1]).save(temporary, format="PNG")
-    return f": 0.01 mm a level above z = {lowest:.5f} m, {step * 1e3:.3g} mm a pixel"
+    return f": {unit * 1e3:.6g} mm a level above z = {lowest:.5f} m, {step * 1e3:.3g} mm a pixel"

@@ -76,6 +76,7 @@ from ._rotations import turn_between_deg as turn_between_deg
 from ._sealed import read_sealed as read_sealed
 from ._sealed import sealed as sealed
 from ._sealed import sha256_of as sha256_of
+from ._sealed import unsealed as unsealed
 from ._sealed import write_sealed as write_sealed
 from ._tables import record_from_file as record_from_file
 from ._tables import record_from_table as record_from_table

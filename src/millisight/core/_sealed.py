@@ -40,7 +40,17 @@ def read_sealed(path: str | os.PathLike[str]) -> Any:
     OSError
         It cannot be read.
     """
-    held = read_json(path)
+    return unsealed(read_json(path))
+
+
+def unsealed(held: Any) -> Any:
+    """What `sealed` was given, of the JSON that it made.
+
+    Raises
+    ------
+    ValueError, TypeError, RecursionError
+        As `read_sealed`.
+    """
     if not isinstance(held, dict) or not isinstance(text := held.get("content"), str):
         raise TypeError("it holds no content with a checksum")
     if held.get("sha256") != sha256_of(text):

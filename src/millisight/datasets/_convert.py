@@ -47,8 +47,8 @@ _CACHE_NAME = ".millisight.checksums.json"
 _PARTIAL_NAME = ".millisight.partial"
 _SECONDS = 2.0  # between two writes of the manifest
 
-Checksums = dict[str, tuple[int, int, str]]
-"""By path relative to the dataset: size [bytes], modification time [ns], SHA-256."""
+Checksums = dict[str, tuple[int, int, int, str]]
+"""By path relative to the dataset: size [bytes], times of writing and of the last change [ns], SHA-256."""
 
 
 @record
@@ -200,7 +200,10 @@ def _read_cache(path: Path) -> tuple[dict[str, Checksums], set[str]]:
     try:
         cache = read_sealed(path)
         known = {
-            item: {name: (int(size), int(changed), str(sha256)) for name, (size, changed, sha256) in files.items()}
+            item: {
+                name: (int(size), int(written), int(changed), str(sha256))
+                for name, (size, written, changed, sha256) in files.items()
+            }
             for item, files in cache["known"].items()
         }
         return known, {str(name) for name in cache["ours"]}
@@ -228,16 +231,19 @@ def _convert(job: _Job) -> _Done:
     return _Done(tuple(entries), known, False)
 
 
-def _known_checksum(file: Path, before: tuple[int, int, str] | None) -> tuple[int, int, str]:
-    """Size, time and SHA-256 of a file, which is read unless size and time are those of before."""
+def _known_checksum(file: Path, before: tuple[int, int, int, str] | None) -> tuple[int, int, int, str]:
+    """Size, times and SHA-256 of a file, which is read unless size and times are those of before.
+
+    Copies may keep the time of writing (rsync -t, tar), but not that of the last change.
+    """
     try:
         status = file.stat()
     except OSError as error:
         raise FileError(f"cannot read {printable(file)}: {error.strerror}") from error
     if not stat.S_ISREG(status.st_mode):
         raise FileError(f"{printable(file)} is a device or a pipe; expected a file")
-    same = before is not None and before[:2] == (status.st_size, status.st_mtime_ns)
-    return status.st_size, status.st_mtime_ns, before[2] if before is not None and same else checksum(file)
+    told = status.st_size, status.st_mtime_ns, status.st_ctime_ns
+    return *told, before[3] if before is not None and before[:3] == told else checksum(file)
 
 
 def _contents(job: _Job) -> Iterator[tuple[Callable[[Path], None], list[str]]]:
@@ -297,7 +303,7 @@ def _source(path: Path, files: Iterable[Path], job: _Job, known: Checksums) -> M
         name = _relative(file, job.root)
         known[name] = found = _known_checksum(file, job.known.get(name))
         size += found[0]
-        lines.append((found[2], file))
+        lines.append((found[-1], file))
     if [file for _, file in lines] == [path]:
         return ManifestSource(_relative(path, job.root), size, lines[0][0])
     listing = "".join(f"{sha256}  {file.relative_to(path).as_posix()}\n" for sha256, file in lines)

@@ -9,7 +9,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
-from millisight.core import make_folder, own_folder, printable, read_json, sha256_of, write_text
+from millisight.core import files_under, make_folder, own_folder, printable, read_json, sha256_of, write_text
 from millisight.core.errors import InputError
 from millisight.datasets import _mito
 from millisight.datasets._dataset import Dataset
@@ -171,11 +171,13 @@ def run_items(
 
 
 def _cache_key(paths: Iterable[Path], **settings: Any) -> str:
-    """Of what a result follows from: files, known by size and times; settings; and the version of this package.
+    """Of what a result follows from: files, those in a folder, too, known by size and times; settings; and the version
+    of this package.
 
     Of a copy or an unpacked archive, which keep the time of the last change to the content, the other time is new.
     """
-    stats = [path.stat() if path.exists() else None for path in paths]
+    files = [file for path in paths for file in (files_under(path) if path.is_dir() else [path])]
+    stats = [path.stat() if path.exists() else None for path in files]
     content = {
         "version": version("millisight"),
         "files": [(one.st_size, one.st_mtime_ns, one.st_ctime_ns) if one else None for one in stats],

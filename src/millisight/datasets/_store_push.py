@@ -78,6 +78,12 @@ def _check_same(store: Store, listed: Mapping[str, Any], manifest: Manifest) -> 
             f"{store.url} holds another dataset: its {MANIFEST_NAME} says {dict(there.settings)}, this one "
             f"{dict(manifest.settings)}; choose another place"
         )
+    more = sorted(there.entries.keys() - manifest.entries.keys())
+    if more:
+        raise FileError(
+            f"{store.url} holds {len(more)} files of a dataset that this one has not, the first {printable(more[0])}; "
+            "download it and add to it, or choose another place"
+        )
 
 
 def _is_there(store: Store, root: Path, info: Mapping[str, Any] | None, file: LocalFile) -> bool:

@@ -12,7 +12,7 @@ from millisight.core.errors import InputError
 from millisight.data import CameraFrame, Mask, Picture, SarImage
 from millisight.evaluation._metrics import MaskScores, score_mask
 from millisight.evaluation._truth import pixels_on_grid
-from millisight.perception import depth_prompts, photo, project
+from millisight.perception import depth_prompts, photo, project, weights_version
 from millisight.perception.segmentation import Segmented, Segmenter, find_mask, segmenter
 
 CAMERA, LOW, HIGH, BOTH = "camera", "24 GHz", "77 GHz", "multi-spectral"
@@ -84,13 +84,14 @@ class LabelledScene:
 def named_segmenter(name: str, options: Mapping[str, Any]) -> Segmenter:
     """The segmenter of that name with its options; one for all scenes of a process."""
     try:
-        return _segmenter(name, json.dumps(dict(options), sort_keys=True))
+        version = weights_version(options["weights"]) if options.get("weights") else ()
+        return _segmenter(name, json.dumps(dict(options), sort_keys=True), version)
     except ImportError as error:
         raise InputError(str(error)) from error
 
 
 @lru_cache(maxsize=2)
-def _segmenter(name: str, options: str) -> Segmenter:
+def _segmenter(name: str, options: str, version: tuple[int, ...]) -> Segmenter:
     return segmenter(name, **json.loads(options))
 
 

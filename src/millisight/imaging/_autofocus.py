@@ -22,6 +22,7 @@ from millisight.imaging._autofocus_search import Subject, bright_points, climb, 
 from millisight.imaging._path_rows import Row, rows_of_path
 from millisight.imaging._row_offsets import row_offsets
 from millisight.imaging._row_tracking import tracked_rows
+from millisight.imaging._sheets import at_usual_scale, scaled
 
 FOCUSES = ("rows", "path")
 
@@ -145,14 +146,13 @@ def autofocus(
         raise InputError("the capture was measured through layers; autofocus expects straight paths")
     if not np.ptp(path.positions, axis=0).any():
         return _unchanged(capture, [], "the radar did not move")
+    taken, (capture, scale) = capture, at_usual_scale(capture)
     rows = rows_of_path(path)
     tried = (("rows", "path"), ("rows",)) if focus == "path" else (("rows",),)
     if len(rows) < _LEAST_ROWS:
         rows, tried = [], (("path",),) if focus == "path" else ()
     if not tried:
-        return _unchanged(
-            capture, rows, f"the path has {len(rows_of_path(path))} rows; expected {_LEAST_ROWS} at least"
-        )
+        return _unchanged(taken, rows, f"the path has {len(rows_of_path(path))} rows; expected {_LEAST_ROWS} at least")
     mean = np.mean([capture.frames_of(slice(i, i + 1)).mean(axis=0) for i in range(len(path))], axis=0)
     subject = Subject(capture, rows, Pieces.of(path, rows, capture.radar.waveform.wavelength), mean, grid.bounds)
     search = _Search(
@@ -162,9 +162,10 @@ def autofocus(
     for what in tried:
         found = search.focused(what)
         if isinstance(found, Focused):
-            return replace(found, reason="; ".join(reasons))
+            focused = found.capture if scale == 1 else scaled(found.capture, 1 / scale)
+            return replace(found, capture=focused, reason="; ".join(reasons))
         reasons.append(f"{' and '.join(what)}: {found}")
-    return _unchanged(capture, rows, "; ".join(reasons))
+    return _unchanged(taken, rows, "; ".join(reasons))
 
 
 def _unchanged(capture: Capture, rows: list[Row], reason: str) -> Focused:

@@ -9,6 +9,7 @@ import json
 import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import asdict
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -198,5 +199,7 @@ def _digest(capture: Capture, grid: VoxelGrid, slabs: Sequence[slice], settings:
     ):
         found.update(np.ascontiguousarray(array).tobytes())
     told = {name: str(value) for name, value in sorted(settings.items())}
-    found.update(json.dumps([capture.radar.path_offset, [slab.start for slab in slabs], told]).encode())
+    layers = None if capture.layers is None else asdict(capture.layers)
+    rest = [capture.radar.path_offset, [slab.start for slab in slabs], told, layers]
+    found.update(json.dumps(rest, default=np.ndarray.tolist).encode())
     return found.hexdigest()

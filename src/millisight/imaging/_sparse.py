@@ -27,6 +27,7 @@ from millisight.core.errors import InputError
 from millisight.data import Capture, Trajectory, VoxelGrid
 from millisight.imaging._backprojection import OVERSAMPLING, path_bounds, range_steering
 from millisight.imaging._path_rows import rows_of_path
+from millisight.imaging._sheets import at_usual_scale
 from millisight.imaging._sparse_kernels import gather, project
 from millisight.imaging._windows import Window, window_pair
 
@@ -166,13 +167,14 @@ def sparse(
         )
     weight = checked_number(weight, name="weight", above=0)
     iterations = checked_integer(iterations, name="iterations")
+    capture, scale = at_usual_scale(capture)
     model = Operator(capture, grid, oversampling=oversampling)
     steps = iterations + _POWER_STEPS + 2
     frames = model.scaled(capture.frames_of(slice(None)))
     image = model.adjoint(frames)
     threshold = np.float32(weight * np.abs(image).max())
     if not threshold > 0:
-        return image.reshape(grid.shape), {"weight": weight, "iterations": 0, "misfit": 1.0}
+        return (image / np.float32(scale)).reshape(grid.shape), {"weight": weight, "iterations": 0, "misfit": 1.0}
     size = model.norm()
     for done, values in enumerate(solutions(model, image, threshold, size, iterations), _POWER_STEPS + 1):  # noqa: B007
         _report(progress, done, steps)
@@ -186,7 +188,7 @@ def sparse(
     restored = full.normal(values) + share * model.adjoint(unexplained)
     _report(progress, steps, steps)
     found = {"weight": weight, "iterations": iterations, "misfit": round(misfit, 6)}
-    return restored.reshape(grid.shape), found
+    return (restored / np.float32(scale)).reshape(grid.shape), found
 
 
 def solutions(

@@ -10,6 +10,7 @@ import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -103,7 +104,7 @@ class RowWriter(ABC):
         if self._keep is None:
             self._part = make_folder(self._temporary(secrets.token_hex(4)))
         else:
-            self._part = self._claim(self._keep, {radar.name: radar.frame_period for radar in self._radars})
+            self._part = self._claim(self._keep)
         try:
             done, self._logs = _rows_listed(self._part, names)
             self._spools = {name: Spool(make_folder(self._part / "rows" / name)) for name in names}
@@ -187,10 +188,15 @@ class RowWriter(ABC):
     def _log_part(self, row: int) -> Path:
         return self._part / "log" / f"{row}.npz"
 
-    def _claim(self, plan: ScanPlan, periods: dict[str, float]) -> Path:
+    def _claim(self, plan: ScanPlan) -> Path:
         """The folder of the unfinished scan, which must be of this plan if there is one."""
         rows = [[list(map(float, pose.position)) for pose in row] for row in plan.rows]
-        of = {"info": self._told, "frame period": periods, "row time": plan.row_time, "rows": rows}
+        radars = {
+            one.name: {"frame period": one.frame_period, "mount": np.asarray(one.mount), "radar": asdict(one.radar)}
+            for one in self._radars
+        }
+        told = {"info": self._told, "radars": radars, "row time": plan.row_time, "rows": rows}
+        of = json.loads(json.dumps(told, default=np.ndarray.tolist))
         folder = self.unfinished
         if (folder / _PLAN).exists() and _kept(folder / _PLAN) != of:
             raise InputError(

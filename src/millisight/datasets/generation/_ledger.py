@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from millisight.core import alone, make_folder, printable, write_text
+from millisight.core import alone, make_folder, printable, sealed, unsealed, write_text
 from millisight.core.errors import DamagedFileError, FileError, InputError
 from millisight.datasets import (
     MANIFEST_NAME,
@@ -127,7 +127,7 @@ def job_source(path: Path, name: str) -> ManifestSource:
 
 def _line(entries: Iterable[ManifestEntry]) -> str:
     """Of the journal: the files of one job."""
-    return json.dumps([{**e._asdict(), "sources": [s._asdict() for s in e.sources]} for e in entries]) + "\n"
+    return sealed(json.dumps([{**e._asdict(), "sources": [s._asdict() for s in e.sources]} for e in entries])) + "\n"
 
 
 def _by_job(entries: Iterable[ManifestEntry]) -> dict[str, list[ManifestEntry]]:
@@ -148,6 +148,6 @@ def _journal(out: Path) -> Iterator[list[ManifestEntry]]:
     with file:
         while line := file.readline(_LONGEST_LINE):  # the parts of a longer one are damaged lines
             try:
-                yield [manifest_entry(value, JOURNAL_NAME) for value in json.loads(line)]
+                yield [manifest_entry(value, JOURNAL_NAME) for value in unsealed(json.loads(line))]
             except (ValueError, TypeError, RecursionError, DamagedFileError):
                 continue

@@ -238,13 +238,15 @@ class _Key:
     """A scene whose object's shape is read once: those of the same files are the same."""
 
     def __init__(self, scene: SceneSource):
-        self.scene, self.paths = scene, scene.shape_paths(HIGH)
+        self.scene, paths = scene, scene.shape_paths(HIGH)
+        stats = (path.stat() for path in paths if path.exists())
+        self.files = paths, tuple((one.st_size, one.st_mtime_ns, one.st_ctime_ns) for one in stats)
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Key) and self.paths == other.paths
+        return isinstance(other, _Key) and self.files == other.files
 
     def __hash__(self) -> int:
-        return hash(self.paths)
+        return hash(self.files)
 
 
 class _Known(NamedTuple):

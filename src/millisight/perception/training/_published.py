@@ -79,10 +79,12 @@ def read_simulation(folder: Path, *, widest: float) -> SceneParts:
     )
 
 
-def simulation_digest(folder: Path) -> str:
-    """Of a simulation's specular image, as 12 hexadecimal digits, the same of published and of converted files."""
-    image = _read(mito.radar_folder(folder, "77_ghz", processed=True), SIMULATED_STEMS[0], SarImage)
-    return hashlib.sha256(np.ascontiguousarray(image.values, np.complex64).tobytes()).hexdigest()[:12]
+def simulation_digest(folder: Path, *, widest: float) -> str:
+    """Of what `read_simulation` reads, as 12 hexadecimal digits, the same of published and of converted files."""
+    parts, digest = read_simulation(folder, widest=widest), hashlib.sha256()
+    for array in (parts.x, parts.y, parts.inside, *parts.images.values(), *parts.scales.values()):
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()[:12]
 
 
 def _nearest(known: np.ndarray, step: float) -> np.ndarray:

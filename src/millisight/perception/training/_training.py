@@ -202,7 +202,7 @@ class _Maker:
     def _digest(self, one: SceneRequest) -> str:
         if one.source is None:
             return scene_digest(one.shown or one.name, one.settings, self._seed)
-        return simulation_digest(one.source)
+        return simulation_digest(one.source, widest=one.settings.widest)
 
     def _simulated(self, one: SceneRequest) -> SceneParts:
         if one.source is not None:
