@@ -1,6 +1,7 @@
 """`millisight locate` as a user meets it: a capture, meshes, what is written, and what cannot be."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -39,7 +40,7 @@ def here(stage, tmp_path, monkeypatch):
 def test_poses_are_told_written_and_drawn(stage, here, tmp_path):
     code, out, err, _ = here(
         "--mesh", str(stage / "bracket.stl"), "--mesh", "golf_ball", "--unit", "mm", "--placed", "there.ply",
-        "--plot", "there.png", "--json",
+        "--plot", "there.png", "--json", "--materials",
     )  # fmt: skip
     assert code == 0, err
     told = json.loads(out)
@@ -58,6 +59,12 @@ def test_poses_are_told_written_and_drawn(stage, here, tmp_path):
     )
     assert (tmp_path / "there.png").read_bytes().startswith(b"\x89PNG")
     assert "golf_ball: the same after any turn" in err
+    assert re.search(
+        r"bracket: echoes specular [01]\.\d\d, edge [01]\.\d\d ± \d\.\d\d; the simulated image agrees", err
+    )
+    assert sum(pose["alpha"]) == pytest.approx(1)
+    assert 0 < pose["agreement"] <= 1
+    assert told["poses"][1]["alpha"] is None
     assert "oriented points" in err
 
 

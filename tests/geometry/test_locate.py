@@ -168,7 +168,7 @@ def test_what_cannot_be_is_refused(bracket, cloud):
         located(ms.PointCloud(points=cloud.points), bracket)
     with pytest.raises(InputError, match="at least one, none of them called"):
         located(cloud, {})
-    with pytest.raises(InputError, match="leave grid and clutter out"):
+    with pytest.raises(InputError, match="leave grid, clutter and materials out"):
         located(cloud, bracket, clutter="lid")
     with pytest.raises(InputError, match="mesh 'cup'"):
         located(cloud, {"cup": "cup.stl"})

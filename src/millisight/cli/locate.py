@@ -52,6 +52,13 @@ def locate(
     clutter: SheetClutter = "none",
     false_alarms: FalseAlarms = 1e-6,
     support: SupportHeight = None,
+    materials: Annotated[
+        bool,
+        typer.Option(
+            "--materials",
+            help="Also fit how strong the specular and the edge echoes of the most probable mesh are.",
+        ),
+    ] = False,
     plot: Annotated[
         Path | None, typer.Option(help="Also plot the points over the mesh where it was found, from three sides.")
     ] = None,
@@ -63,7 +70,7 @@ def locate(
             "--json",
             help='Print what is written as one JSON document: {"source", "poses": [{"name", "T_world_mesh", '
             '"rotation", "translation", "middle", "covariance", "free_axes", "score", "explained", "shown", '
-            '"weight", "symmetry"}], "probabilities", "points"}; metres, radians.',
+            '"weight", "symmetry", "agreement", "alpha", "alpha_sigma"}], "probabilities", "points"}; metres, radians.',
         ),
     ] = False,
 ) -> None:
@@ -93,12 +100,19 @@ def locate(
 
         with progress("locate") as report:
             found = locate_in(
-                capture, meshes, voxels, clutter=clutter, false_alarms=false_alarms, support=floor, progress=report
-            )
+                capture, meshes, voxels, clutter=clutter, false_alarms=false_alarms, support=floor,
+                materials=materials, progress=report,
+            )  # fmt: skip
         say(f"{len(found.points)} oriented points")
         for pose in found.poses:
             say(f"{pose.name}: {pose.symmetry}")
         best = found.poses[0]
+        if best.alpha is not None and best.alpha_sigma is not None and best.agreement is not None:
+            (specular, edge), sigma = best.alpha, best.alpha_sigma
+            say(
+                f"{best.name}: echoes specular {specular:.2f}, edge {edge:.2f} ± {sigma:.2f}; the simulated image "
+                f"agrees with the measured one by {best.agreement:.2f}"
+            )
         _write(to, source, found)
         say(f"wrote {to}")
         if placed is not None:

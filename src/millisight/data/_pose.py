@@ -11,6 +11,7 @@ from millisight.core import (
     checked_array,
     checked_metadata,
     checked_number,
+    checked_numbers,
     checked_record,
     late,
     put,
@@ -44,6 +45,10 @@ class Pose:
     shown : share of what should shine of the mesh that was found
     weight : of this pose among all poses of the mesh that were found, 0 to 1
     symmetry : rotations that leave the mesh as it is, in words
+    agreement : of the measured image with the simulator's of the mesh in this pose, 0 to 1; None: not asked for
+    alpha : (a1, a2) weights of the simulator's specular and edge echoes in the measured image, whose sum is 1, or
+        (0, 0) where there is no echo; None: not asked for
+    alpha_sigma : standard deviation of either weight
     """
 
     name: str
@@ -57,6 +62,9 @@ class Pose:
     shown: float
     weight: float = 1.0
     symmetry: str = ""
+    agreement: float | None = None
+    alpha: tuple[float, float] | None = None
+    alpha_sigma: float | None = None
 
     def __post_init__(self) -> None:
         checked_record(self.name, str, name="name")
@@ -79,11 +87,17 @@ class Pose:
             covariance=covariance,
             free_axes=free,
         )
-        for name in ("score", "explained", "shown", "weight"):
+        for name in ("score", "explained", "shown", "weight", "agreement"):
+            if name == "agreement" and self.agreement is None:
+                continue
             value = checked_number(getattr(self, name), name=name, minimum=0)
             if value > 1 + _ROUND:
                 raise InputError(f"{name} is {value:g}; expected 0 to 1")
             put(self, **{name: min(value, 1.0)})
+        if self.alpha is not None:
+            put(self, alpha=checked_numbers(self.alpha, name="alpha", count=2, minimum=0))
+        if self.alpha_sigma is not None:
+            put(self, alpha_sigma=checked_number(self.alpha_sigma, name="alpha_sigma", minimum=0))
 
     def __repr__(self) -> str:
         at = ", ".join(f"{1e3 * one:.1f}" for one in self.place)
@@ -155,6 +169,9 @@ class Pose:
             "shown": self.shown,
             "weight": self.weight,
             "symmetry": self.symmetry,
+            "agreement": self.agreement,
+            "alpha": None if self.alpha is None else list(self.alpha),
+            "alpha_sigma": self.alpha_sigma,
         }
 
 

@@ -1,3 +1,5 @@
+from ._appearance import Appearance as Appearance
+from ._appearance import appearance as appearance
 from ._closed import closed as closed
 from ._complete import complete as complete
 from ._locate import locate as locate

@@ -1,6 +1,7 @@
 """Where objects of known shapes lie: poses of meshes that agree with the oriented points of a capture."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any, Literal, NamedTuple
 
@@ -10,6 +11,7 @@ from numpy.typing import ArrayLike
 from millisight.core import checked_array, checked_integer, checked_number, checked_record, rotation_vector, with_step
 from millisight.core.errors import InputError, MeshError
 from millisight.data import NONE_OF_THEM, Capture, Located, PointCloud, Pose, TriangleMesh, VoxelGrid
+from millisight.geometry._appearance import appearance
 from millisight.geometry._moments import channel_middles
 from millisight.geometry._points import FALSE_ALARMS, above, surface_points
 from millisight.geometry._registration import CLIMBERS, Fit, Seen, curvature, register, rescored, seen_by
@@ -44,6 +46,7 @@ def locate(
     false_alarms: float = FALSE_ALARMS,
     support: float | None = None,
     turns: int = _TURNS,
+    materials: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> Located:
     """Find the pose of an object of known shape, in six degrees of freedom, and which of several it is (primer 25, 26).
@@ -66,6 +69,8 @@ def locate(
     support : height of what the object lies on [m]: points under 2 mm above it are left out, and poses rest on it: the
         lowest point of the mesh lies from 2 mm below to 6 mm above; None: unknown
     turns : rotations that are tried of a mesh without symmetry; 3000 are 15 degrees apart
+    materials : whether the weights of the best mesh's echoes are fitted, and how well its image agrees
+        (`millisight.geometry.appearance`); of a capture
     progress : called with (done, total)
 
     Returns
@@ -97,14 +102,15 @@ def locate(
     if not named or NONE_OF_THEM in named:
         raise InputError(f"there are {len(named)} meshes; expected at least one, none of them called {NONE_OF_THEM!r}")
     turns = checked_integer(turns, name="turns", minimum=100)
-    settings: dict[str, Any] = {"meshes": list(named), "turns": turns}
+    checked_record(materials, bool, name="materials")
+    settings: dict[str, Any] = {"meshes": list(named), "turns": turns, **({"materials": True} if materials else {})}
     if support is not None:
         settings["support"] = support = checked_number(support, name="support", unit="m")
-    total = len(named) + 1
+    total = len(named) + 1 + materials
 
     if isinstance(source, PointCloud):
-        if grid is not None or clutter != "none":
-            raise InputError("points were found already; leave grid and clutter out")
+        if grid is not None or clutter != "none" or materials:
+            raise InputError("points were found already; leave grid, clutter and materials out")
         if antennas is None:
             raise InputError("points do not tell who saw them; pass antennas, (n, 3) in metres")
         points, seen_from = source, checked_array(antennas, name="antennas", shape=("n", 3), unit="m")
@@ -145,14 +151,20 @@ def locate(
         fits[name] = _fits(there[name], seen, turns)
         if progress is not None:
             progress(done := done + 1, total)
-    if progress is not None:
-        progress(total, total)
     poses = {name: _pose(name, mesh, fits[name], seen) for name, mesh in there.items()}
     evidence = {name: rescored(_shape_of(mesh).dense, fits[name], seen)[0].score for name, mesh in there.items()}
     shares = _softmax(np.array([*evidence.values(), _NOTHING]) / _WHICH)
     probabilities = dict.fromkeys(named, 0.0) | dict(zip([*evidence, NONE_OF_THEM], shares.tolist(), strict=True))
     metadata = with_step(points.metadata, "locate", **settings)
     ordered = [poses[name] for name in sorted(evidence, key=lambda one: -evidence[one])]
+    if materials:
+        best = ordered[0]
+        looks = appearance(
+            checked_record(source, Capture, name="source"), best.placed(there[best.name]), clutter=clutter
+        )
+        ordered[0] = replace(best, **looks._asdict())
+    if progress is not None:
+        progress(total, total)
     return Located(poses=tuple(ordered), probabilities=probabilities, points=points, metadata=metadata)
 
 

@@ -1,0 +1,139 @@
+"""How a mesh in its pose would look by the simulator, beside what was measured, and the weights of its echoes."""
+
+from collections.abc import Callable
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from millisight.core import check_known, checked_record, share_of
+from millisight.core.errors import InputError
+from millisight.data import Capture, Scene, TriangleMesh, VoxelGrid
+from millisight.imaging import CLUTTER, at_usual_scale, form_image, remove_sheets
+from millisight.simulation import simulate
+
+_MODELS = ("specular", "edge")
+_VERTICES = 10_000  # as scenes have, so that weights mean the same
+_MARGIN = 0.015  # of the voxels around the mesh [m]
+_STEPS = 0.65, 0.2  # of voxels: across, in wavelengths; along z, in range resolutions, but no more than
+_DEEPEST = 0.01  # [m]
+_BLOCKS = 3  # along x and along y, of which one at a time is left out
+
+
+class Appearance(NamedTuple):
+    """What the simulator's image of a mesh says of a measured one.
+
+    Attributes
+    ----------
+    agreement : 0 to 1, of the magnitudes of both images, blurred by a wavelength
+    alpha : (a1, a2) weights of the specular and of the edge echoes, whose sum is 1, as of `ms.combine`; (0, 0) where
+        nothing of the mesh is lit, or nothing was measured there
+    alpha_sigma : standard deviation of either weight, by leaving out a ninth of the image at a time
+    """
+
+    agreement: float
+    alpha: tuple[float, float]
+    alpha_sigma: float
+
+
+def appearance(
+    capture: Capture,
+    mesh: TriangleMesh,
+    *,
+    clutter: Literal["none", "lid", "auto"] | str = "none",
+    progress: Callable[[int, int], None] | None = None,
+) -> Appearance:
+    """Compare a capture's image with the simulator's image of a mesh, and fit the weights of its echoes (primer 28).
+
+    Specular and edge echoes are simulated at the capture's own poses and imaged on voxels around the mesh. Their
+    powers, weighted by a1² and a2², are fitted to the measured power by least squares without negative weights. Powers
+    are blurred by a wavelength first: a pose is seldom known to less, and phases say nothing beyond it.
+
+    Parameters
+    ----------
+    capture : of one radar that is carried along a trajectory
+    mesh : in its pose in the world [m]
+    clutter : "lid" or "auto" to take lids and other sheets off before (`remove_sheets`)
+    progress : called with (done, total)
+
+    Raises
+    ------
+    InputError
+        The capture has layers or antennas of its own at each pose, which the simulator does not know.
+    MeshError
+        The mesh cannot be resampled.
+    CoverageError
+        An antenna lies in the mesh's bounding box.
+
+    Examples
+    --------
+    >>> from millisight.data import Radar, Trajectory
+    >>> scene = Scene.from_mesh("rubiks_cube", vertices=4000)
+    >>> path = Trajectory.raster(size=(0.08, 0.08), step=0.003)
+    >>> capture = simulate(scene, Radar.preset("mito-sim-77ghz"), path, model="edge")
+    >>> found = appearance(capture, scene.mesh)
+    >>> found.agreement > 0.9, round(sum(found.alpha), 6)
+    (True, 1.0)
+    """
+    check_known("clutter", clutter, CLUTTER)
+    checked_record(mesh, TriangleMesh, name="mesh")
+    capture, _ = at_usual_scale(checked_record(capture, Capture, name="capture"))
+    if capture.layers is not None or capture.tx_points is not None or capture.rx_points is not None:
+        raise InputError(
+            "the capture has layers, or antennas of its own at each pose (tx_points, rx_points), which the simulator "
+            "does not know; appearance expects a radar carried along a trajectory"
+        )
+    waveform = capture.radar.waveform
+    across, deep = _STEPS[0] * waveform.wavelength, min(_DEEPEST, _STEPS[1] * waveform.range_resolution)
+    lower, upper = mesh.bounds
+    grid = VoxelGrid.regular(lower - _MARGIN, upper + _MARGIN, (across, across, deep))
+    cleaned = remove_sheets(capture, clutter=clutter, grid=grid).result if clutter != "none" else capture
+    scene = Scene.from_mesh(mesh, vertices=_VERTICES, center=False)
+    powers = [_power(cleaned, grid, share_of(progress, 0, 3))]
+    for number, model in enumerate(_MODELS, 1):
+        simulated = simulate(scene, capture.radar, capture.trajectory, model=model)
+        powers.append(_power(simulated, grid, share_of(progress, number, 3)))
+    return fitted(*powers)
+
+
+def fitted(measured: np.ndarray, specular: np.ndarray, edge: np.ndarray) -> Appearance:
+    """The appearance, of blurred powers (X, Y, Z) on one grid."""
+    parts = np.stack([specular, edge])
+    scales = np.maximum(parts.max(axis=(1, 2, 3)), 1e-30)
+    if not measured.max() > 0 or not parts.max() > 0:
+        return Appearance(0.0, (0.0, 0.0), 0.0)
+    target, columns = measured / measured.max(), parts / scales[:, None, None, None]
+
+    def weights(chosen: np.ndarray) -> np.ndarray:
+        from scipy.optimize import nnls
+
+        return nnls(columns[:, chosen].reshape(len(columns), -1).T, target[chosen].ravel())[0]
+
+    def shares(found: np.ndarray) -> np.ndarray:
+        amplitudes = np.sqrt(found / scales)
+        return amplitudes / max(amplitudes.sum(), 1e-30)
+
+    whole = np.ones(target.shape[:2], bool)
+    best = weights(whole)
+    magnitudes = np.sqrt(np.tensordot(best, columns, axes=1)), np.sqrt(target)
+    norm = np.linalg.norm(magnitudes[0]) * np.linalg.norm(magnitudes[1])
+    agreement = float((magnitudes[0] * magnitudes[1]).sum() / norm) if norm > 0 else 0.0
+    others = []
+    for rows in np.array_split(np.arange(target.shape[0]), _BLOCKS):
+        for along in np.array_split(np.arange(target.shape[1]), _BLOCKS):
+            kept = whole.copy()
+            kept[np.ix_(rows, along)] = False
+            others.append(shares(weights(kept))[0])
+    # The jackknife of groups: the variance of n estimates that each lack one, times n - 1.
+    sigma = float(np.std(others) * np.sqrt(len(others) - 1))
+    a1, a2 = shares(best).tolist()
+    return Appearance(min(agreement, 1.0), (a1, a2), sigma)
+
+
+def _power(capture: Capture, grid: VoxelGrid, progress: Callable[[int, int], None] | None) -> np.ndarray:
+    """(X, Y, Z) |I|² blurred by a wavelength."""
+    from scipy.ndimage import gaussian_filter
+
+    image = form_image(capture, grid, window="taylor", progress=progress)
+    steps = [axis[1] - axis[0] if len(axis) > 1 else 1.0 for axis in (grid.x, grid.y, grid.z)]
+    blur = capture.radar.waveform.wavelength
+    return gaussian_filter((np.abs(image.values) ** 2).astype(float), [blur / step for step in steps], mode="constant")

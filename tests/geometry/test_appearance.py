@@ -1,0 +1,60 @@
+"""The simulator's image of a mesh beside a measured one: known weights are found, other shapes agree less."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import millisight as ms
+from millisight.core.errors import CoverageError, InputError
+from millisight.data import Layers
+from millisight.geometry import appearance
+
+PATH = ms.Trajectory.raster(size=(0.14, 0.14), step=0.003)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return ms.Scene.from_mesh("adjustable_wrench")
+
+
+@pytest.fixture(scope="module")
+def parts(scene):
+    radar = ms.Radar.preset("mito-sim-77ghz")
+    return [ms.simulate(scene, radar, PATH, model=model) for model in ("specular", "edge")]
+
+
+@pytest.mark.parametrize("alpha", [(0.8, 0.2), (0.5, 0.5), (0.1, 0.9)])
+def test_weights_that_are_known_are_found(scene, parts, alpha):
+    """By a mesh that is 2 mm off, in any unit of the frames."""
+    capture = ms.combine(*parts, alpha)
+    found = appearance(capture, scene.mesh.moved(translation=(0.002, -0.002, 0.001)))
+    assert sum(found.alpha) == pytest.approx(1)
+    assert abs(found.alpha[0] - alpha[0]) < max(0.05, 2 * found.alpha_sigma)
+    assert found.alpha_sigma < (0.5 if alpha[0] > alpha[1] else 0.1)  # few places of it shine, and all have edges near
+    assert found.agreement > 0.95
+    large = dataclasses.replace(capture, frames=capture.frames * np.float32(1e30))
+    again = appearance(large, scene.mesh.moved(translation=(0.002, -0.002, 0.001)))
+    np.testing.assert_allclose([*again.alpha, again.agreement], [*found.alpha, found.agreement], rtol=1e-3)
+
+
+def test_another_shape_or_pose_agrees_less(scene, parts):
+    capture = ms.combine(*parts, (0.5, 0.5))
+    right = appearance(capture, scene.mesh).agreement
+    turned = appearance(capture, ms.Scene.from_mesh("adjustable_wrench", rotate_deg=(0, 0, 40)).mesh).agreement
+    other = appearance(capture, ms.Scene.from_mesh("mug").mesh).agreement
+    assert right > 0.98
+    assert max(turned, other) < 0.9
+
+
+def test_where_nothing_echoes_there_are_no_weights(scene, parts):
+    silent = dataclasses.replace(parts[0], frames=np.zeros_like(parts[0].frames))
+    assert appearance(silent, scene.mesh) == (0.0, (0.0, 0.0), 0.0)
+
+
+def test_what_the_simulator_does_not_know_is_refused(scene, parts):
+    layers = Layers(thicknesses=[0.01], indices=[1.2], normal=[0, 0, -1], moved=0.0, offset=0.0, error=0.0)
+    with pytest.raises(InputError, match="expects a radar carried along a trajectory"):
+        appearance(dataclasses.replace(parts[0], layers=layers), scene.mesh)
+    with pytest.raises(CoverageError, match="inside"):
+        appearance(parts[0], scene.mesh.moved(translation=(0, 0, 0.2)))
