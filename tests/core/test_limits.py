@@ -6,7 +6,7 @@ import tracemalloc
 
 import pytest
 
-from millisight.core import limits_of, parsed_toml, read_json
+from millisight.core import limits_of, parsed_toml, read_json, sealed
 from millisight.core.errors import DamagedFileError, UnknownNameError
 from millisight.datasets._convert import _read_cache
 from millisight.datasets._hub_card import _info
@@ -102,7 +102,7 @@ def test_json_that_is_too_large_is_not_parsed(large, monkeypatch):
 def test_a_journal_is_read_a_bounded_line_at_a_time(large):
     large.rename(large.parent / JOURNAL_NAME)
     with open(large.parent / JOURNAL_NAME, "ab") as file:
-        file.write(b"\n[]\n")
+        file.write(f"\n{sealed('[]')}\n".encode())
     tracemalloc.start()
     assert list(_journal(large.parent)) == [[]]
     assert tracemalloc.get_traced_memory()[1] < 60e6

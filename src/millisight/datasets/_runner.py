@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, cast
 
 from millisight.core import files_under, make_folder, own_folder, printable, read_json, sha256_of, write_text
-from millisight.core.errors import InputError
+from millisight.core.errors import FileError, InputError
 from millisight.datasets import _mito
 from millisight.datasets._dataset import Dataset
 from millisight.datasets._find_scenes import DatasetFiles, find_empties, find_scenes
@@ -176,7 +176,7 @@ def _cache_key(paths: Iterable[Path], **settings: Any) -> str:
 
     Of a copy or an unpacked archive, which keep the time of the last change to the content, the other time is new.
     """
-    files = [file for path in paths for file in (files_under(path) if path.is_dir() else [path])]
+    files = [file for path in paths for file in _files_at(path)]
     stats = [path.stat() if path.exists() else None for path in files]
     content = {
         "version": version("millisight"),
@@ -184,6 +184,13 @@ def _cache_key(paths: Iterable[Path], **settings: Any) -> str:
         **settings,
     }
     return _checksum(content)
+
+
+def _files_at(path: Path) -> list[Path]:
+    try:
+        return files_under(path) if path.is_dir() else [path]
+    except FileError:  # as its scene will tell
+        return [path]
 
 
 def _write_cached(path: Path, key: str, result: Any) -> None:
