@@ -27,7 +27,8 @@ class Appearance(NamedTuple):
     agreement : 0 to 1, of the magnitudes of both images, blurred by a wavelength
     alpha : (a1, a2) weights of the specular and of the edge echoes, whose sum is 1, as of `ms.combine`; (0, 0) where
         nothing of the mesh is lit, or nothing was measured there
-    alpha_sigma : standard deviation of either weight, by leaving out a ninth of the image at a time
+    alpha_sigma : standard deviation of either weight, by leaving out a ninth of the image at a time, and by what
+        neither kind of echo explains
     """
 
     agreement: float
@@ -124,9 +125,20 @@ def fitted(measured: np.ndarray, specular: np.ndarray, edge: np.ndarray) -> Appe
             kept[np.ix_(rows, along)] = False
             others.append(shares(weights(kept))[0])
     # The jackknife of groups: the variance of n estimates that each lack one, times n - 1.
-    sigma = float(np.std(others) * np.sqrt(len(others) - 1))
+    scatter = float(np.std(others) * np.sqrt(len(others) - 1))
     a1, a2 = shares(best).tolist()
-    return Appearance(min(agreement, 1.0), (a1, a2), sigma)
+    misfit = _misfit(columns.reshape(len(columns), -1), target.ravel(), best)
+    bent = [shares(np.maximum(best + change, 0))[0] for change in (*np.diag(misfit), *-np.diag(misfit))]
+    return Appearance(min(agreement, 1.0), (a1, a2), float(np.hypot(scatter, np.std(bent))))
+
+
+def _misfit(columns: np.ndarray, target: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """(2,) by how much each weight may be off if all that is left belongs to it: of a pose that is off, say."""
+    left = np.linalg.norm(target - weights @ columns)
+    gram = columns @ columns.T
+    # Of each column's square what is not along the other one.
+    alone = np.diag(gram) - gram[0, 1] ** 2 / np.maximum(np.diag(gram)[::-1], 1e-30)
+    return left / np.sqrt(np.maximum(alone, 1e-12))
 
 
 def _power(capture: Capture, grid: VoxelGrid, progress: Callable[[int, int], None] | None) -> np.ndarray:
