@@ -12,7 +12,7 @@ import numpy as np
 from millisight.cli.console import progress, say, say_sampling
 from millisight.cli.grids import check_memory, parse_grid
 from millisight.cli.sources import Opened, Source, sources
-from millisight.core import printable, toml_of
+from millisight.core import file_version, printable, toml_of
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.data import Capture, SarImage, VoxelGrid
 from millisight.imaging import (
@@ -70,9 +70,8 @@ class ImageSettings:
         found = hashlib.sha256()
         for one in (source, *self.background):
             for path in one.files(self.data):
-                told = path.stat()
-                line = f"{printable(path.name)} {told.st_size} {told.st_mtime_ns} {told.st_ctime_ns}\n"
-                found.update(line.encode())
+                line = " ".join([printable(path.name), *map(str, file_version(path.stat()))])
+                found.update(f"{line}\n".encode())
         return found.hexdigest()
 
 

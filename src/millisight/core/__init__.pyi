@@ -23,6 +23,7 @@ from ._files import check_readable as check_readable
 from ._files import check_record_suffix as check_record_suffix
 from ._files import check_writable as check_writable
 from ._files import checked_path as checked_path
+from ._files import file_version as file_version
 from ._files import files_under as files_under
 from ._files import make_folder as make_folder
 from ._files import parsed_toml as parsed_toml

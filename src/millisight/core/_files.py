@@ -135,6 +135,12 @@ def check_readable(path: object) -> Path:
     return path
 
 
+def file_version(status: os.stat_result) -> tuple[int, int, int]:
+    """What changes when a file is written or replaced: its size [bytes], and the times of writing and of its last
+    change [ns]. Copies and unpacked archives may keep the former, but not the latter."""
+    return status.st_size, status.st_mtime_ns, status.st_ctime_ns
+
+
 def files_under(folder: str | os.PathLike[str]) -> list[Path]:
     """Every file at or below a folder, sorted; folders whose names begin with a dot are not looked into.
 

@@ -17,6 +17,7 @@ from millisight.core import (
     alone,
     atomic_path,
     checked_number,
+    file_version,
     make_folder,
     move_into,
     printable,
@@ -232,17 +233,14 @@ def _convert(job: _Job) -> _Done:
 
 
 def _known_checksum(file: Path, before: tuple[int, int, int, str] | None) -> tuple[int, int, int, str]:
-    """Size, times and SHA-256 of a file, which is read unless size and times are those of before.
-
-    Copies may keep the time of writing (rsync -t, tar), but not that of the last change.
-    """
+    """Size, times and SHA-256 of a file, which is read unless size and times are those of before."""
     try:
         status = file.stat()
     except OSError as error:
         raise FileError(f"cannot read {printable(file)}: {error.strerror}") from error
     if not stat.S_ISREG(status.st_mode):
         raise FileError(f"{printable(file)} is a device or a pipe; expected a file")
-    told = status.st_size, status.st_mtime_ns, status.st_ctime_ns
+    told = file_version(status)
     return *told, before[3] if before is not None and before[:3] == told else checksum(file)
 
 

@@ -9,7 +9,16 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
-from millisight.core import files_under, make_folder, own_folder, printable, read_json, sha256_of, write_text
+from millisight.core import (
+    file_version,
+    files_under,
+    make_folder,
+    own_folder,
+    printable,
+    read_json,
+    sha256_of,
+    write_text,
+)
 from millisight.core.errors import FileError, InputError
 from millisight.datasets import _mito
 from millisight.datasets._dataset import Dataset
@@ -172,15 +181,11 @@ def run_items(
 
 def _cache_key(paths: Iterable[Path], **settings: Any) -> str:
     """Of what a result follows from: files, those in a folder, too, known by size and times; settings; and the version
-    of this package.
-
-    Of a copy or an unpacked archive, which keep the time of the last change to the content, the other time is new.
-    """
+    of this package."""
     files = [file for path in paths for file in _files_at(path)]
-    stats = [path.stat() if path.exists() else None for path in files]
     content = {
         "version": version("millisight"),
-        "files": [(one.st_size, one.st_mtime_ns, one.st_ctime_ns) if one else None for one in stats],
+        "files": [file_version(path.stat()) if path.exists() else None for path in files],
         **settings,
     }
     return _checksum(content)

@@ -11,6 +11,7 @@ import numpy as np
 
 from millisight.core import (
     checked_record,
+    file_version,
     record,
     rotation_from_euler_deg,
 )
@@ -239,8 +240,7 @@ class _Key:
 
     def __init__(self, scene: SceneSource):
         self.scene, paths = scene, scene.shape_paths(HIGH)
-        stats = (path.stat() for path in paths if path.exists())
-        self.files = paths, tuple((one.st_size, one.st_mtime_ns, one.st_ctime_ns) for one in stats)
+        self.files = paths, tuple(file_version(path.stat()) for path in paths if path.exists())
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, _Key) and self.files == other.files
