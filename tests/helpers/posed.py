@@ -67,3 +67,28 @@ def merged(*clouds):
         points=np.concatenate([one.points for one in clouds]), normals=np.concatenate([one.normals for one in clouds]),
         place_sigma=np.concatenate([one.place_sigma for one in clouds]),
     )  # fmt: skip
+
+
+def edge_points_of(mesh, spacing=0.0015, noise=0.0005, rng=0):
+    """Points of edges across which an antenna lies, between both faces' normals, with nothing in the way."""
+    generator = np.random.default_rng(rng)
+    ends, one, other = mesh.edge_faces
+    made = []
+    for (start, stop), first, second in zip(mesh.vertices[ends], *mesh.face_normals[[one, other]], strict=True):
+        if first @ second > 0.99:
+            continue
+        along = (stop - start) / np.linalg.norm(stop - start)
+        places = start + np.arange(spacing, np.linalg.norm(stop - start), spacing)[:, None] * along
+        ways = ANTENNAS[None] - places[:, None]
+        ways /= np.linalg.norm(ways, axis=2, keepdims=True)
+        # Between two normals at right angles both cosines are positive.
+        across = (np.abs(ways @ along) < 0.05) & (ways @ first > 0) & (ways @ second > 0)
+        found = np.flatnonzero(across.any(axis=1))
+        normals = ways[found, across[found].argmax(axis=1)]
+        normals -= (normals @ along)[:, None] * along
+        made.append((places[found], normals / np.linalg.norm(normals, axis=1, keepdims=True)))
+    places, normals = (np.concatenate(parts) for parts in zip(*made, strict=True))
+    return ms.PointCloud(
+        points=places + noise * generator.normal(size=(len(places), 1)) * normals, normals=normals,
+        place_sigma=np.full(len(places), noise), normal_sigma_deg=np.full(len(places), 2.0),
+    )  # fmt: skip

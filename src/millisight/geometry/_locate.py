@@ -200,9 +200,9 @@ class _Known(NamedTuple):
 
 @lru_cache(maxsize=64)
 def _shape_of(mesh: TriangleMesh) -> _Known:
-    samples = samples_of(mesh, _SAMPLES)
+    samples = samples_of(mesh, _SAMPLES, edges=True)
     # Poses are about the middle of the samples that they were found by.
-    return _Known(samples, samples_of(mesh, _DENSE)._replace(middle=samples.middle), symmetries(mesh))
+    return _Known(samples, samples_of(mesh, _DENSE, edges=True)._replace(middle=samples.middle), symmetries(mesh))
 
 
 def _fits(mesh: TriangleMesh, seen: Seen, turns: int, climbers: int = CLIMBERS) -> list[Fit]:

@@ -1,6 +1,7 @@
 """A mesh as evenly spread samples with normals, for comparing it with oriented points."""
 
-from typing import NamedTuple
+from itertools import chain
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -11,6 +12,12 @@ from millisight.meshes import LIFT, RayCaster
 _DRAWN = 20_000  # points from which evenly spread ones are chosen
 _SEED = 0  # of the points: the same mesh has the same samples
 _SMOOTHED = 0.004  # radius over which normals are averaged [m]: a wave sees no finer relief
+_ALIKE = 0.5  # least cosine between normals that are averaged on a face
+# Edges, chosen on development objects:
+_CLOSE, _FEWEST = 0.0012, 4000  # how close the places lie of which those at edges are chosen [m]; the least of them
+_MEET = -0.3  # least cosine between normals that are averaged over an edge; those of a sheet's other side are not
+_NEW = float(np.cos(np.radians(9.0)))  # most between a normal at an edge and those of samples near by
+_FAN = 0.3  # between the normals of one edge
 
 
 class MeshSamples(NamedTuple):
@@ -38,46 +45,87 @@ class MeshSamples(NamedTuple):
     corners: np.ndarray
 
 
-def samples_of(mesh: TriangleMesh, count: int) -> MeshSamples:
-    """About `count` samples of the whole surface.
+def samples_of(mesh: TriangleMesh, count: int, *, edges: bool = False) -> MeshSamples:
+    """About `count` samples of the whole surface; with `edges` those of edges and corners besides.
+
+    An edge sends echoes back to all antennas across it, as a thin rod does. Its samples have all the normals that the
+    surface turns through when its faces are averaged over 4 mm, and that no other sample near by has.
 
     Raises
     ------
     MeshError
         The mesh is flat to nothing.
     """
-    from scipy.spatial import KDTree
-
-    corners = mesh.vertices[mesh.faces]
-    crosses = mesh.face_crosses
-    areas = np.linalg.norm(crosses, axis=1)
-    generator = np.random.default_rng(_SEED)
-    face = generator.choice(len(areas), _DRAWN, p=areas / areas.sum())
-    u, v = np.sqrt(generator.random(_DRAWN)), generator.random(_DRAWN)
-    places = np.einsum("ni,nij->nj", np.stack([1 - u, u * (1 - v), u * v], axis=1), corners[face])
-    facing = crosses[face] / areas[face, None]
+    places, facing = _drawn(mesh, _DRAWN)
     middle = places.mean(axis=0)
     radius = float(np.linalg.norm(mesh.vertices[np.unique(mesh.faces)] - middle, axis=1).max())
     if not radius > 0:
         raise MeshError("the mesh is a single point; expected a surface: check the export's scale and unit")
-    spacing = np.sqrt(mesh.area / count)
+    spacing = float(np.sqrt(mesh.area / count))
     chosen = _even(places, facing, spacing)
-    tree = KDTree(places)
-    smooth = np.zeros((len(chosen), 3))
-    for n, near in enumerate(tree.query_ball_point(places[chosen], min(_SMOOTHED, spacing))):
-        alike = facing[near] @ facing[chosen[n]] > 0.5
-        smooth[n] = facing[near][alike].sum(axis=0)
-    smooth /= np.linalg.norm(smooth, axis=1, keepdims=True)
-    points = places[chosen]
+    points, normals = places[chosen], _averaged(places, facing, chosen, min(_SMOOTHED, spacing), _ALIKE)
     apart = float(np.sqrt(mesh.area / len(points)))
+    if edges:
+        more, turned = _edges(mesh, points, normals, spacing)
+        points, normals = np.concatenate([points, more]), np.concatenate([normals, turned])
     closed = not (mesh.edge_faces[2] < 0).any()
     if not closed:
-        points, smooth = np.concatenate([points, points]), np.concatenate([smooth, -smooth])
-    lifted = points + max(20 * LIFT, 1e-3 * radius) * smooth
-    clear = RayCaster.of([mesh]).first(lifted, smooth)[0] < 0
+        points, normals = np.concatenate([points, points]), np.concatenate([normals, -normals])
+    lifted = points + max(20 * LIFT, 1e-3 * radius) * normals
+    clear = RayCaster.of([mesh]).first(lifted, normals)[0] < 0
     return MeshSamples(
-        points, smooth, clear, middle, radius, closed, apart, _corners(mesh.vertices[np.unique(mesh.faces)])
+        points, normals, clear, middle, radius, closed, apart, _corners(mesh.vertices[np.unique(mesh.faces)])
     )
+
+
+def _drawn(mesh: TriangleMesh, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """(count, 3) places on a mesh, drawn by area, and the normals of their faces."""
+    corners = mesh.vertices[mesh.faces]
+    areas = np.linalg.norm(mesh.face_crosses, axis=1)
+    generator = np.random.default_rng(_SEED)
+    face = generator.choice(len(areas), count, p=areas / areas.sum())
+    u, v = np.sqrt(generator.random(count)), generator.random(count)
+    places = np.einsum("ni,nij->nj", np.stack([1 - u, u * (1 - v), u * v], axis=1), corners[face])
+    return places, mesh.face_crosses[face] / areas[face, None]
+
+
+def _averaged(places: np.ndarray, facing: np.ndarray, chosen: np.ndarray, radius: float, least: float) -> np.ndarray:
+    """Unit normals of chosen places: the sums of those within a radius whose cosine with their own is above `least`."""
+    from scipy.spatial import KDTree
+
+    own, near = _within(KDTree(places), places[chosen], radius)
+    alike = np.einsum("ni,ni->n", facing[near], facing[chosen][own]) > least
+    own, near = own[alike], near[alike]
+    # One column at a time: the pairs are millions.
+    sums = np.stack([np.bincount(own, facing[near, k], minlength=len(chosen)) for k in range(3)], axis=1)
+    sizes = np.linalg.norm(sums, axis=1, keepdims=True)
+    return np.where(sizes > 1e-6, sums / np.maximum(sizes, 1e-6), facing[chosen])
+
+
+def _within(tree: Any, places: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray]:
+    """Indices of places and of the tree's points in all pairs within a radius."""
+    found = tree.query_ball_point(places, radius, return_sorted=False)
+    counts = np.array([len(one) for one in found])
+    return np.repeat(np.arange(len(places)), counts), np.fromiter(chain.from_iterable(found), np.int64, counts.sum())
+
+
+def _edges(
+    mesh: TriangleMesh, points: np.ndarray, normals: np.ndarray, spacing: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Places and normals at edges, that the samples of a surface, `spacing` apart, lack."""
+    from scipy.spatial import KDTree
+
+    places, facing = _drawn(mesh, int(np.clip(mesh.area / _CLOSE**2, _FEWEST, _DRAWN)))
+    turned = _averaged(places, facing, np.arange(len(places)), _SMOOTHED, _MEET)
+    own, near = _within(KDTree(points), places, spacing)
+    most = np.full(len(places), -1.0)
+    np.maximum.at(most, own, np.einsum("ni,ni->n", turned[own], normals[near]))
+    new = most < _NEW
+    places, turned = places[new], turned[new]
+    # One of each cube and of each cube of normals.
+    keys = np.column_stack([np.floor(places / spacing), np.round(turned / _FAN)]).astype(np.int64)
+    first = np.unique(keys, axis=0, return_index=True)[1]
+    return places[first], turned[first]
 
 
 def _corners(places: np.ndarray) -> np.ndarray:
