@@ -14,6 +14,7 @@ from helpers.mirrors import DEVICES, GRID, capture_of, disc, mirror, points, ras
 from helpers.oracles import shared
 from helpers.scatter import from_places
 from millisight.calibration import read_capture
+from millisight.core import SPEED_OF_LIGHT
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.data import Layers
 from millisight.imaging import SheetRemoval, remove_sheets
@@ -136,6 +137,19 @@ def test_a_flat_top_under_a_lid_keeps_its_peak(path, strength):
     for found in (image_of(frames.result.frames, path), image.result):
         inside = truth.magnitude > 0.5 * truth.magnitude.max()
         assert 20 * abs(np.log10(np.median(found.magnitude[inside] / truth.magnitude[inside]))) < 1
+
+
+@pytest.mark.parametrize("strength", [1.0, 4.0])
+def test_what_leaks_between_the_antennas_hides_no_lid(path, spots, strength):
+    sheet = mirror(RADAR, path, -0.2, tilt_deg=(1, 0))
+    straight = np.linalg.norm(RADAR.array.tx_positions[:, None] - RADAR.array.rx_positions, axis=-1) + RADAR.path_offset
+    cycles = straight[..., None] * RADAR.waveform.frequencies / SPEED_OF_LIGHT
+    leak = strength * np.abs(sheet).max() * np.exp(-2j * np.pi * cycles).astype(np.complex64)
+    found = remove_sheets(capture_of(RADAR, path, spots + sheet + leak))
+    (one,) = found.sheets
+    assert abs(one.height - -0.2) < 0.003
+    assert one.explained > 0.9
+    assert left_of(found.result.frames, spots + leak, sheet) < 0.02
 
 
 def test_a_wall_behind_the_grid_is_left(path, spots):

@@ -24,6 +24,8 @@ _TERMS = 8  # Legendre polynomials over the band
 _BLOCK = 512  # poses in one go
 _MOST_CELLS, _CELLS_A_POSE = 10_000, 20  # of 5 mm: what poses may lie over
 _LOOKS = 1000  # poses whose range profiles tell where to look
+_RESOLVED = 0.1  # range resolution up to which leakage is told from a sheet [m]
+_CLEAR = 1.5  # range resolutions between the antennas and a sheet that is told from leakage
 
 
 class FrameScene:
@@ -38,6 +40,7 @@ class FrameScene:
         waveform = capture.radar.waveform
         self._frequencies = waveform.frequencies
         self._tx, self._rx = capture.tx_positions, capture.rx_positions
+        self._above = float((self._tx[..., 2].mean() + self._rx[..., 2].mean()) / 2)
         self._places = (self._tx.mean(axis=1) + self._rx.mean(axis=1))[:, :2] / 2
         count = min(_TERMS, len(self._frequencies))
         terms = np.polynomial.legendre.legvander(np.linspace(-1, 1, len(self._frequencies)), count - 1)
@@ -48,7 +51,10 @@ class FrameScene:
                 f"{len(self._places)} poses lie over {spans[0]:.3g} x {spans[1]:.3g} m, too far apart to see a sheet "
                 'from neighbouring ones; leave stray poses out, or pass clutter="none"'
             )
+        self._picked = range(0, len(self._places), max(1, len(self._places) // _LOOKS))
+        self._leak = self._leakage(None)
         self._level = self._usual_height(lowest)
+        self._leak = self._leakage(self._level)
         self._echoes, self._power = self._projected()
         self._taken = np.zeros_like(self._echoes)
         self._lines = [_lines(self._places[:, i]) for i in (0, 1)]
@@ -127,21 +133,43 @@ class FrameScene:
         length = 4 * count
         step = abs(waveform.slope) / waveform.sample_rate
         distances = SPEED_OF_LIGHT / step / length * np.arange(length) / 2 - self._capture.radar.path_offset / 2
-        above = float((self._tx[..., 2].mean() + self._rx[..., 2].mean()) / 2)
+        above = self._above
         near = distances > _NEAREST
         if not near.any():  # what the samples tell apart is nearer than that
             return above - _NEAREST
         near &= distances <= max(above - lowest, distances[near].min())
-        picked = range(0, len(self._places), max(1, len(self._places) // _LOOKS))
         falling = waveform.slope < 0
         profiles = []
-        for pose in picked:
-            frames = self._capture.frames_of(slice(pose, pose + 1))[0]
+        for pose in self._picked:
+            frames = self._capture.frames_of(slice(pose, pose + 1))[0] - self._leak
             spectrum = np.fft.fft(frames, length, axis=-1) if falling else np.fft.ifft(frames, length, axis=-1)
             profiles.append(np.abs(spectrum).mean(axis=(0, 1)))
         usual = np.median(profiles, axis=0)
         distance = float(distances[near][np.argmax(usual[near])])
         return above - distance
+
+    def _leakage(self, level: float | None) -> np.ndarray:
+        """(T, R, N) complex64 what the transmitters leak straight into the receivers, alike at all poses.
+
+        It is often stronger than a lid, and its range sidelobes hide one. The mean frame is fitted by an echo at no
+        distance, and at once by those of a sheet at `level`, if that is known. 0 where the band does not part both.
+        """
+        waveform = self._capture.radar.waveform
+        shape = (self._tx.shape[1], self._rx.shape[1], len(self._frequencies))
+        resolution = waveform.range_resolution
+        if not resolution <= _RESOLVED or (level is not None and self._above - level < _CLEAR * resolution):
+            return np.zeros(shape, np.complex64)
+        pose = slice(self._picked[0], self._picked[0] + 1)
+        mean = np.mean([self._capture.frames_of(slice(i, i + 1))[0] for i in self._picked], axis=0)
+        tx, rx = self._tx[pose, :, None], self._rx[pose, None]
+        straight = np.linalg.norm(tx - rx, axis=-1)[0] + self._capture.radar.path_offset
+        leak = np.exp(-2j * np.pi / SPEED_OF_LIGHT * straight[..., None] * self._frequencies)
+        columns = leak[..., None]
+        if level is not None:
+            sheet = self._waves(pose)[0][..., None] * self._terms
+            columns = np.concatenate([columns, sheet], axis=-1)
+        weights = np.linalg.pinv(columns) @ mean[..., None]
+        return (leak * weights[..., 0, :]).astype(np.complex64)
 
     def _waves(self, some: slice) -> np.ndarray:
         """(p, T, R, N) complex64 echoes of a level mirror at the usual height."""
@@ -163,7 +191,7 @@ class FrameScene:
         """(P, T R Q) complex64 the frames' parts near the usual height, and the power of all frames."""
         echoes, power = [], 0.0
         for some in self._blocks():
-            frames = self._capture.frames_of(some)
+            frames = self._capture.frames_of(some) - self._leak
             power += float((np.abs(frames) ** 2).sum())
             near = (frames * self._waves(some).conj()) @ self._terms
             echoes.append(near.reshape(len(frames), -1))
