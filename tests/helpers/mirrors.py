@@ -48,6 +48,13 @@ def mirror(device, path, height, *, tilt_deg=(0.0, 0.0), bow=0.0, strength=0.1, 
     return frames
 
 
+def leak_of(device, strength):
+    """(T, R, N) what leaks straight from each transmitter into each receiver."""
+    array = device.array
+    straight = np.linalg.norm(array.tx_positions[:, None] - array.rx_positions, axis=-1) + device.path_offset
+    return strength * np.exp(-2j * np.pi * device.waveform.frequencies / C * straight[..., None])
+
+
 def points(device, path, places=SPOTS, strength=0.03):
     """(P, T, R, N) of point reflectors."""
     tx, rx = path.placed(device.array.tx_positions), path.placed(device.array.rx_positions)

@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 
 import millisight as ms
-from helpers.mirrors import DEVICES, GRID, capture_of, disc, mirror, points, raster
+from helpers.mirrors import DEVICES, GRID, capture_of, disc, leak_of, mirror, points, raster
 from helpers.oracles import shared
 from helpers.scatter import from_places
 from millisight.calibration import read_capture
-from millisight.core import SPEED_OF_LIGHT
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.data import Layers
 from millisight.imaging import SheetRemoval, remove_sheets
@@ -142,9 +141,7 @@ def test_a_flat_top_under_a_lid_keeps_its_peak(path, strength):
 @pytest.mark.parametrize("strength", [1.0, 4.0])
 def test_what_leaks_between_the_antennas_hides_no_lid(path, spots, strength):
     sheet = mirror(RADAR, path, -0.2, tilt_deg=(1, 0))
-    straight = np.linalg.norm(RADAR.array.tx_positions[:, None] - RADAR.array.rx_positions, axis=-1) + RADAR.path_offset
-    cycles = straight[..., None] * RADAR.waveform.frequencies / SPEED_OF_LIGHT
-    leak = strength * np.abs(sheet).max() * np.exp(-2j * np.pi * cycles).astype(np.complex64)
+    leak = leak_of(RADAR, strength * np.abs(sheet).max())
     found = remove_sheets(capture_of(RADAR, path, spots + sheet + leak))
     (one,) = found.sheets
     assert abs(one.height - -0.2) < 0.003

@@ -10,7 +10,7 @@ from millisight.core.errors import InputError
 from millisight.data import Capture, PointCloud, SarImage, VoxelGrid
 from millisight.geometry._from_image import moments_of_image
 from millisight.geometry._moments import Moments, directions, moments_of
-from millisight.imaging import CLUTTER, at_usual_scale, grid_around, remove_sheets, window_pair
+from millisight.imaging import CLUTTER, at_usual_scale, grid_around, remove_leakage, remove_sheets, window_pair
 
 FALSE_ALARMS = 1e-6
 """Probability that a voxel of noise alone is taken for a surface, where none is stated."""
@@ -40,7 +40,7 @@ def surface_points(
     frequency they tell the echo's delay, and so by how much the surface lies in front of the voxel. A voxel with a
     surface within it becomes a point, moved along its normal by that distance. The normal is mmNorm's (Dodds et al.,
     MobiSys 2025), computed by five fast images in place of a sum over antennas at each voxel, and put right for the
-    pull of the aperture's end.
+    pull of the aperture's end. What leaks between the antennas is taken off before (`remove_leakage`).
 
     An image alone tells less. Normals follow from the gradient of its phase along x and y; places are maxima of |I|
     along z. What is lost: |I| grows towards the centre of curvature, so a surface of radius R lies up to centimetres
@@ -106,6 +106,7 @@ def surface_points(
         voxels = grid_around(capture) if grid is None else checked_record(grid, VoxelGrid, name="grid")
         tapers = window_pair(window)
         cleaned = remove_sheets(capture, clutter=clutter, grid=voxels).result if clutter != "none" else capture
+        cleaned = remove_leakage(cleaned)  # whose sidelobes are stronger than weak objects
         moments = moments_of(
             cleaned, voxels, method=method, window=tapers, tolerance=tolerance, device=device, progress=progress
         )

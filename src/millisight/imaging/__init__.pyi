@@ -13,6 +13,7 @@ from ._form import METHODS as METHODS
 from ._form import check_tolerance as check_tolerance
 from ._form import form_image as form_image
 from ._growing import GrowingImage as GrowingImage
+from ._leakage import remove_leakage as remove_leakage
 from ._sampling import Ghost as Ghost
 from ._sampling import Sampling as Sampling
 from ._sampling import StepSampling as StepSampling

@@ -14,6 +14,7 @@ import numpy as np
 from millisight.core import SPEED_OF_LIGHT
 from millisight.core.errors import InputError
 from millisight.data import Capture
+from millisight.imaging._leakage import leakage_of, some_poses
 from millisight.imaging._sheet_fit import Cells, Phase, SheetFit, gather, spline_matrix
 from millisight.imaging._sheet_ripples import rippled
 
@@ -23,9 +24,7 @@ _NEAREST = 0.05  # from an antenna to a sheet [m]
 _TERMS = 8  # Legendre polynomials over the band
 _BLOCK = 512  # poses in one go
 _MOST_CELLS, _CELLS_A_POSE = 10_000, 20  # of 5 mm: what poses may lie over
-_LOOKS = 1000  # poses whose range profiles tell where to look
-_RESOLVED = 0.1  # range resolution up to which leakage is told from a sheet [m]
-_CLEAR = 1.5  # range resolutions between the antennas and a sheet that is told from leakage
+_CLEAR = 2.0  # range resolutions between the antennas and a sheet that is told from leakage
 
 
 class FrameScene:
@@ -51,10 +50,11 @@ class FrameScene:
                 f"{len(self._places)} poses lie over {spans[0]:.3g} x {spans[1]:.3g} m, too far apart to see a sheet "
                 'from neighbouring ones; leave stray poses out, or pass clutter="none"'
             )
-        self._picked = range(0, len(self._places), max(1, len(self._places) // _LOOKS))
-        self._leak = self._leakage(None)
+        # Often stronger than a lid, which its range sidelobes hide.
+        self._leak = leakage_of(capture)
         self._level = self._usual_height(lowest)
-        self._leak = self._leakage(self._level)
+        if self._above - self._level < _CLEAR * waveform.range_resolution:
+            self._leak = np.zeros_like(self._leak)
         self._echoes, self._power = self._projected()
         self._taken = np.zeros_like(self._echoes)
         self._lines = [_lines(self._places[:, i]) for i in (0, 1)]
@@ -140,36 +140,13 @@ class FrameScene:
         near &= distances <= max(above - lowest, distances[near].min())
         falling = waveform.slope < 0
         profiles = []
-        for pose in self._picked:
+        for pose in some_poses(self._capture):
             frames = self._capture.frames_of(slice(pose, pose + 1))[0] - self._leak
             spectrum = np.fft.fft(frames, length, axis=-1) if falling else np.fft.ifft(frames, length, axis=-1)
             profiles.append(np.abs(spectrum).mean(axis=(0, 1)))
         usual = np.median(profiles, axis=0)
         distance = float(distances[near][np.argmax(usual[near])])
         return above - distance
-
-    def _leakage(self, level: float | None) -> np.ndarray:
-        """(T, R, N) complex64 what the transmitters leak straight into the receivers, alike at all poses.
-
-        It is often stronger than a lid, and its range sidelobes hide one. The mean frame is fitted by an echo at no
-        distance, and at once by those of a sheet at `level`, if that is known. 0 where the band does not part both.
-        """
-        waveform = self._capture.radar.waveform
-        shape = (self._tx.shape[1], self._rx.shape[1], len(self._frequencies))
-        resolution = waveform.range_resolution
-        if not resolution <= _RESOLVED or (level is not None and self._above - level < _CLEAR * resolution):
-            return np.zeros(shape, np.complex64)
-        pose = slice(self._picked[0], self._picked[0] + 1)
-        mean = np.mean([self._capture.frames_of(slice(i, i + 1))[0] for i in self._picked], axis=0)
-        tx, rx = self._tx[pose, :, None], self._rx[pose, None]
-        straight = np.linalg.norm(tx - rx, axis=-1)[0] + self._capture.radar.path_offset
-        leak = np.exp(-2j * np.pi / SPEED_OF_LIGHT * straight[..., None] * self._frequencies)
-        columns = leak[..., None]
-        if level is not None:
-            sheet = self._waves(pose)[0][..., None] * self._terms
-            columns = np.concatenate([columns, sheet], axis=-1)
-        weights = np.linalg.pinv(columns) @ mean[..., None]
-        return (leak * weights[..., 0, :]).astype(np.complex64)
 
     def _waves(self, some: slice) -> np.ndarray:
         """(p, T, R, N) complex64 echoes of a level mirror at the usual height."""
