@@ -285,7 +285,7 @@ def surface(
     root: Root,
     output: Output = Path("surface-evaluation"),
     spacing: Spacing = "2mm",
-    clutter: HiddenClutter = "auto",
+    clutter: HiddenClutter = "lid",
     false_alarms: FalseAlarms = 1e-6,
     objects: Objects = None,
     sight: Sight = None,

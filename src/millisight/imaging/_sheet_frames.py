@@ -28,11 +28,14 @@ _CLEAR = 2.0  # range resolutions between the antennas and a sheet that is told 
 
 
 class FrameScene:
-    """A capture from whose frames sheets are taken, those below z = `lowest` [m] not looked for."""
+    """A capture from whose frames sheets are taken, those below z = `lowest` [m] not looked for.
+
+    With `leaking` the antennas' leakage counts as part of the scene.
+    """
 
     ripples = False
 
-    def __init__(self, capture: Capture, lowest: float):
+    def __init__(self, capture: Capture, lowest: float, *, leaking: bool = False):
         if capture.layers is not None:
             raise InputError("remove_sheets knows straight paths only; take sheets off before layers are added")
         self._capture = capture
@@ -51,10 +54,10 @@ class FrameScene:
                 'from neighbouring ones; leave stray poses out, or pass clutter="none"'
             )
         # Often stronger than a lid, which its range sidelobes hide.
-        self._leak = leakage_of(capture)
+        self._leak = np.zeros((), np.complex64) if leaking else leakage_of(capture)
         self._level = self._usual_height(lowest)
         if self._above - self._level < _CLEAR * waveform.range_resolution:
-            self._leak = np.zeros_like(self._leak)
+            self._leak = np.zeros((), np.complex64)
         self._echoes, self._power = self._projected()
         self._taken = np.zeros_like(self._echoes)
         self._lines = [_lines(self._places[:, i]) for i in (0, 1)]

@@ -33,6 +33,7 @@ _LEAST_BORDER = 0.25  # of the scene's, that a sheet reaches
 _LEAST_SHARE = 0.15  # of the scene
 _LARGE = 0.06  # sheets so large are no object's top [m²]
 _LEAST_LID = 0.004  # what ends within the scene and is smaller is no lid [m²]
+_SAME = 0.6  # of the cells of either fit, where both found the same lid
 _RING = 2  # cells along the scene's border
 _LOOKED_AT = 16  # poses of a capture on disk
 _USUAL = 1e-9, 1e9  # of an image's maximum
@@ -188,7 +189,7 @@ def remove_sheets(
     if clutter == "none":
         return SheetRemoval(result=scene, sheets=(), left=(), reason="nothing was asked for")
     usual, scale = at_usual_scale(scene)
-    echoes, wave_number = _echoes_of(usual, lowest), 2 * np.pi * centre / SPEED_OF_LIGHT
+    echoes, wave_number = _echoes_of(usual, lowest, clutter), 2 * np.pi * centre / SPEED_OF_LIGHT
     sheets, left = _search(echoes, wave_number, most, clutter, lowest)
     if not sheets:
         return SheetRemoval(result=scene, sheets=(), left=left, reason=_reason(left, lowest))
@@ -254,14 +255,15 @@ class _Echoes(Protocol):
     def cleaned(self, metadata: Mapping[str, Any]) -> Any: ...
 
 
-def _echoes_of(scene: Any, lowest: float) -> _Echoes:
+def _echoes_of(scene: Any, lowest: float, clutter: str) -> _Echoes:
     if isinstance(scene, SarImage):
         from millisight.imaging._sheet_image import ImageScene
 
         return ImageScene(scene)
     from millisight.imaging._sheet_frames import FrameScene
 
-    return FrameScene(scene, lowest)
+    # The thresholds of "auto" were chosen with the leakage, by which what ends within the scene goes on beyond it.
+    return FrameScene(scene, lowest, leaking=clutter == "auto")
 
 
 def _search(
@@ -275,10 +277,12 @@ def _search(
     sheets: list[DetectedSheet] = []
     left: list[DetectedSheet] = []
     passed_over = np.zeros((1, 1), dtype=bool)
+    first = None  # over all cells
     while len(sheets) < most and len(left) < _ATTEMPTS:
         cells = echoes.cells
         cells = cells._replace(counts=np.where(passed_over, 0, cells.counts))
         fit = fit_sheet(cells, wave_number, ripples=echoes.ripples)
+        first = first or fit
         if fit is None or fit.explained < _LEAST_EXPLAINED[clutter]:
             break
         sheet = _told(fit, cells, echoes.height(fit), wave_number)
@@ -286,27 +290,38 @@ def _search(
         if wide and sheet.height >= lowest:
             if clutter == "lid" and not sheets:
                 # What a lid's edges and grating lobes add up to may pass for a sheet, a worse one than the lid.
-                lid = _lid(echoes, wave_number, lowest)
+                lid = _lid(echoes, wave_number, lowest, first)
                 if lid is not None and lid[1].area * lid[1].explained > sheet.area * sheet.explained:
                     fit, sheet = lid
+                    left.clear()
             sheets.append(replace(sheet, power=echoes.take(fit)))
         else:
             left.append(sheet)
             passed_over = passed_over | np.asarray(binary_dilation(fit.support, iterations=3), dtype=bool)
-    if clutter == "lid" and not sheets and (lid := _lid(echoes, wave_number, lowest)) is not None:
+    if clutter == "lid" and not sheets and (lid := _lid(echoes, wave_number, lowest, first)) is not None:
         sheets.append(replace(lid[1], power=echoes.take(lid[0])))
         left.clear()  # parts of it, fitted worse
     return tuple(sheets), tuple(left)
 
 
-def _lid(echoes: _Echoes, wave_number: float, lowest: float) -> "tuple[SheetFit, DetectedSheet] | None":
-    """What reflects like one mirror over the largest place: a known lid, which may end within the scene."""
+def _lid(
+    echoes: _Echoes, wave_number: float, lowest: float, whole: "SheetFit | None"
+) -> "tuple[SheetFit, DetectedSheet] | None":
+    """What reflects like one mirror over the largest place: a known lid, which may end within the scene.
+
+    In frames the `whole` fit, over all cells, is preferred where it found the same: a lid's edges echo to poses beside
+    it as well.
+    """
     from millisight.imaging._sheet_fit import fit_sheet, lid_window
 
     window = lid_window(echoes.cells, wave_number)
     fit = None if window is None else fit_sheet(echoes.cells, wave_number, ripples=echoes.ripples, window=window)
     if fit is None or fit.explained < _LEAST_EXPLAINED["lid"]:
         return None
+    if whole is not None and not echoes.ripples and whole.explained >= _LEAST_EXPLAINED["lid"]:
+        shared = (whole.support & fit.support).sum()
+        if shared >= _SAME * max(whole.support.sum(), fit.support.sum()):
+            fit = whole
     lid = _told(fit, echoes.cells, echoes.height(fit), wave_number)
     return (fit, lid) if lid.area >= _LEAST_LID and lid.height >= lowest else None
 

@@ -85,7 +85,7 @@ class SurfaceTask(Task):
     cache: ClassVar[str] = "surfaces"
 
     spacing: tuple[float, float] = (0.002, 0.004)
-    clutter: str = "auto"
+    clutter: str = "lid"
     false_alarms: float = FALSE_ALARMS
     failures: int = 4
     support: float | None = None
