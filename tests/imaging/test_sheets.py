@@ -142,11 +142,21 @@ def test_a_flat_top_under_a_lid_keeps_its_peak(path, strength):
 def test_what_leaks_between_the_antennas_hides_no_lid(path, spots, strength):
     sheet = mirror(RADAR, path, -0.2, tilt_deg=(1, 0))
     leak = leak_of(RADAR, strength * np.abs(sheet).max())
-    found = remove_sheets(capture_of(RADAR, path, spots + sheet + leak))
+    found = remove_sheets(capture_of(RADAR, path, spots + sheet + leak), clutter="lid")
     (one,) = found.sheets
     assert abs(one.height - -0.2) < 0.003
     assert one.explained > 0.9
     assert left_of(found.result.frames, spots + leak, sheet) < 0.02
+
+
+def test_a_known_lid_within_the_scan_goes_with_what_its_edges_send_beside_it(path, spots):
+    edges = [(axis, -sign * 0.06, sign) for axis in (0, 1) for sign in (1, -1)]
+    sheet = mirror(RADAR, path, -0.2, sides=edges)
+    found = remove_sheets(capture_of(RADAR, path, spots + sheet), clutter="lid")
+    (one,) = found.sheets
+    assert abs(one.height - -0.2) < 0.002
+    assert left_of(found.result.frames, spots, sheet) < 0.02
+    assert found.left == ()
 
 
 def test_a_wall_behind_the_grid_is_left(path, spots):
