@@ -15,6 +15,7 @@ _SMOOTHED = 0.004  # radius over which normals are averaged [m]: a wave sees no 
 _ALIKE = 0.5  # least cosine between normals that are averaged on a face
 # Edges, chosen on development objects:
 _CLOSE, _FEWEST = 0.0012, 4000  # how close the places lie of which those at edges are chosen [m]; the least of them
+_NEAR = 200  # but of tiny meshes fewer, so that no more lie within `_SMOOTHED` of another
 _MEET = -0.3  # least cosine between normals that are averaged over an edge; those of a sheet's other side are not
 _NEW = float(np.cos(np.radians(9.0)))  # most between a normal at an edge and those of samples near by
 _FAN = 0.3  # between the normals of one edge
@@ -115,7 +116,8 @@ def _edges(
     """Places and normals at edges, that the samples of a surface, `spacing` apart, lack."""
     from scipy.spatial import KDTree
 
-    places, facing = _drawn(mesh, int(np.clip(mesh.area / _CLOSE**2, _FEWEST, _DRAWN)))
+    count = min(np.clip(mesh.area / _CLOSE**2, _FEWEST, _DRAWN), _NEAR * (1 + mesh.area / (np.pi * _SMOOTHED**2)))
+    places, facing = _drawn(mesh, int(count))
     turned = _averaged(places, facing, np.arange(len(places)), _SMOOTHED, _MEET)
     own, near = _within(KDTree(points), places, spacing)
     most = np.full(len(places), -1.0)
