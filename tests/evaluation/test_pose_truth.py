@@ -17,7 +17,7 @@ from millisight.geometry import symmetries
 CUBE = posed.block([-0.03] * 3, [0.03] * 3)
 AT = np.array([0.1, 0.2, -0.3])
 UP = np.array([0, 0, 0.012])
-ANGLES = (4, -3, 40)
+ANGLES = (100, 15, 30)  # shows each of its three blocks
 
 
 def pose(rotation, translation, sigma=0.01, free=()):
@@ -79,9 +79,9 @@ class _Scene(SceneSource):
 
     def read_capture(self, band):
         scene = ms.Scene.from_mesh(self.read_shape(band)[0], vertices=4000, center=False)
-        return ms.simulate(
-            scene, ms.Radar.preset("mito-sim-77ghz"), ms.Trajectory.raster(size=(0.14, 0.14), step=0.003)
-        )
+        radar, path = ms.Radar.preset("mito-sim-77ghz"), ms.Trajectory.raster(size=(0.14, 0.14), step=0.003)
+        kinds = (ms.simulate(scene, radar, path, model=model) for model in ("specular", "edge"))
+        return ms.combine(*kinds, (0.5, 0.5))
 
     def read_shape(self, band):
         turned = posed.bracket().moved(rotation=rotation_from_euler_deg(ANGLES))
