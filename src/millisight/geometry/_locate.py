@@ -32,6 +32,7 @@ _UNITS = {"millimetres": 0.001, "centimetres": 0.01, "inches": 0.0254}
 # Chosen on development objects alone (examples/objects.toml): see docs/how-to/locate.md.
 _WEIGHT = 0.03  # difference of scores by which a pose is e times as probable as another
 _CURVED = 60.0  # observations that a score is worth
+_WITHOUT = 1.35  # how many times better a mesh agrees without its edges, where these are not seen
 _WHICH, _NOTHING = 0.03, 0.15  # the same between meshes, and the score of "none of them"
 _FARTHEST, _ANY_TURN = 0.03, np.pi / np.sqrt(3)  # standard deviations where nothing is known [m], [rad]
 
@@ -138,6 +139,7 @@ def locate(
         raise MeshError("; ".join(odd.values()))
     there = {name: mesh for name, mesh in named.items() if name not in odd}
     done, fits = 1 + len(odd), dict[str, list[Fit]]()
+    shapes = {name: _shape_of(mesh).samples for name, mesh in there.items()}
     if len(there) > _MANY:
         spacing, most, rough_turns, climbers = _ROUGHLY
         few = seen_by(points, normals, seen_from, spacing=spacing, most=most, support=support)
@@ -148,10 +150,10 @@ def locate(
                 progress(done := done + 1, total + _KEPT)
         total += _KEPT
     for name in sorted(there, key=lambda one: -fits[one][0].score if fits else 0.0)[: _KEPT if fits else None]:
-        fits[name] = _fits(there[name], seen, turns)
+        fits[name], shapes[name] = _fits_with_or_without_edges(there[name], seen, turns)
         if progress is not None:
             progress(done := done + 1, total)
-    poses = {name: _pose(name, mesh, fits[name], seen) for name, mesh in there.items()}
+    poses = {name: _pose(name, mesh, fits[name], shapes[name], seen) for name, mesh in there.items()}
     evidence = {name: rescored(_shape_of(mesh).dense, fits[name], seen)[0].score for name, mesh in there.items()}
     shares = _softmax(np.array([*evidence.values(), _NOTHING]) / _WHICH)
     probabilities = dict.fromkeys(named, 0.0) | dict(zip([*evidence, NONE_OF_THEM], shares.tolist(), strict=True))
@@ -194,6 +196,7 @@ class _Known(NamedTuple):
     """What of a mesh is the same for all captures: half of the time of a search."""
 
     samples: MeshSamples
+    plain: MeshSamples  # without edges
     dense: MeshSamples
     symmetry: Symmetry
 
@@ -202,18 +205,30 @@ class _Known(NamedTuple):
 def _shape_of(mesh: TriangleMesh) -> _Known:
     samples = samples_of(mesh, _SAMPLES, edges=True)
     # Poses are about the middle of the samples that they were found by.
-    return _Known(samples, samples_of(mesh, _DENSE, edges=True)._replace(middle=samples.middle), symmetries(mesh))
+    plain, dense = samples_of(mesh, _SAMPLES), samples_of(mesh, _DENSE, edges=True)
+    return _Known(samples, plain, dense._replace(middle=samples.middle), symmetries(mesh))
 
 
 def _fits(mesh: TriangleMesh, seen: Seen, turns: int, climbers: int = CLIMBERS) -> list[Fit]:
     shape = _shape_of(mesh)
-    rotations = reduced_rotations(turns, shape.symmetry.rotations, shape.symmetry.axes)
-    return register(shape.samples, rotations, seen, climbers=climbers)
+    return register(shape.samples, _rotations(shape, turns), seen, climbers=climbers)
 
 
-def _pose(name: str, mesh: TriangleMesh, fits: list[Fit], seen: Seen) -> Pose:
-    """The best pose of a mesh, of those that were found."""
-    shape, _, symmetry = _shape_of(mesh)
+def _fits_with_or_without_edges(mesh: TriangleMesh, seen: Seen, turns: int) -> tuple[list[Fit], MeshSamples]:
+    """Poses, and the samples that they were found by: without edges where the mesh agrees much better so."""
+    shape = _shape_of(mesh)
+    fits = _fits(mesh, seen, turns)
+    plain = register(shape.plain, _rotations(shape, turns), seen)
+    return (plain, shape.plain) if plain[0].score > _WITHOUT * fits[0].score else (fits, shape.samples)
+
+
+def _rotations(shape: _Known, turns: int) -> np.ndarray:
+    return reduced_rotations(turns, shape.symmetry.rotations, shape.symmetry.axes)
+
+
+def _pose(name: str, mesh: TriangleMesh, fits: list[Fit], shape: MeshSamples, seen: Seen) -> Pose:
+    """The best pose of a mesh, of those that were found by these samples."""
+    symmetry = _shape_of(mesh).symmetry
     best = fits[0]
     weights = _softmax(np.array([one.score for one in fits]) / _WEIGHT)
     free = (best.rotation @ symmetry.axes.T).T
