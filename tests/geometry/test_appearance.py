@@ -1,6 +1,7 @@
 """The simulator's image of a mesh beside a measured one: known weights are found, other shapes agree less."""
 
 import dataclasses
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -58,3 +59,16 @@ def test_what_the_simulator_does_not_know_is_refused(scene, parts):
         appearance(dataclasses.replace(parts[0], layers=layers), scene.mesh)
     with pytest.raises(CoverageError, match="inside"):
         appearance(parts[0], scene.mesh.moved(translation=(0, 0, 0.2)))
+
+
+def test_waves_longer_than_the_scene_take_bounded_memory(scene, parts):
+    """Blurred by a wavelength of 300 km, an image took 4 GB."""
+    low = dataclasses.replace(parts[0].radar, waveform=ms.Waveform.stepped(1e3, 1.0, parts[0].frames.shape[-1]))
+    poses = ms.Trajectory(times=PATH.times[:50], positions=PATH.positions[:50])
+    capture = ms.Capture(radar=low, trajectory=poses, frames=parts[0].frames[:50])
+    tracemalloc.start()
+    try:
+        assert 0 <= appearance(capture, scene.mesh).agreement <= 1
+        assert tracemalloc.get_traced_memory()[1] < 300 << 20
+    finally:
+        tracemalloc.stop()

@@ -44,6 +44,20 @@ def test_weak_surfaces_stand_out_of_a_leak(path):
     assert abs(len(found) - len(there)) < 0.1 * len(there)
 
 
+@pytest.mark.parametrize("scale", [1e30, 1e-30])
+def test_the_frames_unit_does_not_matter(path, spots, scale):
+    frames = spots + leak_of(RADAR, 1000 * np.abs(spots).max())
+    usual = remove_leakage(capture_of(RADAR, path, frames))
+    odd = remove_leakage(capture_of(RADAR, path, frames * scale))
+    assert np.linalg.norm(odd.frames / np.float32(scale) - usual.frames) < 1e-5 * np.linalg.norm(frames)
+    assert odd.metadata["history"][-1]["power"] == pytest.approx(usual.metadata["history"][-1]["power"])
+
+
+def test_what_leaves_float32_s_range_is_refused(path):
+    with pytest.raises(InputError, match="infinite"):
+        remove_leakage(capture_of(RADAR, path, np.full_like(points(RADAR, path), 3e38 + 3e38j)))
+
+
 def test_a_narrow_band_does_not_tell_it(path):
     radar = DEVICES["24 GHz"]
     capture = capture_of(radar, path, points(radar, path, strength=0.01))

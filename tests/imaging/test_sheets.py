@@ -235,6 +235,16 @@ def test_a_stray_pose_is_told_and_few_samples_find_nothing(path):
     assert remove_sheets(two).result is not None
 
 
+@pytest.mark.parametrize("odd", ["one value", "one outlier", "alike", "one frequency in effect"])
+@pytest.mark.parametrize("clutter", ["auto", "lid"])
+def test_odd_frames_end_without_a_warning(path, odd, clutter):
+    echoes = mirror(RADAR, path, -0.2)
+    first = np.arange(echoes.size).reshape(echoes.shape) == 7
+    frames = {"one value": first * 1.0, "one outlier": np.where(first, 1e37, echoes), "alike": np.ones_like(echoes)}
+    radar = replace(RADAR, waveform=ms.Waveform.stepped(77e9, 1e-300, 32)) if odd.startswith("one freq") else RADAR
+    assert remove_sheets(capture_of(radar, path, frames.get(odd, echoes)), clutter=clutter).result is not None
+
+
 def test_an_image_of_many_slices_and_few_columns_takes_no_time():
     """Principal components of 3000 slices took minutes, though nine columns have nine at most."""
     grid = ms.VoxelGrid(x=np.arange(3) * 0.002, y=np.arange(3) * 0.002, z=np.arange(3000) * 0.002 - 6)

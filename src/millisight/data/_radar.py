@@ -20,6 +20,7 @@ from millisight.core import (
 from millisight.core.errors import InputError
 from millisight.data._reach import check_reach
 
+_LOWEST = 1.0  # frequency [Hz], of waves as long as any scene may be
 _HIGHEST = 1e15  # frequency [Hz], of light; beyond it a wavelength of the band may be zero
 
 
@@ -54,10 +55,11 @@ class Waveform:
         last = self.start_frequency + self.frequency_step * (samples - 1)
         if last <= 0:
             raise InputError(f"the chirp falls to {last:g} Hz; expected more than 0 Hz at its last sample")
-        if not max(self.start_frequency, last) <= _HIGHEST:  # not a number where an infinite step meets one sample
+        # Not a number where an infinite step meets one sample.
+        if not (min(self.start_frequency, last) >= _LOWEST and max(self.start_frequency, last) <= _HIGHEST):
             raise InputError(
-                f"the chirp runs from {self.start_frequency:.3g} to {last:.3g} Hz; expected {_HIGHEST:g} Hz at most: "
-                "check start_frequency, slope and sample_rate, in Hz, Hz/s and Hz"
+                f"the chirp runs from {self.start_frequency:.3g} to {last:.3g} Hz; expected {_LOWEST:g} Hz at least and "
+                f"{_HIGHEST:g} Hz at most: check start_frequency, slope and sample_rate, in Hz, Hz/s and Hz"
             )
 
     @classmethod

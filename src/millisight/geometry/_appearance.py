@@ -146,6 +146,8 @@ def _power(capture: Capture, grid: VoxelGrid, progress: Callable[[int, int], Non
     from scipy.ndimage import gaussian_filter
 
     image = form_image(capture, grid, window="taylor", progress=progress)
-    steps = [axis[1] - axis[0] if len(axis) > 1 else 1.0 for axis in (grid.x, grid.y, grid.z)]
-    blur = capture.radar.waveform.wavelength
-    return gaussian_filter((np.abs(image.values) ** 2).astype(float), [blur / step for step in steps], mode="constant")
+    wavelength = capture.radar.waveform.wavelength
+    axes = (grid.x, grid.y, grid.z)
+    # By no more than the image's length: of waves longer than the scene all is alike.
+    blurs = [min(wavelength / (axis[1] - axis[0]), len(axis)) if len(axis) > 1 else 0.0 for axis in axes]
+    return gaussian_filter((np.abs(image.values) ** 2).astype(float), blurs, mode="constant")

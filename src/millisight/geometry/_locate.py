@@ -196,7 +196,6 @@ class _Known(NamedTuple):
     """What of a mesh is the same for all captures: half of the time of a search."""
 
     samples: MeshSamples
-    plain: MeshSamples  # without edges
     dense: MeshSamples
     symmetry: Symmetry
 
@@ -205,8 +204,8 @@ class _Known(NamedTuple):
 def _shape_of(mesh: TriangleMesh) -> _Known:
     samples = samples_of(mesh, _SAMPLES, edges=True)
     # Poses are about the middle of the samples that they were found by.
-    plain, dense = samples_of(mesh, _SAMPLES), samples_of(mesh, _DENSE, edges=True)
-    return _Known(samples, plain, dense._replace(middle=samples.middle), symmetries(mesh))
+    dense = samples_of(mesh, _DENSE, edges=True)._replace(middle=samples.middle)
+    return _Known(samples, dense, symmetries(mesh))
 
 
 def _fits(mesh: TriangleMesh, seen: Seen, turns: int, climbers: int = CLIMBERS) -> list[Fit]:
@@ -218,8 +217,11 @@ def _fits_with_or_without_edges(mesh: TriangleMesh, seen: Seen, turns: int) -> t
     """Poses, and the samples that they were found by: without edges where the mesh agrees much better so."""
     shape = _shape_of(mesh)
     fits = _fits(mesh, seen, turns)
-    plain = register(shape.plain, _rotations(shape, turns), seen)
-    return (plain, shape.plain) if plain[0].score > _WITHOUT * fits[0].score else (fits, shape.samples)
+    if _WITHOUT * fits[0].score >= 1:  # no score is larger
+        return fits, shape.samples
+    faces = shape.samples.without_edges()
+    plain = register(faces, _rotations(shape, turns), seen)
+    return (plain, faces) if plain[0].score > _WITHOUT * fits[0].score else (fits, shape.samples)
 
 
 def _rotations(shape: _Known, turns: int) -> np.ndarray:

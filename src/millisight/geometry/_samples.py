@@ -10,12 +10,13 @@ from millisight.data import TriangleMesh
 from millisight.meshes import LIFT, RayCaster
 
 _DRAWN = 20_000  # points from which evenly spread ones are chosen
+_FINEST = 1e-6  # spacing of samples over a mesh's radius: of triangles as thin as nothing
 _SEED = 0  # of the points: the same mesh has the same samples
 _SMOOTHED = 0.004  # radius over which normals are averaged [m]: a wave sees no finer relief
 _ALIKE = 0.5  # least cosine between normals that are averaged on a face
 # Edges, chosen on development objects:
 _CLOSE, _FEWEST = 0.0012, 4000  # how close the places lie of which those at edges are chosen [m]; the least of them
-_NEAR = 200  # but of tiny meshes fewer, so that no more lie within `_SMOOTHED` of another
+_NEAR = 200  # but of tiny and crumpled meshes fewer, so that no more lie within `_SMOOTHED` of another on average
 _MEET = -0.3  # least cosine between normals that are averaged over an edge; those of a sheet's other side are not
 _NEW = float(np.cos(np.radians(9.0)))  # most between a normal at an edge and those of samples near by
 _FAN = 0.3  # between the normals of one edge
@@ -34,6 +35,7 @@ class MeshSamples(NamedTuple):
     closed : whether no edge is open
     spacing : of neighbouring samples [m]
     corners : (H, 3) of the convex hull, on which the mesh can lie [m]
+    on_faces : how many samples lie on faces: the first ones; the others are those of edges
     """
 
     points: np.ndarray
@@ -44,6 +46,12 @@ class MeshSamples(NamedTuple):
     closed: bool
     spacing: float
     corners: np.ndarray
+    on_faces: int
+
+    def without_edges(self) -> "MeshSamples":
+        """Those on faces alone."""
+        some = slice(self.on_faces)
+        return self._replace(points=self.points[some], normals=self.normals[some], clear=self.clear[some])
 
 
 def samples_of(mesh: TriangleMesh, count: int, *, edges: bool = False) -> MeshSamples:
@@ -62,21 +70,19 @@ def samples_of(mesh: TriangleMesh, count: int, *, edges: bool = False) -> MeshSa
     radius = float(np.linalg.norm(mesh.vertices[np.unique(mesh.faces)] - middle, axis=1).max())
     if not radius > 0:
         raise MeshError("the mesh is a single point; expected a surface: check the export's scale and unit")
-    spacing = float(np.sqrt(mesh.area / count))
+    spacing = max(float(np.sqrt(mesh.area / count)), _FINEST * radius)
     chosen = _even(places, facing, spacing)
     points, normals = places[chosen], _averaged(places, facing, chosen, min(_SMOOTHED, spacing), _ALIKE)
     apart = float(np.sqrt(mesh.area / len(points)))
-    if edges:
-        more, turned = _edges(mesh, points, normals, spacing)
-        points, normals = np.concatenate([points, more]), np.concatenate([normals, turned])
     closed = not (mesh.edge_faces[2] < 0).any()
+    parts = [(points, normals), *([_edges(mesh, points, normals, spacing)] if edges else [])]
     if not closed:
-        points, normals = np.concatenate([points, points]), np.concatenate([normals, -normals])
+        parts = [(np.concatenate([places, places]), np.concatenate([turned, -turned])) for places, turned in parts]
+    points, normals = (np.concatenate(columns) for columns in zip(*parts, strict=True))
     lifted = points + max(20 * LIFT, 1e-3 * radius) * normals
     clear = RayCaster.of([mesh]).first(lifted, normals)[0] < 0
-    return MeshSamples(
-        points, normals, clear, middle, radius, closed, apart, _corners(mesh.vertices[np.unique(mesh.faces)])
-    )
+    corners = _corners(mesh.vertices[np.unique(mesh.faces)])
+    return MeshSamples(points, normals, clear, middle, radius, closed, apart, corners, len(parts[0][0]))
 
 
 def _drawn(mesh: TriangleMesh, count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -116,8 +122,11 @@ def _edges(
     """Places and normals at edges, that the samples of a surface, `spacing` apart, lack."""
     from scipy.spatial import KDTree
 
-    count = min(np.clip(mesh.area / _CLOSE**2, _FEWEST, _DRAWN), _NEAR * (1 + mesh.area / (np.pi * _SMOOTHED**2)))
-    places, facing = _drawn(mesh, int(count))
+    places, facing = _drawn(mesh, int(np.clip(mesh.area / _CLOSE**2, _FEWEST, _DRAWN)))
+    tree = KDTree(places)
+    near = tree.count_neighbors(tree, _SMOOTHED) / len(places)
+    if near > _NEAR:
+        places, facing = _drawn(mesh, int(len(places) * _NEAR / near))
     turned = _averaged(places, facing, np.arange(len(places)), _SMOOTHED, _MEET)
     own, near = _within(KDTree(points), places, spacing)
     most = np.full(len(places), -1.0)

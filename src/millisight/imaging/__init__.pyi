@@ -19,10 +19,10 @@ from ._sampling import Sampling as Sampling
 from ._sampling import StepSampling as StepSampling
 from ._sampling import sampling as sampling
 from ._sampling import steps_of as steps_of
+from ._scale import at_usual_scale as at_usual_scale
 from ._sheets import CLUTTER as CLUTTER
 from ._sheets import DetectedSheet as DetectedSheet
 from ._sheets import SheetRemoval as SheetRemoval
-from ._sheets import at_usual_scale as at_usual_scale
 from ._sheets import remove_sheets as remove_sheets
 from ._slabs import form_image_to as form_image_to
 from ._slabs import image_slabs as image_slabs

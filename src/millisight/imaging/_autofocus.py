@@ -22,7 +22,7 @@ from millisight.imaging._autofocus_search import Subject, bright_points, climb, 
 from millisight.imaging._path_rows import Row, rows_of_path
 from millisight.imaging._row_offsets import row_offsets
 from millisight.imaging._row_tracking import tracked_rows
-from millisight.imaging._sheets import at_usual_scale, scaled
+from millisight.imaging._scale import at_usual_scale, scaled
 
 FOCUSES = ("rows", "path")
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from millisight.core import SPEED_OF_LIGHT, checked_record, with_step
 from millisight.data import Capture
+from millisight.imaging._scale import at_usual_scale, scaled
 
 _LOOKS = 1000  # poses over which frames are averaged
 _RESOLVED = 0.1  # range resolution up to which leakage is told from echoes [m]
@@ -55,6 +56,11 @@ def remove_leakage(capture: Capture) -> Capture:
         With frames in memory; the given one where the range resolution is coarser than 10 cm, which does not tell
         leakage from echoes.
 
+    Raises
+    ------
+    InputError
+        All values are so small that float32 holds few digits of them.
+
     Examples
     --------
     >>> from millisight.data import Radar, Scene, Trajectory
@@ -64,12 +70,13 @@ def remove_leakage(capture: Capture) -> Capture:
     >>> remove_leakage(capture).frames.shape == capture.frames.shape
     True
     """
-    checked_record(capture, Capture, name="capture")
-    leak = leakage_of(capture)
+    usual, scale = at_usual_scale(checked_record(capture, Capture, name="capture"))
+    leak = leakage_of(usual)
     if not leak.any():
         return capture
-    frames = capture.frames_of(slice(None))
-    power = float(np.mean(np.abs(leak) ** 2) / max(float(np.mean(np.abs(frames) ** 2)), 1e-30))
+    frames = usual.frames_of(slice(None))
+    power = float(np.mean(np.abs(leak) ** 2) / np.mean(np.abs(frames) ** 2))
     cleaned = np.subtract(frames, leak, dtype=np.complex64)
     cleaned.flags.writeable = False
-    return replace(capture, frames=cleaned, metadata=with_step(capture.metadata, "remove_leakage", power=power))
+    made = replace(usual, frames=cleaned, metadata=with_step(capture.metadata, "remove_leakage", power=power))
+    return made if scale == 1 else scaled(made, 1 / scale)

@@ -36,6 +36,7 @@ _CHANNELS = 8  # principal components of the channels that are looked at
 _ROUNDS, _STEPS = 3, 6  # of the phase; of the weights
 _SCALE = 1.5  # median misfits at which a cell's weight has fallen to a quarter
 _LEAST_SCALE = 0.03  # and at least this share of the sheet's amplitude
+_FAR_OFF = 1e6  # of these scales: the weight is nothing, and within float32's range
 _OUTSIDE = 0.2  # of an axis, at either end
 _INSIDE = 0.1  # weight of cells away from the border before anything is fitted: objects are there
 _BRIGHTER = 2.5  # than the sheet: something else
@@ -188,7 +189,7 @@ def lid_window(cells: Cells, wave_number: float) -> tuple[slice, slice] | None:
 def agreement(misfit: np.ndarray, support: np.ndarray, level: float) -> np.ndarray:
     """Weights of places that miss a sheet's echo by `misfit`; it is seen at `support`, about as strong as `level`."""
     scale = _SCALE * max(float(np.median(misfit[support])), _LEAST_SCALE * level)
-    return 1 / (1 + (misfit / scale) ** 2) ** 2
+    return 1 / (1 + np.minimum(misfit / scale, _FAR_OFF) ** 2) ** 2
 
 
 def gather(values: np.ndarray, into: tuple[np.ndarray, np.ndarray], shape: tuple[int, int]) -> np.ndarray:

@@ -21,6 +21,7 @@ from millisight.imaging._sheet_ripples import rippled
 _CELL = 0.005  # of poses that are averaged [m]
 _LINE = 0.0025  # width of lines of poses along which an edge's ripples are alike [m]
 _NEAREST = 0.05  # from an antenna to a sheet [m]
+_COARSEST = 1e9  # range resolution by which a height is searched [m]: beyond it, distances are no numbers
 _TERMS = 8  # Legendre polynomials over the band
 _BLOCK = 512  # poses in one go
 _MOST_CELLS, _CELLS_A_POSE = 10_000, 20  # of 5 mm: what poses may lie over
@@ -90,8 +91,8 @@ class FrameScene:
         """z of a sheet [m] by the delay of its echo over the band."""
         samples = fit.profile.reshape(-1, self._terms.shape[1]) @ self._terms.T
         turn = np.angle((samples[:, 1:] * samples[:, :-1].conj()).sum()) if samples.shape[1] > 1 else 0.0
-        step = float(self._frequencies[1] - self._frequencies[0]) if samples.shape[1] > 1 else 1.0
-        return self._level + float(turn) * SPEED_OF_LIGHT / (4 * np.pi * step)
+        step = float(self._frequencies[1] - self._frequencies[0]) if samples.shape[1] > 1 else 0.0
+        return self._level + (float(turn) * SPEED_OF_LIGHT / (4 * np.pi * step) if step else 0.0)
 
     def told(self) -> dict[str, float]:
         """Nothing: what the maximum of an image loses is not known before there is one."""
@@ -135,6 +136,8 @@ class FrameScene:
             return float(self._tx[..., 2].mean()) - _NEAREST
         length = 4 * count
         step = abs(waveform.slope) / waveform.sample_rate
+        if not waveform.range_resolution < _COARSEST:
+            return self._above - _NEAREST
         distances = SPEED_OF_LIGHT / step / length * np.arange(length) / 2 - self._capture.radar.path_offset / 2
         above = self._above
         near = distances > _NEAREST

@@ -27,7 +27,7 @@ from millisight.core.errors import InputError
 from millisight.data import Capture, Trajectory, VoxelGrid
 from millisight.imaging._backprojection import OVERSAMPLING, path_bounds, range_steering
 from millisight.imaging._path_rows import rows_of_path
-from millisight.imaging._sheets import at_usual_scale
+from millisight.imaging._scale import at_usual_scale
 from millisight.imaging._sparse_kernels import gather, project
 from millisight.imaging._windows import Window, window_pair
 
