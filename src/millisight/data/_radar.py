@@ -58,8 +58,8 @@ class Waveform:
         # Not a number where an infinite step meets one sample.
         if not (min(self.start_frequency, last) >= _LOWEST and max(self.start_frequency, last) <= _HIGHEST):
             raise InputError(
-                f"the chirp runs from {self.start_frequency:.3g} to {last:.3g} Hz; expected {_LOWEST:g} Hz at least and "
-                f"{_HIGHEST:g} Hz at most: check start_frequency, slope and sample_rate, in Hz, Hz/s and Hz"
+                f"the chirp runs from {self.start_frequency:.3g} to {last:.3g} Hz; expected {_LOWEST:g} Hz at least, "
+                f"and {_HIGHEST:g} Hz at most: check start_frequency, slope and sample_rate, in Hz, Hz/s and Hz"
             )
 
     @classmethod
