@@ -59,6 +59,9 @@ def test_what_the_simulator_does_not_know_is_refused(scene, parts):
         appearance(dataclasses.replace(parts[0], layers=layers), scene.mesh)
     with pytest.raises(CoverageError, match="inside"):
         appearance(parts[0], scene.mesh.moved(translation=(0, 0, 0.2)))
+    large = ms.TriangleMesh(vertices=100 * scene.mesh.vertices, faces=scene.mesh.faces)
+    with pytest.raises(InputError, match=r"20.* m long, .* voxels; expected 1e\+08 at most: check its unit"):
+        appearance(parts[0], large)
 
 
 def test_waves_longer_than_the_scene_take_bounded_memory(scene, parts):

@@ -16,6 +16,7 @@ _VERTICES = 10_000  # as scenes have, so that weights mean the same
 _MARGIN = 0.015  # of the voxels around the mesh [m]
 _STEPS = 0.65, 0.2  # of voxels: across, in wavelengths; along z, in range resolutions, but no more than
 _DEEPEST = 0.01  # [m]
+_MOST = 10**8  # voxels
 _BLOCKS = 3  # along x and along y, of which one at a time is left out
 
 
@@ -59,7 +60,8 @@ def appearance(
     Raises
     ------
     InputError
-        The capture has layers or antennas of its own at each pose, which the simulator does not know.
+        The capture has layers or antennas of its own at each pose, which the simulator does not know; the mesh is too
+        large to be imaged.
     MeshError
         The mesh cannot be resampled.
     CoverageError
@@ -87,13 +89,19 @@ def appearance(
     across, deep = _STEPS[0] * waveform.wavelength, min(_DEEPEST, _STEPS[1] * waveform.range_resolution)
     lower, upper = mesh.bounds
     grid = VoxelGrid.regular(lower - _MARGIN, upper + _MARGIN, (across, across, deep))
-    cleaned = remove_sheets(capture, clutter=clutter, grid=grid).result if clutter != "none" else capture
+    if grid.size > _MOST:
+        raise InputError(
+            f"the mesh is {mesh.extent.max():.3g} m long, which makes {grid.size:.2g} voxels; expected {_MOST:.0e} at "
+            "most: check its unit"
+        )
     scene = Scene.from_mesh(mesh, vertices=_VERTICES, center=False)
-    powers = [_power(cleaned, grid, share_of(progress, 0, 3))]
-    for number, model in enumerate(_MODELS, 1):
+    powers = []
+    for number, model in enumerate(_MODELS):
         simulated = simulate(scene, capture.radar, capture.trajectory, model=model)
         powers.append(_power(simulated, grid, share_of(progress, number, 3)))
-    return fitted(*powers)
+    if clutter != "none":
+        capture = remove_sheets(capture, clutter=clutter, grid=grid).result
+    return fitted(_power(capture, grid, share_of(progress, 2, 3)), *powers)
 
 
 def fitted(measured: np.ndarray, specular: np.ndarray, edge: np.ndarray) -> Appearance:
