@@ -88,6 +88,15 @@ class _Scene(SceneSource):
         return (turned.moved(translation=-turned.bounds.mean(axis=0)),)
 
 
+class _Numbered(_Scene):
+    """With a world of its own."""
+
+    __slots__ = ()
+
+    def shape_paths(self, band):
+        return (Path(f"{self.name}.h5"), Path(f"{self.name}.toml")) if band == "77 GHz" else ()
+
+
 class _Data:
     path = Path("brackets")
 
@@ -118,6 +127,20 @@ def test_the_task_scores_poses_and_a_blind_guess(tmp_path):
     assert len(tables["scenes"].rows) == 2
     (figure,) = task.figures(planned, rows)
     figure.draw().savefig(tmp_path / "worst.png")
+
+
+@pytest.mark.parametrize("which", [False, True])
+def test_results_follow_from_all_worlds_that_were_read(which):
+    """The mesh is that of the object's first scene, and those of all objects where one is chosen among them."""
+    scenes = [
+        _Numbered(name=name, object=name[0], folder=name[0], angles=ANGLES, number=1, sight="los")
+        for name in ("a1", "a2", "b1")
+    ]
+    paths = [{str(path) for path in item.paths} for item in PoseTask(which=which).plan(_Data(*scenes)).items]
+    others = {"a1.toml", "b1.toml"} if which else set()
+    assert paths == [
+        {"a1.h5", "a1.toml"} | others, {"a2.h5", "a2.toml", "a1.toml"} | others, {"b1.h5", "b1.toml"} | others,
+    ]  # fmt: skip
 
 
 def test_a_dataset_without_shapes_is_refused():

@@ -197,6 +197,10 @@ class TestTheSession:
         later = Annotation(open_picture(radar_file), annotation.mask_path, segmenters={"discs": Discs()})
         assert later.about()["question"] == question
         assert later.about()["saved"]
+        annotation.mask_path.unlink()
+        later = Annotation(open_picture(radar_file), annotation.mask_path, segmenters={"discs": Discs()})
+        assert later.about()["question"] == question
+        assert not later.about()["saved"]
 
     def test_the_saved_points_make_the_same_mask_on_the_command_line(self, radar_file, tmp_path):
         annotation = Annotation(

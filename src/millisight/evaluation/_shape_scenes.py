@@ -1,6 +1,7 @@
 """Scenes of the virtual rig with captures of objects of known shape: what the tasks "surface" and "pose" share."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
@@ -61,14 +62,20 @@ def plan_of_shapes(
     scenes: Sequence[SceneSource],
     source_of: Callable[[SceneSource], Any],
     settings: Mapping[str, Any],
+    asked: Callable[[SceneSource], Iterable[SceneSource]] = lambda _: (),
 ) -> EvaluationSet:
-    """One item for each of the `scenes`; its result depends on `settings`."""
+    """One item for each of the `scenes`; its result depends on `settings`, and on the shapes of the scenes `asked`."""
+
+    def paths_of(scene: SceneSource) -> tuple[Path, ...]:
+        shapes = (path for one in asked(scene) for path in one.shape_paths(HIGH)[1:])
+        return tuple(dict.fromkeys((*scene.paths, *scene.shape_paths(HIGH), *shapes)))
+
     items = tuple(
         EvaluationItem(
             name=scene.name,
             source=source_of(scene),
             parts={scene.name.replace("/", "."): dict(settings)},
-            paths=(*scene.paths, *scene.shape_paths(HIGH)),
+            paths=paths_of(scene),
         )
         for scene in scenes
     )

@@ -100,7 +100,7 @@ class SceneSource(ABC):
         """
 
     def shape_paths(self, band: str) -> tuple[Path, ...]:
-        """Of a capture of that band and of the object's true shape; () where the dataset has not both."""
+        """Of a capture of that band first, then of the object's true shape; () where the dataset has not both."""
         return ()
 
     def read_capture(self, band: str) -> Capture:

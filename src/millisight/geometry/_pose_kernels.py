@@ -22,10 +22,35 @@ def _shines(x, y, z, u, v, w, antennas, cosine):
 
 
 @subroutine
+def _near_all(antennas):
+    """How far the farthest antenna is from the last one, their middle."""
+    last, most = antennas.shape[0] - 1, 0.0
+    for a in range(last):
+        dx, dy, dz = (
+            antennas[a, 0] - antennas[last, 0],
+            antennas[a, 1] - antennas[last, 1],
+            antennas[a, 2] - antennas[last, 2],
+        )
+        most = max(most, dx * dx + dy * dy + dz * dz)
+    return np.sqrt(most)
+
+
+@subroutine
+def _may_shine(towards, distance, around, cosine):
+    """Whether any antenna within `around` of their middle may be within an angle of a normal, along which that middle
+    lies `towards` far, at `distance`: most that faces away from them all is seen to do so without asking each."""
+    if around >= distance:
+        return True
+    sine = around / distance
+    # The cosine of the angle and of that which the antennas take up together.
+    return towards >= distance * (cosine * np.sqrt(1 - sine * sine) - np.sqrt(1 - cosine * cosine) * sine) - 1e-12
+
+
+@subroutine
 def _place(points, normals, clear, rotation, translation, antennas, cosine, at, out, lit):
     """Put what faces the antennas of a turned and moved mesh into `at` and `out` (K, 3), and whether it shines into
     `lit` (K,); how many they are."""
-    count, last = 0, antennas.shape[0] - 1
+    count, last, around = 0, antennas.shape[0] - 1, _near_all(antennas)
     for k in range(points.shape[0]):
         for i in range(3):
             at[count, i] = translation[i]
@@ -33,11 +58,16 @@ def _place(points, normals, clear, rotation, translation, antennas, cosine, at, 
             for j in range(3):
                 at[count, i] += rotation[i, j] * points[k, j]
                 out[count, i] += rotation[i, j] * normals[k, j]
-        towards = 0.0
+        towards, distance = 0.0, 0.0
         for i in range(3):
             towards += (antennas[last, i] - at[count, i]) * out[count, i]
+            distance += (antennas[last, i] - at[count, i]) ** 2
         x, n = at[count], out[count]
-        lit[count] = clear[k] and _shines(x[0], x[1], x[2], n[0], n[1], n[2], antennas[:last], cosine)
+        lit[count] = (
+            clear[k]
+            and _may_shine(towards, np.sqrt(distance), around, cosine)
+            and _shines(x[0], x[1], x[2], n[0], n[1], n[2], antennas[:last], cosine)
+        )
         if lit[count] or towards > 0:
             count += 1
     return count
@@ -238,9 +268,10 @@ def _climb(
         squares = np.full(_fours(count), _MOST)
         for i in range(len(found)):
             _apart(found[i], facing[i], columns, count, place, turn, spacing, squares)
-            for k in range(count):
-                if squares[k] < least[k]:
-                    back[k], least[k] = i, squares[k]
+            for k in range(np.uint64(count)):
+                nearer = squares[k] < least[k]
+                back[k] = i if nearer else back[k]
+                least[k] = squares[k] if nearer else least[k]
             lowest = _least(squares)
             if lowest < _MOST:
                 nearest = 0

@@ -10,7 +10,8 @@ from millisight.data import TriangleMesh
 from millisight.meshes import LIFT, RayCaster
 
 _DRAWN = 20_000  # points from which evenly spread ones are chosen
-_FINEST = 1e-6  # spacing of samples over a mesh's radius: of triangles as thin as nothing
+_FINEST = 1e-4  # spacing of samples over a mesh's radius: of triangles as thin as nothing
+_MOST, _COARSER = (4, 8), 1.25  # samples on faces and at edges over those asked for; of more, the spacing grows so
 _SEED = 0  # of the points: the same mesh has the same samples
 _SMOOTHED = 0.004  # radius over which normals are averaged [m]: a wave sees no finer relief
 _ALIKE = 0.5  # least cosine between normals that are averaged on a face
@@ -71,11 +72,12 @@ def samples_of(mesh: TriangleMesh, count: int, *, edges: bool = False) -> MeshSa
     if not radius > 0:
         raise MeshError("the mesh is a single point; expected a surface: check the export's scale and unit")
     spacing = max(float(np.sqrt(mesh.area / count)), _FINEST * radius)
-    chosen = _even(places, facing, spacing)
+    while len(chosen := _even(places, facing, spacing)) > _MOST[0] * count:
+        spacing *= _COARSER
     points, normals = places[chosen], _averaged(places, facing, chosen, min(_SMOOTHED, spacing), _ALIKE)
     apart = float(np.sqrt(mesh.area / len(points)))
     closed = not (mesh.edge_faces[2] < 0).any()
-    parts = [(points, normals), *([_edges(mesh, points, normals, spacing)] if edges else [])]
+    parts = [(points, normals), *([_edges(mesh, points, normals, spacing, _MOST[1] * count)] if edges else [])]
     if not closed:
         parts = [(np.concatenate([places, places]), np.concatenate([turned, -turned])) for places, turned in parts]
     points, normals = (np.concatenate(columns) for columns in zip(*parts, strict=True))
@@ -117,26 +119,31 @@ def _within(tree: Any, places: np.ndarray, radius: float) -> tuple[np.ndarray, n
 
 
 def _edges(
-    mesh: TriangleMesh, points: np.ndarray, normals: np.ndarray, spacing: float
+    mesh: TriangleMesh, points: np.ndarray, normals: np.ndarray, spacing: float, most: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Places and normals at edges, that the samples of a surface, `spacing` apart, lack."""
+    """Places and normals at edges, that the samples of a surface, `spacing` apart, lack; `most` at most."""
     from scipy.spatial import KDTree
 
     places, facing = _drawn(mesh, int(np.clip(mesh.area / _CLOSE**2, _FEWEST, _DRAWN)))
     tree = KDTree(places)
-    near = tree.count_neighbors(tree, _SMOOTHED) / len(places)
-    if near > _NEAR:
-        places, facing = _drawn(mesh, int(len(places) * _NEAR / near))
+    neighbours = tree.count_neighbors(tree, _SMOOTHED) / len(places)
+    if neighbours > _NEAR:
+        places, facing = _drawn(mesh, int(len(places) * _NEAR / neighbours))
     turned = _averaged(places, facing, np.arange(len(places)), _SMOOTHED, _MEET)
     own, near = _within(KDTree(points), places, spacing)
-    most = np.full(len(places), -1.0)
-    np.maximum.at(most, own, np.einsum("ni,ni->n", turned[own], normals[near]))
-    new = most < _NEW
+    alike = np.full(len(places), -1.0)
+    np.maximum.at(alike, own, np.einsum("ni,ni->n", turned[own], normals[near]))
+    new = alike < _NEW
     places, turned = places[new], turned[new]
-    # One of each cube and of each cube of normals.
-    keys = np.column_stack([np.floor(places / spacing), np.round(turned / _FAN)]).astype(np.int64)
-    first = np.unique(keys, axis=0, return_index=True)[1]
+    while len(first := _one_of_each(places, turned, spacing)) > most:
+        spacing *= _COARSER
     return places[first], turned[first]
+
+
+def _one_of_each(places: np.ndarray, turned: np.ndarray, spacing: float) -> np.ndarray:
+    """Indices of one of the places in each cube with normals in each cube of them."""
+    keys = np.column_stack([np.floor(places / spacing), np.round(turned / _FAN)]).astype(np.int64)
+    return np.unique(keys, axis=0, return_index=True)[1]
 
 
 def _corners(places: np.ndarray) -> np.ndarray:

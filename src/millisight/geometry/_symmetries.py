@@ -17,7 +17,8 @@ _AXES = 260  # directions that are tried, about 9 degrees apart
 _ROUGH = 0.09  # by how much the nearest of them is off, at the radius of a sample [rad]
 _ALIKE_DEG = 8.0  # axes nearer than this are one
 _TAKEN_DEG = 12.0  # from an axis that was found: what starts there would end there
-_STEPS = 12
+_STEPS, _SETTLED = 12, 1e-3  # of a fit; the length of a step after which it ends [rad]
+_AWAY_DEG = 15.0  # from the axis that it began at, where it ends as well: another one begins nearer
 
 
 @record
@@ -45,7 +46,8 @@ class Symmetry:
         """In words."""
         if len(self.axes) > 1:
             return "the same after any turn"
-        turns = f"the same after {len(self.rotations) - 1} turns" if len(self.rotations) > 1 else ""
+        count = len(self.rotations) - 1
+        turns = f"the same after {count} turn{'s' if count > 1 else ''}" if count else ""
         if not len(self.axes):
             return turns or "no symmetry"
         named = ", ".join(f"{one:.2f}" for one in self.axes[0])
@@ -156,15 +158,17 @@ class _Self:
             if np.mean(self.off(turn) < room) < 0.9:
                 continue
             fitted = self._fitted(axis, angles_deg[0])
-            alike = any(abs(fitted @ other) > np.cos(np.radians(_ALIKE_DEG)) for other in made)
-            if not alike and self.bears(fitted, angles_deg):
+            if fitted is None or any(abs(fitted @ other) > np.cos(np.radians(_ALIKE_DEG)) for other in made):
+                continue
+            if self.bears(fitted, angles_deg):
                 made.append(fitted)
                 if len(made) == most:
                     break
         return made
 
-    def _fitted(self, axis: np.ndarray, angle: float) -> np.ndarray:
-        """The axis that fits best near by: point-to-plane steps over its two tilts."""
+    def _fitted(self, axis: np.ndarray, angle: float) -> np.ndarray | None:
+        """The axis that fits best near by: point-to-plane steps over its two tilts; None where they lead away."""
+        start = axis
         for _ in range(_STEPS):
             rotation = turns_about(axis, angle)
             turned = self.points @ rotation.T
@@ -182,7 +186,9 @@ class _Self:
             step *= min(1.0, 0.1 / max(float(np.linalg.norm(step)), 1e-12))
             axis = axis + step @ across
             axis = axis / np.linalg.norm(axis)
-            if np.linalg.norm(step) < 1e-5:
+            if abs(axis @ start) < np.cos(np.radians(_AWAY_DEG)):
+                return None
+            if np.linalg.norm(step) < _SETTLED:
                 break
         return axis
 

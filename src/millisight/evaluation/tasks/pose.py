@@ -131,7 +131,7 @@ class PoseTask(Task):
         def source_of(scene: SceneSource) -> _Source:
             return _Source(scene, first[scene.object], others, (across, across, deep), clutter, self.support)
 
-        return plan_of_shapes(data, there, source_of, settings)
+        return plan_of_shapes(data, there, source_of, settings, lambda scene: (first[scene.object], *others.values()))
 
     @staticmethod
     def run(item: EvaluationItem) -> Mapping[str, Any]:

@@ -308,7 +308,7 @@ class Annotation:
         }
 
     def _read_prompts(self, otherwise: str) -> tuple[Question | None, bool]:
-        """What an earlier session saved of this picture, to go on from; and whether the mask was written, too."""
+        """What an earlier session saved of this picture, to go on from; and whether its mask is there, too."""
         path = self.prompts_path
         if not path.is_file():
             return None, False
@@ -328,11 +328,12 @@ class Annotation:
                 f"{printable(path)} would be overwritten, and is not an earlier annotation of this picture: {reason}; "
                 "choose another --output, or move it away"
             ) from error
+        whole = _PENDING not in told and self.mask_path.is_file()
         try:
             self._segmenter(told["method"])
         except (MillisightError, LookupError):
-            return Question(otherwise, prompts), _PENDING not in told
-        return Question(told["method"], prompts), _PENDING not in told
+            return Question(otherwise, prompts), whole
+        return Question(told["method"], prompts), whole
 
 
 def _checked_name(mask_path: Path, subject: OpenedPicture) -> Path:
