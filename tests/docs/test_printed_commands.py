@@ -29,7 +29,9 @@ from helpers.printed import (
     write_scan,
 )
 from millisight.cli.app import app
+from millisight.imaging._sparse import sparse
 from millisight.io.mito import write_published
+from millisight.viz import save_figure
 
 PAGES = [README, *sorted((ROOT / "docs").glob("*/*.md"))]
 
@@ -65,12 +67,15 @@ def test_it_is_a_command_that_exists(line):
 
 @pytest.fixture(scope="module")
 def stage(tmp_path_factory):
-    """What a reader of the pages has: a mesh, its captures and images, files of a scanner."""
+    """What a reader of the pages has: a mesh, its captures and images, files of a scanner.
+
+    The mug is half as large as that of the catalogue, and so what is searched for it an eighth.
+    """
     folder = tmp_path_factory.mktemp("stage")
-    mug = ms.Scene.from_mesh("mug", vertices=600)
-    write_mesh(folder / "mug.stl", vertices=600)
-    trajectory = ms.Trajectory.raster(size=(0.1, 0.1), step=0.004)
-    grid = ms.VoxelGrid.regular((-0.08, -0.08, -0.06), (0.08, 0.08, 0.06), 0.004)
+    write_mesh(folder / "mug.stl", vertices=400, scale=0.5)
+    mug = ms.Scene.from_mesh(folder / "mug.stl", unit="mm", vertices=None)
+    trajectory = ms.Trajectory.raster(size=(0.06, 0.06), step=0.004)
+    grid = ms.VoxelGrid.regular((-0.05, -0.05, -0.04), (0.05, 0.05, 0.04), 0.004)
     for band, name in (("77", "mito-sim-77ghz"), ("24", "mito-sim-24ghz")):
         capture = ms.simulate(mug, ms.Radar.preset(name), trajectory)
         ms.save(folder / f"mug_{band}.h5", ms.form_image(capture, grid))
@@ -93,6 +98,23 @@ def stage(tmp_path_factory):
     return folder
 
 
+QUICKER = {"simulate": {"vertices": 600}}
+"""Defaults of options that cost time and change nothing else."""
+
+
+def run_quickly(monkeypatch):
+    """How well they find a pose, an image, and how fine a picture is, is tried elsewhere."""
+    monkeypatch.setitem(ms.locate.__kwdefaults__, "turns", 100)
+    monkeypatch.setattr("millisight.geometry._symmetries._AXES", 30)
+    monkeypatch.setitem(sparse.__kwdefaults__, "iterations", 3)
+    monkeypatch.setitem(save_figure.__kwdefaults__, "dpi", 40)
+
+
+def of_second_kind(folder, names):
+    """Parts of the miniature that pages name nowhere: second experiments, and the box out of sight."""
+    return {"exp2", *(["nlos"] if "004_sugar_box" in folder else [])} & {*names}
+
+
 RUN = [page for page, lines in PRINTS.items() if any(why_not(x) is None for x in lines) and page != README.name]
 
 
@@ -101,13 +123,13 @@ def test_what_is_printed_runs_in_its_order(page, stage, miniature, tmp_path, mon
     for path in stage.iterdir():
         (shutil.copytree if path.is_dir() else shutil.copy)(path, tmp_path / path.name)
     if any("MITO_Dataset" in line for line in PRINTS[page]):
-        shutil.copytree(miniature.healthy, tmp_path / "MITO_Dataset")
+        shutil.copytree(miniature.healthy, tmp_path / "MITO_Dataset", ignore=of_second_kind)
     (tmp_path / "examples").symlink_to(ROOT / "examples", target_is_directory=True)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0}, raising=False)  # one process: no others to be started
-    monkeypatch.setitem(ms.locate.__kwdefaults__, "turns", 200)  # how well they find a pose is tried elsewhere
+    run_quickly(monkeypatch)
     for line in PRINTS[page]:
         if why_not(line) is None:
             words = [one for word in words_of(line) for one in (sorted(glob.glob(word)) if "*" in word else [word])]
-            code, out, err, error = run_here(*words)
+            code, out, err, error = run_here(*words, defaults=QUICKER)
             assert (code, error) == (0, ""), f"{line}\n{out}{err}{error}"

@@ -63,9 +63,12 @@ def run_inside(*arguments, cwd):
     return code, out.getvalue(), err.getvalue()
 
 
-def run_here(*arguments):
-    """Run it within this process: as `run`, and the error that `millisight` would print."""
-    done = CliRunner().invoke(app, list(map(str, arguments)))
+def run_here(*arguments, defaults=None):
+    """Run it within this process: as `run`, and the error that `millisight` would print.
+
+    `defaults`: of options that are not given, by command and option.
+    """
+    done = CliRunner().invoke(app, list(map(str, arguments)), default_map=defaults)
     if isinstance(done.exception, MillisightError):
         return 1, done.stdout, done.stderr, str(done.exception)
     assert done.exception is None or isinstance(done.exception, SystemExit), done.exception

@@ -61,10 +61,10 @@ def words_of(line):
     return list(itertools.takewhile(lambda word: word not in ("&&", ">"), words))
 
 
-def write_mesh(path, vertices=None):
+def write_mesh(path, vertices=None, scale=1.0):
     """The catalogue's mug as a file of one's own, in millimetres."""
     mug = ms.Scene.from_mesh("mug", vertices=vertices).mesh
-    trimesh.Trimesh(1e3 * mug.vertices, mug.faces).export(path)
+    trimesh.Trimesh(1e3 * scale * mug.vertices, mug.faces).export(path)
 
 
 def write_scan(data, description):
