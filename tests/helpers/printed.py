@@ -87,8 +87,8 @@ def write_recording(path):
 
 def write_scenes(folder):
     """A dataset of images that can be told apart, measured and simulated."""
-    for name, block in zip((MUG, "003_cracker_box"), small_scenes.BLOCKS.values(), strict=True):
-        for sight in ("los", "nlos"):
-            place = experiment_folder(folder, name, (0, 0, 0), 1, sight)
-            small_scenes.add(place, block, small_scenes.INFO, hidden=sight == "nlos")
+    one, other = small_scenes.BLOCKS.values()
+    for name, block, sight in ((MUG, one, "los"), (MUG, one, "nlos"), ("003_cracker_box", other, "los")):
+        place = experiment_folder(folder, name, (0, 0, 0), 1, sight)
+        small_scenes.add(place, block, small_scenes.INFO, hidden=sight == "nlos")
     add_simulation(folder, MUG, small_scene(MUG))
