@@ -11,14 +11,14 @@ import pytest
 
 import millisight as ms
 from helpers.oracles import scans, shared
+from helpers.small_demo import SMALL_DEMO
 from millisight.meshes import build_object
 
 
 def test_the_demo_does_the_main_job(tmp_path):
     """With one of its objects: `make demo` has all of them."""
-    code = "from millisight.cli import demo, main; demo.OBJECTS = ('mug',); main.run()"
     done = subprocess.run(
-        [sys.executable, "-c", code, "demo", "-o", "demo"],
+        [sys.executable, "-c", SMALL_DEMO],
         cwd=tmp_path, capture_output=True, text=True, timeout=600, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
@@ -83,7 +83,7 @@ def test_real_scans_run_through_the_main_job(scan):
     Nearer or wider, the image of a ball peaks deeper: its echo has the range of its top but the curvature of its
     centre. A smooth ball has no edges: then, and only then, may the edge model stay dark.
     """
-    scene = ms.Scene.from_mesh(shared("ycb", scan), vertices=7000)
+    scene = ms.Scene.from_mesh(shared("ycb", scan), vertices=3000)
     trajectory = ms.Trajectory.raster(size=(0.105, 0.105), step=0.0019, center=(0, 0, 0.35))
     lower, upper = scene.mesh.bounds
     grid = ms.VoxelGrid.regular(lower - 0.01, upper + 0.01, (0.003, 0.003, 0.004))

@@ -14,6 +14,7 @@ import pytest
 
 import millisight as ms
 from helpers import pictures
+from helpers.small_demo import SMALL_DEMO
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -185,11 +186,9 @@ def test_kernels_are_compiled_and_kept_in_a_clean_environment(clean, tmp_path):
 
 
 def test_the_wheel_runs_the_demo_without_extras(clean, tmp_path):
-    """With one of its three objects, which need nothing of their own: `make demo` images all three."""
-    code = "import sys; from millisight.cli import demo, main; demo.OBJECTS = ('mug',)"
-    code += "; sys.argv[1:] = ['demo']; main.run()"
+    """With one of its three objects: `make demo` images all three."""
     done = subprocess.run(
-        [clean / "bin" / "python", "-I", "-c", code],
+        [clean / "bin" / "python", "-I", "-c", SMALL_DEMO],
         cwd=tmp_path, capture_output=True, text=True, timeout=900, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
