@@ -1,7 +1,6 @@
 """What every record shares: checks, read-only arrays and metadata, copies; and one way to compile."""
 
 import copy
-import os
 import pickle
 import re
 import subprocess

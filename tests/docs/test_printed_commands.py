@@ -6,6 +6,7 @@ README are run in tests/system/test_first_hour.py.
 
 import glob
 import os
+import pkgutil
 import re
 import shutil
 
@@ -22,6 +23,7 @@ from helpers.printed import (
     README,
     ROOT,
     commands_in,
+    locate_roughly,
     why_not,
     words_of,
     write_mesh,
@@ -29,7 +31,6 @@ from helpers.printed import (
     write_scan,
 )
 from millisight.cli.app import app
-from millisight.imaging._sparse import sparse
 from millisight.io.mito import write_published
 from millisight.viz import save_figure
 
@@ -104,8 +105,8 @@ QUICKER = {"simulate": {"vertices": 600}}
 
 def run_quickly(monkeypatch):
     """How well they find a pose, an image, and how fine a picture is, is tried elsewhere."""
-    monkeypatch.setitem(ms.locate.__kwdefaults__, "turns", 100)
-    monkeypatch.setattr("millisight.geometry._symmetries._AXES", 30)
+    locate_roughly(monkeypatch)
+    sparse = pkgutil.resolve_name("millisight.imaging._sparse:sparse")
     monkeypatch.setitem(sparse.__kwdefaults__, "iterations", 3)
     monkeypatch.setitem(save_figure.__kwdefaults__, "dpi", 40)
 

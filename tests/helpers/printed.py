@@ -61,6 +61,14 @@ def words_of(line):
     return list(itertools.takewhile(lambda word: word not in ("&&", ">"), words))
 
 
+def locate_roughly(monkeypatch):
+    """As few turns, poses that are fitted, and axes of symmetry as the search for a pose takes."""
+    monkeypatch.setitem(ms.locate.__kwdefaults__, "turns", 100)
+    monkeypatch.setattr("millisight.geometry._registration.register.__kwdefaults__", {"most": 20, "climbers": 20})
+    monkeypatch.setattr("millisight.geometry._locate._fits.__defaults__", (20,))
+    monkeypatch.setattr("millisight.geometry._symmetries._AXES", 30)
+
+
 def write_mesh(path, vertices=None, scale=1.0):
     """The catalogue's mug as a file of one's own, in millimetres."""
     mug = ms.Scene.from_mesh("mug", vertices=vertices).mesh

@@ -21,6 +21,7 @@ from helpers.commands import run, run_here
 from helpers.printed import (
     README,
     commands_in,
+    locate_roughly,
     why_not,
     words_of,
     write_mesh,
@@ -82,9 +83,9 @@ def test_the_readme_from_top_to_bottom(tmp_path, miniature, monkeypatch):
         for path in miniature.healthy.rglob("*")
         if path.is_file() and "exp2" not in path.parts
     }
-    # How well they find a pose, and images of finer meshes, are tried elsewhere.
-    monkeypatch.setitem(ms.locate.__kwdefaults__, "turns", 100)
-    monkeypatch.setattr("millisight.geometry._symmetries._AXES", 30)
+    # How well they find a pose, images of finer meshes, and listings of many pages are tried elsewhere.
+    locate_roughly(monkeypatch)
+    monkeypatch.setattr("helpers.small_hub.PAGE", 100)
     monkeypatch.setitem(ms.Scene.from_mesh.__kwdefaults__, "vertices", 1000)
     told, ran = {}, 0
     with Hub(hub_files) as hub:

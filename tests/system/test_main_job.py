@@ -61,7 +61,7 @@ def test_the_demo_does_the_main_job(tmp_path):
 
 def test_a_wrench_looks_like_a_wrench():
     """The specular image of a flat wrench correlates with its silhouette, at 77 GHz more than at 24 GHz."""
-    scene = ms.Scene.from_mesh("adjustable_wrench")
+    scene = ms.Scene.from_mesh("adjustable_wrench", vertices=5000)
     trajectory = ms.Trajectory.raster(size=(0.24, 0.1), step=0.0019)
     grid = ms.VoxelGrid.regular((-0.11, -0.04, 0.0), (0.11, 0.04, 0.008), (0.002, 0.002, 0.004))
     vertices = scene.mesh.vertices
@@ -83,7 +83,7 @@ def test_real_scans_run_through_the_main_job(scan):
     Nearer or wider, the image of a ball peaks deeper: its echo has the range of its top but the curvature of its
     centre. A smooth ball has no edges: then, and only then, may the edge model stay dark.
     """
-    scene = ms.Scene.from_mesh(shared("ycb", scan), vertices=3000)
+    scene = ms.Scene.from_mesh(shared("ycb", scan), vertices=7000)
     trajectory = ms.Trajectory.raster(size=(0.105, 0.105), step=0.0019, center=(0, 0, 0.35))
     lower, upper = scene.mesh.bounds
     grid = ms.VoxelGrid.regular(lower - 0.01, upper + 0.01, (0.003, 0.003, 0.004))
