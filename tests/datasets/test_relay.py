@@ -18,6 +18,7 @@ fsspec = pytest.importorskip("fsspec", reason='needs fsspec: pip install "millis
 
 HERE = Engine("threads", 1, 1)
 JOBS = 4
+pytestmark = pytest.mark.usefixtures("measured_once")
 
 
 class Watched:
@@ -52,10 +53,10 @@ def left_in(url):
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory):
+def made(small_dataset):
     """The small recipe's dataset, made without a store."""
-    out = tmp_path_factory.mktemp("made") / "small"
-    assert run_plan(plan(out), HERE).failures == ()
+    out, done, _ = small_dataset
+    assert done.failures == ()
     return out
 
 

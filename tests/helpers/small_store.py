@@ -23,6 +23,9 @@ class SmallStore:
         self._app = DomainDispatcherApplication(create_backend_app)
         self._server = make_server("127.0.0.1", 0, self, threaded=True, request_handler=_Quiet)
         self._lock = threading.Lock()
+        self._fresh()
+
+    def _fresh(self):
         self.sent, self.fetched = [], []
         self.most_sent = 10**6
         self.damaged, self.denied = set(), None
@@ -38,10 +41,15 @@ class SmallStore:
         self.sent.clear()
         return self
 
-    def __exit__(self, *_):
-        self.denied = None
+    def empty(self):
+        """As it was when it started."""
+        self._fresh()
         for name in self.names():
             self.client.delete_object(Bucket=BUCKET, Key=name)
+        self._fresh()
+
+    def __exit__(self, *_):
+        self.empty()
         self.client.delete_bucket(Bucket=BUCKET)
         self.client.close()
         self._server.shutdown()
