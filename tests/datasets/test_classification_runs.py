@@ -10,6 +10,7 @@ import pytest
 import millisight as ms
 from helpers.small_scenes import BLOCKS, inside, make
 from helpers.some_answers import prediction
+from helpers.undrawn import undrawn
 from millisight.core.errors import DamagedFileError, InputError
 from millisight.datasets import DatasetFiles, Manifest, find_scenes, write_manifest
 from millisight.datasets._origins import origins
@@ -53,7 +54,10 @@ def data(whole, tmp_path, monkeypatch):
 
 @pytest.fixture
 def untimed(monkeypatch):
+    """Nor drawn: what is run and cached is looked at."""
     monkeypatch.setattr(classification, "time_classifiers", lambda weights, sources: {one: [] for one in weights})
+    with undrawn():
+        yield
 
 
 def run(data, tmp_path, *weights, **options):

@@ -264,14 +264,16 @@ def test_a_damaged_output_of_the_same_size_is_made_anew(converted, miniature, tm
 
 def test_two_conversions_into_one_folder_are_refused(miniature, tmp_path):
     """They deleted each other's partial files."""
-    command = [sys.executable, "-m", "millisight.cli.main", "dataset", "convert", miniature.healthy, "-o", tmp_path]
+    root, out = tmp_path / "root", tmp_path / "out"
+    shutil.copytree(miniature.healthy / BOX, root / BOX)
+    command = [sys.executable, "-m", "millisight.cli.main", "dataset", "convert", root, "-o", out]
     first = subprocess.Popen([*command, "--workers", "1"], stderr=subprocess.PIPE)
-    wait_for(lambda: finished(tmp_path) >= 1)
+    wait_for(lambda: finished(out) >= 1)
     with pytest.raises(FileError, match=rf"another run \(process {first.pid}\) is using .*; wait for it, or stop it"):
-        convert(miniature.healthy, tmp_path, workers=1)
+        convert(root, out, workers=1)
     _, err = first.communicate(timeout=120)
     assert first.returncode == 0, err
-    assert not [path.name for path in tmp_path.iterdir() if path.name in (".millisight.lock", ".millisight.partial")]
+    assert not [path.name for path in out.iterdir() if path.name in (".millisight.lock", ".millisight.partial")]
 
 
 def test_a_pipe_within_a_dataset_is_no_file(miniature, tmp_path):

@@ -3,6 +3,7 @@
 import csv
 import json
 import os
+import shutil
 import sys
 from importlib.metadata import EntryPoint
 from pathlib import Path
@@ -16,6 +17,7 @@ from typer.testing import CliRunner
 
 import millisight as ms
 from helpers.small_scenes import make
+from helpers.undrawn import undrawn
 from millisight.cli.evaluate import segmentation
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.datasets._runner import _cache_key
@@ -41,9 +43,14 @@ class Bright:
         return Candidates(masks=(shown > self.above)[None], scores=[1.0])
 
 
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    return make(tmp_path_factory.mktemp("whole") / "data")
+
+
 @pytest.fixture
-def root(tmp_path):
-    return make(tmp_path / "data")
+def root(whole, tmp_path):
+    return shutil.copytree(whole, tmp_path / "data")
 
 
 @pytest.fixture(autouse=True)
@@ -58,7 +65,8 @@ def bright(monkeypatch):
 def run(root, tmp_path, **options):
     options = {"blind": ()} | options
     given = {"output": tmp_path / "out", "workers": 1, "methods": ["bright"], "failures": 0, **options}
-    return ms.evaluate("segmentation", root, **given)
+    with undrawn():
+        return ms.evaluate("segmentation", root, **given)
 
 
 def test_a_second_run_takes_what_is_there(root, tmp_path):

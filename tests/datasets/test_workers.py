@@ -27,11 +27,11 @@ def test_failures_are_the_things_own(workers):
 
 
 def test_a_process_that_dies_takes_nothing_else_along():
-    things = ["1", "2", "__import__('os')._exit(7)", "4", "5", "6", "7"]
+    things = ["1", "__import__('os')._exit(7)", "3", "4", "5"]
     found = {outcome.number: (outcome.result, outcome.failure) for outcome in each(eval, things, workers=2)}
-    assert sorted(found) == list(range(7))
-    assert [found[i][0] for i in (0, 1, 3, 4, 5, 6)] == [1, 2, 4, 5, 6, 7]
-    assert "process that worked on it died" in found[2][1]
+    assert sorted(found) == list(range(5))
+    assert [found[i][0] for i in (0, 2, 3, 4)] == [1, 3, 4, 5]
+    assert "process that worked on it died" in found[1][1]
 
 
 def test_who_stops_early_leaves_no_process_behind():
@@ -68,18 +68,19 @@ GENERATE = """
 import sys
 from helpers import small_recipe
 from millisight.datasets.generation import engine_of, plan_dataset, run_plan
-engine = engine_of(sys.argv[2], 2)
-done = run_plan(plan_dataset(small_recipe.recipe(rig=None), sys.argv[1]), engine)
-assert (done.made, done.failures) == (1, ()), done.failures
 loaded = "sorted(name for name in ('dask', 'distributed') if name in __import__('sys').modules)"
-print([*engine.run(eval, [loaded])][0].result, eval(loaded))
+if __name__ == "__main__":
+    for name in ("threads", "processes"):
+        engine = engine_of(name, 2)
+        done = run_plan(plan_dataset(small_recipe.recipe(rig=None), f"{sys.argv[1]}/{name}"), engine)
+        assert (done.made, done.failures) == (1, ()), done.failures
+        print(name, [one.result for one in engine.run(eval, [loaded, loaded])], eval(loaded))
 """
 
 
-@pytest.mark.parametrize("scheduler", ["processes", "threads"])
-def test_generating_here_imports_no_distributed(scheduler, tmp_path):
+def test_generating_here_imports_no_distributed(tmp_path):
     """It opens ports and starts threads, even where it is not used; neither here nor in a worker."""
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parents[1]), *sys.path])}
-    command = [sys.executable, "-c", GENERATE, str(tmp_path / "out"), scheduler]
+    command = [sys.executable, "-c", GENERATE, str(tmp_path)]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=240)
-    assert (done.returncode, done.stdout) == (0, "[] []\n"), done.stderr
+    assert (done.returncode, done.stdout) == (0, "threads [[], []] []\nprocesses [[], []] []\n"), done.stderr

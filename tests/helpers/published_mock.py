@@ -28,6 +28,7 @@ SECONDS = 1_700_000_000
 TURN = np.array([0.7071, 0.7071, 0.0, 0.0])  # of the tool, as the arm holds it
 DEPTH, RADIUS = 0.45, 60  # of the object in the camera's picture [m], [pixels]
 LEFT_OUT = ("007_tuna_fish_can/0_0_0/exp2/los",)
+MESHES = ("nontextured.stl", "uniform.stl", "uniform_10000.stl", "textured.obj")  # of all but the can
 WITHOUT_24_GHZ = (SUGAR, TUNA, PEACH, WRENCH)
 FIRST = {"aperture size": "normal", "rx offset": "x", "background": "tripod", "date": "0128", "occlusion": "paper"}
 SECOND = {"aperture size": "almost-square", "rx offset": "y", "background": "styrofoam", "mount type": "new"}
@@ -197,8 +198,10 @@ def add_camera_mask(folder, number):
 
 
 def add_raw(root):
-    """Raw files, which the authors send on request, of two experiments; and the 24 GHz background's."""
+    """Raw files, as the authors send them on request, of two experiments and the 24 GHz background; the mug's meshes."""
     scene = small_scene(MUG)
+    for file in MESHES:
+        write_mesh(root / MUG / file, scene.mesh)
     for name, info in ((MUG, FIRST), (CRACKERS, {**FIRST, "aperture size": "large"})):
         folder = experiment_folder(root, name, ANGLES.get(name, (0, 0, 0)), 1, "los")
         for radar in ("77_ghz", "24_ghz"):
@@ -224,7 +227,7 @@ def add_simulation(root, name):
     """Specular, edge and diffuse images, their masks, numbered ones too, raw files, and meshes."""
     place = root / name / "simulation" / "0_0_0"
     z = np.arange(-0.37, -0.15, 0.01)
-    locs = np.stack(np.meshgrid(0.001 * np.arange(12), 0.1 + 0.001 * np.arange(10), [0.0]), axis=-1).reshape(-1, 3)
+    locs = np.stack(np.meshgrid(0.001 * np.arange(4), 0.1 + 0.001 * np.arange(3), [0.0]), axis=-1).reshape(-1, 3)
     bands = ("77_ghz",) if name in WITHOUT_24_GHZ else ("77_ghz", "24_ghz")
     rng = np.random.default_rng(1)
     for radar in bands:
@@ -235,16 +238,13 @@ def add_simulation(root, name):
             held = published_image((0.11, 0.27), z=heights, scale=SIMULATED_SCALE, seed=len(ext))
             dump(processed / f"processed_image{ext}.pkl", held | {"antenna_locs": locs})
             mask = {"radar_mask": disc((0.11, 0.27), 0.04, (held["x_locs"], held["y_locs"]))}
-            for number in ("", *(f"_{i}" for i in range(10 if ext == "_specular" else 0))):
+            numbers = 0 if ext != "_specular" else 10 if name == MUG else 2  # all ten of one object are enough
+            for number in ("", *(f"_{i}" for i in range(numbers))):
                 dump(processed / f"radar_masks{ext}{number}.pkl", mask)
             channels = rng.normal(size=(len(locs), 64)) + 1j * rng.normal(size=(len(locs), 64))
             dump(raw / f"raw_sim_files{ext}.pkl", {"channels": list(channels), "radar_shifted_locs": locs.tolist()})
-    files = ("nontextured.stl", "uniform.stl", "uniform_10000.stl", "textured.obj") if name != TUNA else ()
-    for file in files:
-        if name == MUG:
-            write_mesh(root / name / file, small_scene(MUG).mesh)
-        else:
-            shutil.copy(root / MUG / file, root / name / file)
+    for file in MESHES if name not in (MUG, TUNA) else ():
+        shutil.copy(root / MUG / file, root / name / file)
     (root / name / "textured.mtl").write_text("newmtl none\n")
     Image.new("RGB", (4, 4)).save(root / name / "texture_map.png")
 
