@@ -198,7 +198,7 @@ def add_camera_mask(folder, number):
 
 
 def add_raw(root):
-    """Raw files, as the authors send them on request, of two experiments and the 24 GHz background; the mug's meshes."""
+    """Raw files, as the authors send them on request, of two experiments and the 24 GHz background; a mug's meshes."""
     scene = small_scene(MUG)
     for file in MESHES:
         write_mesh(root / MUG / file, scene.mesh)
