@@ -9,9 +9,8 @@ from helpers import small_recipe
 from helpers.processes import made_once
 from helpers.published_mock import make
 from millisight.datasets.generation import Engine, plan_dataset, run_plan
-from millisight.datasets.generation import _cost as cost
 
-how_slow = functools.cache(cost.slowness)
+how_slow = functools.cache(plan_dataset.__globals__["slowness"])
 
 
 @pytest.fixture(scope="session")
@@ -24,7 +23,7 @@ def published_root(tmp_path_factory):
 def measured_once():
     """How slow this machine is takes a second to measure, and each plan of a few scans of the rig does."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("millisight.datasets.generation._generate.slowness", how_slow)
+        patch.setitem(plan_dataset.__globals__, "slowness", how_slow)
         yield
 
 

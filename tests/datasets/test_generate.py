@@ -164,9 +164,8 @@ def test_it_tells_of_its_progress(made):
 
 def test_the_number_of_threads_changes_no_byte(tmp_path):
     rig = small_recipe.table()["rig"]
-    world = {**rig["world"], "scan": {**rig["world"]["scan"], "row_spacing": 0.05}}
     scans = [{"radars": [{"preset": "iwr1443", "frame_period": 0.125}]}]
-    changes = {"simulator": None, "rig": {**rig, "world": world, "conditions": ["los"], "scans": scans}}
+    changes = {"simulator": None, "rig": {**rig, "conditions": ["los"], "scans": scans}}
     made = []
     for threads in (1, 2):
         done = make(tmp_path / str(threads), Engine("threads", 1, threads), **changes)

@@ -7,7 +7,6 @@ import sys
 from pathlib import Path
 
 from helpers.processes import wait_for
-from millisight.datasets.generation import engine_of
 
 
 class Cluster:
@@ -24,6 +23,8 @@ class Cluster:
                 **(environment or os.environ),
                 "PYTHONPATH": str(Path(__file__).parents[1]),
                 "OPENBLAS_NUM_THREADS": "1",
+                # Nobody looks at where the workers' time went, which is asked a hundred times a second.
+                "DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED": "False",
             },
         }
         self._scheduler = self._started("dask_scheduler", "--port", "0")
@@ -47,9 +48,14 @@ class Cluster:
 
     def of(self, workers):
         """The address of the cluster, which has so many workers now."""
+        from distributed import Client
+
         while len(self.workers) < workers:
             self.start_worker()
-        wait_for(lambda: engine_of(self.address).workers == workers)
+        # By one client: to connect takes the scheduler and us longer than a worker takes to say that it is there.
+        with Client(self.address, set_as_default=False) as client:
+            client.wait_for_workers(workers, timeout=60)
+            wait_for(lambda: len(client.nthreads()) == workers)  # without those that were lost
         return self.address
 
     def processor_seconds(self):

@@ -18,7 +18,7 @@ margin = 0.01
 image = { spacing = [0.008, 0.008, 0.02], margin = 0.01 }
 
 [rig.world]
-scan = { size = [0.1, 0.1], corner = [0.12, 0.23], row_spacing = 0.03 }
+scan = { size = [0.1, 0.1], corner = [0.12, 0.23], row_spacing = 0.05 }
 arm = { speed = 0.2 }
 radars = [{ preset = "position2go", mount = [0, 0, 0] }]
 
