@@ -11,7 +11,7 @@ import re
 import struct
 import sys
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -40,13 +40,17 @@ class Format:
     found: tuple[bytes, ...] = ()  # files that did harm once
 
 
-def formats(folder: Path) -> list[Format]:
-    """Every format with a reader of its own."""
+def formats(folder: Path) -> Iterator[Format]:
+    """Every format with a reader of its own, made when it is asked for.
+
+    Those whose readers start a process come first: a fork takes the longer the more is loaded, and torch is last.
+    """
     make = _Maker(np.random.default_rng(0), folder)
-    return [*_arrays(make), *_raw(make, folder), *_texts(make, folder), *_scenes(make), *_networks(make, folder)]
+    for some in (_arrays, _raw, _texts, _scenes, _networks):
+        yield from some(make, folder)
 
 
-def _arrays(make: "_Maker") -> list[Format]:
+def _arrays(make: "_Maker", _: Path) -> list[Format]:
     """Arrays, pickles and records."""
     from millisight.io import load, load_extras, read_photo
     from millisight.io.arrays import array_shapes, read_arrays, read_pickle, read_table, read_touchstone
@@ -120,8 +124,8 @@ def _raw(make: "_Maker", folder: Path) -> list[Format]:
     )
 
     def bin_file(path: Path) -> None:
-        describe_raw(path, samples=16, receivers=4, chirps=2)
-        read_dca1000(path, samples=16, receivers=4, chirps=2)
+        describe_raw(path, samples=16, receivers=4, chirps=2)  # works out the order, which takes longest
+        read_dca1000(path, samples=16, receivers=4, chirps=2, order="four-lane")
 
     def published_log(path: Path) -> None:
         raw = folder / "los" / "unprocessed" / "radars" / "77_ghz"
@@ -243,7 +247,7 @@ def _texts(make: "_Maker", folder: Path) -> list[Format]:
     ]  # fmt: skip
 
 
-def _scenes(make: "_Maker") -> list[Format]:
+def _scenes(make: "_Maker", _: Path) -> list[Format]:
     """Meshes and point clouds."""
     from millisight.io import holds_points, read_point_cloud
     from millisight.meshes import load_mesh
@@ -266,12 +270,11 @@ def _scenes(make: "_Maker") -> list[Format]:
     ]
 
 
-def _networks(make: "_Maker", folder: Path) -> list[Format]:
+def _networks(make: "_Maker", folder: Path) -> Iterator[Format]:
     """Weights and checkpoints, where what reads them is installed: onnx, or torch."""
     from millisight.perception import open_network, run_network
     from millisight.perception._onnx_nodes import operators
 
-    found = []
     with suppress(ImportError):
         import onnx
 
@@ -283,12 +286,11 @@ def _networks(make: "_Maker", folder: Path) -> list[Format]:
         valid = make.network(onnx)
         operators(valid)
         bad = valid.replace(b"\n\x03\x12\x01n", b"\n\x03\x12\x01\xff")  # a dimension's name, no UTF-8
-        found.append(Format("network", valid, network, 8, ".onnx", rarely=4, found=(bad,)))
+        yield Format("network", valid, network, 8, ".onnx", rarely=4, found=(bad,))
     with suppress(ImportError):
         import torch
 
-        found += _torch_files(make, folder, torch)
-    return found
+        yield from _torch_files(make, folder, torch)
 
 
 def _torch_files(make: "_Maker", folder: Path, torch: Any) -> list[Format]:
@@ -457,7 +459,7 @@ class _Maker:
         from millisight.io.raw import write_dca1000
 
         beat = np.exp(2j * np.pi * 0.2 * np.arange(16)) * np.array([900, 700, 500, 800])[:, None]
-        frames = np.round(np.tile(beat, (12, 2, 1, 1)) + 20 * self.complex(12, 2, 4, 16))
+        frames = np.round(np.tile(beat, (3, 2, 1, 1)) + 20 * self.complex(3, 2, 4, 16))
         return self.written(lambda p: write_dca1000(p, frames), ".bin")
 
     def text(self) -> bytes:
@@ -584,7 +586,7 @@ class _Maker:
     def mesh(self, suffix: str) -> bytes:
         import trimesh
 
-        made: Any = trimesh.creation.icosphere(subdivisions=1, radius=0.05)
+        made: Any = trimesh.creation.icosphere(subdivisions=0, radius=0.05)
         exported = made.export(file_type=suffix)
         return exported if isinstance(exported, bytes) else exported.encode()
 

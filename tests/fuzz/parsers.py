@@ -24,7 +24,8 @@ import tempfile
 import time
 import traceback
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import islice
 from pathlib import Path
 from typing import NamedTuple
 
@@ -98,14 +99,17 @@ def run(count: int, number: int, only: str | None = None, *, each: int = 0, minu
     """
     place = IN_MEMORY if os.access(IN_MEMORY, os.W_OK) else None
     with tempfile.TemporaryDirectory(dir=place) as text:
-        every = [form for form in formats(Path(text)) if only in (None, form.name)]
-        share = each or count / sum(1 / form.rarely for form in every)
-        gc.freeze()  # no process collects, and so copies, what all were started with
+        every: Iterable[Format] = formats(Path(text))
+        if only:
+            every = islice((form for form in every if form.name == only), 1)
+        share, seconds = each, float("inf")
+        if not each:  # then all have to be known first
+            every = list(every)
+            share = sys.maxsize if minutes else count / sum(1 / form.rarely for form in every)
+            seconds = 60 * minutes / len(every) if minutes else seconds
         for form in every:
-            if minutes:
-                yield _in_child(form, sys.maxsize, 60 * minutes / len(every), number, Path(text))
-            else:
-                yield _in_child(form, int(share / form.rarely) + 1, float("inf"), number, Path(text))
+            gc.freeze()  # no process collects, and so copies, what all were started with
+            yield _in_child(form, int(share / form.rarely) + 1, seconds, number, Path(text))
 
 
 def _in_child(form: Format, count: int, seconds: float, number: int, folder: Path) -> Result:
