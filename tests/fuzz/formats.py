@@ -572,8 +572,8 @@ class _Maker:
         text = b"x" * 1_000_000
         copies = b"\x80\x02](X" + struct.pack("<I", len(text)) + text + b"q\x01X\x06\0\0\0latin1q\x02"
         copies += b"c_codecs\nencode\nq\x03000" + b"h\x03h\x01h\x02\x86R" * 8000 + b"e."
-        shared = b"\x80\x02]q\x00(" + b"K\x01" * 100_000 + b"e0](" + b"h\x00" * 100_000 + b"e."
-        deep = b"\x80\x02" + b"]" * 200_000 + b"a" * 199_999 + b"."
+        shared = b"\x80\x02]q\x00(" + b"K\x01" * 60_000 + b"e0](" + b"h\x00" * 60_000 + b"e."
+        deep = b"\x80\x02" + b"]" * 60_000 + b"a" * 59_999 + b"."
         return copies, shared, deep
 
     def cloud(self, binary: bool) -> bytes:

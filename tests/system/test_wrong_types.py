@@ -81,7 +81,7 @@ def calls(tmp_path_factory) -> dict[str, Call]:
         "add_noise": Call(ms.add_noise, (capture,), {"snr_db": 10, "rng": 0}),
         "Trajectory.raster": Call(ms.Trajectory.raster, (), {"size": (0.02, 0.02), "step": 0.01}),
         "Radar.preset": Call(ms.Radar.preset, ("mito-sim-24ghz",)),
-        "Scene.from_mesh": Call(ms.Scene.from_mesh, ("golf_ball",)),
+        "Scene.from_mesh": Call(ms.Scene.from_mesh, ("golf_ball",), {"vertices": 100}),
         "VoxelGrid.regular": Call(ms.VoxelGrid.regular, ((0, 0, 0), (0.01, 0.01, 0.01), 0.01)),
     }
 
