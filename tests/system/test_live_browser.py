@@ -14,8 +14,8 @@ WORLD = """
 object = "golf_ball"
 at = [0.06, 0.09]
 [scan]
-size = [0.12, 0.12]
-corner = [0.01, 0.03]
+size = [0.05, 0.12]
+corner = [0.035, 0.03]
 row_spacing = 0.002
 [arm]
 speed = 0.5
