@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import millisight as ms
-from helpers.commands import run, run_here
+from helpers.commands import run_here, run_inside
 from helpers.small_images import GRID, image, publish
 from millisight.cli.image_sources import image_sources
 from millisight.io import load_extras
@@ -33,7 +33,7 @@ def test_one_image_gives_a_mask_and_a_picture(tmp_path, here):
     ms.save(tmp_path / "mug.image.h5", image())
     ms.save(tmp_path / "mug24.h5", image(1))
     asked = ("mug.image.h5", "--other-band", "mug24.h5", "--method", "classical", "--seed", "3")
-    code, out, err = run("segment", *asked, cwd=tmp_path)
+    code, out, err = run_inside("segment", *asked, cwd=tmp_path)
     assert code == 0, err
     assert "by classical from" in out
     assert "wrote mug.mask.h5" in out
@@ -63,7 +63,7 @@ def dataset(tmp_path):
 
 
 def test_a_dataset_is_gone_through_and_what_failed_is_said_at_the_end(dataset, tmp_path):
-    code, out, err = run("segment", "data", "--method", "classical", "-o", "masks", cwd=tmp_path)
+    code, out, err = run_inside("segment", "data", "--method", "classical", "-o", "masks", cwd=tmp_path)
     assert code == 1
     assert "segmented 3 of 4 images" in out
     assert f"{dataset}.nlos.24_ghz: picture is blank" in err

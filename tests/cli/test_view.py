@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import millisight as ms
-from helpers.commands import refused, run
+from helpers.commands import refused, run_inside
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +71,7 @@ def test_what_cannot_be_shown_or_written_is_one_line(shown):
 
 
 def test_a_page_is_written_without_a_display(shown):
-    code, out, err = run("view", "a.image.h5", "--html", "a.html", cwd=shown)
+    code, out, err = run_inside("view", "a.image.h5", "--html", "a.html", cwd=shown)
     assert code == 0, err
     assert "wrote a.html" in out
     page = (shown / "a.html").read_text()

@@ -217,9 +217,7 @@ def test_what_unpacks_to_too_much_is_refused(tmp_path):
             file.write(zeros.data)
     (tmp_path / "lies.npy").write_bytes(npy_header((1 << 60,)) + b"\0" * 800)
     scipy.io.savemat(tmp_path / "a.mat", {"zeros": np.zeros(72 << 20, dtype=np.uint8)}, do_compression=True)
-    scipy.io.savemat(
-        tmp_path / "inside.mat", {"s": {"zeros": np.zeros(72 << 20, dtype=np.uint8)}}, do_compression=True
-    )
+    scipy.io.savemat(tmp_path / "inside.mat", {"s": {"zeros": np.zeros(72 << 20, dtype=np.uint8)}}, do_compression=True)
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file.create_dataset("zeros", (1 << 40,), "f8", chunks=(1 << 20,), compression="gzip")
         file.create_dataset("unwritten", (1 << 20,), "f8", chunks=(1 << 10,))

@@ -10,7 +10,7 @@ FAULTS = Path(__file__).parents[1] / "faults.py"
 
 def test_what_is_broken_off_leaves_nothing_and_is_gone_on_with():
     done = subprocess.run(
-        [sys.executable, FAULTS, "segment", "--every", "6"],
+        [sys.executable, FAULTS, "segment", "--every", "3"],
         capture_output=True,
         text=True,
         timeout=300,
