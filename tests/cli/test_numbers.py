@@ -2,6 +2,7 @@
 
 import copy
 import functools
+import pkgutil
 import shutil
 import time
 
@@ -11,7 +12,7 @@ import millisight as ms
 from helpers import small_recipe, solid_mirrors
 from helpers.commands import run_here
 from millisight.core.errors import InputError, MillisightError
-from millisight.datasets.generation import _generate, plan_dataset, recipe_from_table
+from millisight.datasets.generation import plan_dataset, recipe_from_table
 from millisight.rig.virtual import VirtualRig, World
 
 RADAR = ms.Radar.preset("mito-sim-24ghz")
@@ -174,10 +175,14 @@ def test_worlds_with_absurd_numbers_are_refused_or_defined():
 
 def test_recipes_with_absurd_numbers_are_refused_or_defined(tmp_path, monkeypatch):
     # How slow this machine is does not hang on the recipe: asked once, and not by each plan.
-    monkeypatch.setattr(_generate, "slowness", functools.cache(_generate.slowness))
+    asked = "millisight.datasets.generation._generate.slowness"
+    monkeypatch.setattr(asked, functools.cache(pkgutil.resolve_name(asked)))
     refused = []
     rig = {**small_recipe.table()["rig"], "conditions": ["los"]}
-    recipe = {**small_recipe.table(rig=rig), "poses": {"count": 1, "z_deg": [0, 90], "shift": 0.01}}
+    recipe = {
+        **small_recipe.table(rig=rig),
+        "poses": {"count": 1, "z_deg": [0, 90], "shift": 0.01},
+    }
     for _, tables in with_each_number(recipe, (1e38, 1e308, 1e-320, float("nan"))):
         for table in tables:
             refused.append(

@@ -323,10 +323,9 @@ def test_mutated_files_end_in_arrays_or_in_an_error_of_ours(tmp_path):
         # Each file of the last three kinds starts a process, so there are few of them.
         data = mutated(rng, wholes[number % 3 if number % 10 else 3 + number // 10 % 3])
         (tmp_path / "mutated" / f"{number}.some.file").write_bytes(data)
-    done = subprocess.run(
-        [sys.executable, "-c", READ_ALL, tmp_path / "mutated"],
-        capture_output=True, text=True, timeout=300, check=False, env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
-    )  # fmt: skip
+    settings = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    command = [sys.executable, "-c", READ_ALL, tmp_path / "mutated"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False, env=settings)
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
     assert len(told) == MUTATIONS
