@@ -5,6 +5,7 @@ numba-cuda's simulator, without it on a GPU.
 """
 
 import json
+import os
 import sys
 
 import numpy as np
@@ -24,6 +25,12 @@ from millisight.simulation import _kernels as capture_cpu
 # Few waves a metre, so that what float32 rounds off the phases stays far below the tolerance.
 CARRIER = np.float32(10e9 / 299792458)
 NEAREST, PER_METRE = np.float32(0.1), np.float32(60.0)
+
+
+if os.environ.get("NUMBA_ENABLE_CUDASIM") == "1":
+    # The simulator starts a thread of Python for each of a block, also for those past the end of a small problem: a
+    # block of a warp costs an eighth, and what is longer has several blocks, as on a GPU.
+    gpu.launch.__kwdefaults__["threads"] = 32
 
 
 def random_complex(rng, *shape):
@@ -150,8 +157,9 @@ def doors(rng):
     radar = ms.Radar.preset("mito-sim-24ghz")
     trajectory = ms.Trajectory.raster(size=(0.006, 0.006), step=0.003)
     scene = ms.Scene.from_mesh("rubiks_cube", vertices=100)
-    for model in ("rough", "diffuse"):
-        frames = [ms.simulate(scene, radar, trajectory, model=model, device=d).frames for d in ("cuda", "cpu")]
+    corners = ms.Trajectory.raster(size=(0.006, 0.006), step=0.006)
+    for model, path in (("rough", corners), ("diffuse", trajectory)):
+        frames = [ms.simulate(scene, radar, path, model=model, device=d).frames for d in ("cuda", "cpu")]
         yield f"simulate {model}", *frames
 
     capture = ms.Capture(radar=radar, trajectory=trajectory, frames=frames[1])
