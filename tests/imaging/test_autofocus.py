@@ -16,8 +16,8 @@ from millisight.imaging._autofocus_search import Subject
 from millisight.imaging._path_rows import rows_of_path
 from millisight.imaging._row_offsets import row_offsets
 
-GRID = ms.VoxelGrid.regular((-0.08, -0.08, -0.02), (0.08, 0.08, 0.02), (0.002, 0.002, 0.005))
-LINES = 81
+GRID = ms.VoxelGrid.regular((-0.06, -0.06, -0.02), (0.06, 0.06, 0.02), (0.002, 0.002, 0.005))
+LINES = 61
 
 
 def radar(samples=16):
@@ -26,14 +26,14 @@ def radar(samples=16):
     return ms.Radar(name="77 GHz, few samples", waveform=waveform, array=preset.array)
 
 
-def plan(size=(0.16, 0.16), step=0.002):
+def plan(size=(0.12, 0.12), step=0.002):
     return ms.Trajectory.raster(size=size, step=step, center=(0, 0, 0.2), serpentine=True)
 
 
 def heard(path, count=12, seed=3):
     """What the radar hears of points along a path, in noise 20 dB under the echoes."""
     rng = np.random.default_rng(seed)
-    points = rng.uniform((-0.07, -0.07, -0.01), (0.07, 0.07, 0.01), (count, 3))
+    points = rng.uniform((-0.05, -0.05, -0.01), (0.05, 0.05, 0.01), (count, 3))
     setup = radar()
     tx, rx = path.placed(setup.array.tx_positions), path.placed(setup.array.rx_positions)
     frames = point_frames(points, rng.uniform(0.5, 1, count), tx, rx, setup.waveform.frequencies)
@@ -146,10 +146,20 @@ def test_a_path_that_is_right_stays_so(right):
     assert np.linalg.norm(found.displacements, axis=1).max() < right.radar.waveform.wavelength / 18
 
 
+@pytest.fixture(scope="module")
+def small():
+    return heard(plan(size=(0.08, 0.08)))
+
+
+@pytest.fixture(scope="module")
+def usual(small):
+    return ms.autofocus(small, GRID, focus="rows")
+
+
 @pytest.mark.parametrize("unit", [1e30, 1e-30])
-def test_the_unit_of_frames_does_not_matter(right, unit):
-    late = replace(right, frames=right.frames * np.float32(unit))
-    found, usual = (ms.autofocus(one, GRID, focus="rows") for one in (late, right))
+def test_the_unit_of_frames_does_not_matter(small, usual, unit):
+    late = replace(small, frames=small.frames * np.float32(unit))
+    found = ms.autofocus(late, GRID, focus="rows")
     assert found.applied == usual.applied
     np.testing.assert_allclose(found.row_offsets, usual.row_offsets, atol=1e-3)
     assert np.abs(found.capture.frames).max() == pytest.approx(np.abs(late.frames).max(), rel=1e-6)
@@ -158,7 +168,7 @@ def test_the_unit_of_frames_does_not_matter(right, unit):
 def test_where_nothing_tells_the_path_stays_and_the_reason_is_said(right):
     rng = np.random.default_rng(0)
     noise = rng.normal(size=(*right.frames.shape, 2)).astype(np.float32).view(np.complex64)[..., 0]
-    rows = plan(size=(0.002, 0.16))
+    rows = plan(size=(0.002, 0.12))
     scenes = {
         "no echo": replace(right, frames=np.zeros_like(right.frames)),
         "differ|nothing to correct": replace(right, frames=noise),
@@ -216,11 +226,11 @@ def test_what_cannot_be_right_is_refused(right):
         ms.autofocus(right, GRID, smoothness=-1)
 
 
-def test_on_the_command_line(right, tmp_path):
-    moved = errors(right.trajectory, 4, wander=0.0)
-    ms.save(tmp_path / "bad.capture.h5", astray(right, moved))
+def test_on_the_command_line(small, tmp_path):
+    moved = errors(small.trajectory, 4, wander=0.0)
+    ms.save(tmp_path / "bad.capture.h5", astray(small, moved))
     code, out, err = run_inside(
-        "image", "bad.capture.h5", "--grid=-8cm:8cm:4mm,-8cm:8cm:4mm,-2cm:2cm:1cm", "--focus", "rows", cwd=tmp_path
+        "image", "bad.capture.h5", "--grid=-6cm:6cm:4mm,-6cm:6cm:4mm,-2cm:2cm:1cm", "--focus", "rows", cwd=tmp_path
     )
     assert code == 0, err
     assert "focus: rows corrected by up to" in out
