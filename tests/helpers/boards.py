@@ -75,13 +75,13 @@ def pictures_of(told, rng, board=BOARD, optics=OPTICS, noise=3.0, samples=3):
     step = (np.arange(samples) + 0.5) / samples - 0.5
     rows = (np.arange(optics.height)[:, None] + step).ravel()
     columns = (np.arange(optics.width)[:, None] + step).ravel()
-    x, y = np.meshgrid((columns - optics.cx) / optics.fx, (rows - optics.cy) / optics.fy)
-    rays = np.stack([x, y, np.ones_like(x)], axis=-1)
+    x, y = (columns - optics.cx) / optics.fx, (rows - optics.cy)[:, None] / optics.fy
     for view in seen_from(told):
         to_board = np.linalg.inv(view @ told.board)
-        away = rays @ to_board[:3, :3].T
+        away = [across * x + (down * y + ahead) for across, down, ahead in to_board[:3, :3]]
         # Where each ray meets the board, in squares from the first corner.
-        u, v = np.moveaxis((to_board[:3, 3] - to_board[2, 3] / away[..., 2:] * away)[..., :2] / board.square, -1, 0)
+        reach = -to_board[2, 3] / away[2]
+        u, v = ((to_board[i, 3] + reach * away[i]) / board.square for i in (0, 1))
         light = np.full(u.shape, 60.0)
         low, wide, high = -1 - _MARGIN, board.columns + _MARGIN, board.rows + _MARGIN
         light[(u > low) & (u < wide) & (v > low) & (v < high)] = 220.0
