@@ -26,7 +26,7 @@ AT_77 = World(
         speed=0.5, acceleration=4.0, settle=0.05, path_error=0.3e-3, encoder_noise=0.03e-3,
         clock_offset=0.02, clock_drift=50e-6,
     ),
-    radars=(RadarSettings(**DRIFTING),),
+    radars=(RadarSettings(frame_period=0.006, **DRIFTING),),
 )  # fmt: skip
 AT_24 = World(  # a wave three times as long: an arm that strays by 1.5 mm does the same harm
     seed=4,
@@ -70,17 +70,17 @@ def at_77(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def raw_24(tmp_path_factory):
-    """The rig, and the folders of two experiments: of the scene, and of the empty scene as others find it later."""
+    """The rig, the scan, its folder, and the scan of the empty scene as others find it later."""
     folder = tmp_path_factory.mktemp("at_24")
     empty = dataclasses.replace(AT_24, seed=5, scan=ScanSettings(size=(0.01, 0.14), row_spacing=0.01))
     rig, out = recorded(AT_24, folder, scattered, "000_points")
-    return rig, out, recorded(empty, folder, nothing, "000_background")[1]
+    found = recorded(empty, folder, nothing, "000_background")[1]
+    return rig, read_experiment(out, "24_ghz"), out, read_experiment(found, "24_ghz")
 
 
 @pytest.fixture(scope="module")
 def at_24(raw_24):
-    rig, *folders = raw_24
-    scan, empty = (read_experiment(folder, "24_ghz") for folder in folders)
+    rig, scan, _, empty = raw_24
     return rig, subtract_background(scan.to_capture(), empty.to_capture(), frame="first"), scan.log
 
 
@@ -131,7 +131,7 @@ def test_the_log_and_the_frames_alone_give_the_image_of_the_true_path(band, stra
 
 
 def test_at_24_ghz_every_chirp_of_a_frame_has_noise_of_its_own(raw_24):
-    rig, out, _ = raw_24
+    rig, scan, out, _ = raw_24
     files = sorted((radar_folder(out, "24_ghz", processed=False) / "radar_data").iterdir())
     assert len(files) == len(rig.plan.rows) == 24
     samples = read_position2go(files[0]).samples
@@ -142,4 +142,4 @@ def test_at_24_ghz_every_chirp_of_a_frame_has_noise_of_its_own(raw_24):
     spread = (abs(samples - samples.mean(axis=1, keepdims=True)) ** 2).mean() * 16 / 15
     assert spread == pytest.approx(sigma**2 + 2 / 12, rel=0.02)
     # The first is what is used.
-    assert np.array_equal(read_experiment(out, "24_ghz").rows[0].read()[:, 0], np.conj(samples[:, 0]))
+    assert np.array_equal(scan.rows[0].read()[:, 0], np.conj(samples[:, 0]))
