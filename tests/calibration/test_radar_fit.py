@@ -44,10 +44,10 @@ def way(kind, tx, rx, place, radius=0.0):
 def scan(seed=0, *, tilt=5.0, noise=0.0, wander=0.0, offset=OFFSET, gains=GAINS, kind="point", radius=0.0):
     """A scan by a radar that is not where it is told to be; rows tilted at random, positions wandering slowly."""
     rng = np.random.default_rng(seed)
-    told = ms.Trajectory.raster(size=(0.15, 0.15), step=(0.01, 0.003), center=(0, 0, 0.3))
-    turns = rng.normal(0, tilt, (16, 3))[np.repeat(np.arange(16), 51)]
+    told = ms.Trajectory.raster(size=(0.15, 0.15), step=(0.01, 0.006), center=(0, 0, 0.3))
+    turns = rng.normal(0, tilt, (16, 3))[np.repeat(np.arange(16), 26)]
     told = replace(told, orientations=Rotation.from_euler("xyz", turns, degrees=True).as_quat())
-    errors = np.repeat(rng.normal(0, wander, (51, 3)), 16, axis=0)
+    errors = np.repeat(rng.normal(0, wander, (26, 3)), 16, axis=0)
     true = replace(told, positions=told.positions + errors)
     turn = Rotation.from_rotvec(TURN_DEG, degrees=True).as_matrix()
     tx, rx = (true.placed(p @ turn.T + offset) for p in (RADAR.array.tx_positions, RADAR.array.rx_positions))
@@ -139,7 +139,7 @@ def test_a_level_radar_knows_its_offset_to_the_targets_uncertainty():
 
 def test_a_calibrated_capture_has_its_image_where_the_target_is():
     capture, target = scan(seed=4)
-    grid = ms.VoxelGrid.regular(PLACE - 0.012, PLACE + 0.012, 0.001)
+    grid = ms.VoxelGrid.regular(PLACE - 0.008, PLACE + 0.008, 0.001)
     before = ms.form_image(capture, grid, method="exact")
     calibrated = calibrate_radar(capture, target).apply(capture)
     after = ms.form_image(calibrated, grid, method="exact")
