@@ -17,7 +17,7 @@ BALL = """
 objects = [{ object = "golf_ball", material = "metal", at = [0.05, 0.04, -0.36] }]
 scan = { size = [0.09, 0.08], row_spacing = 0.0078 }
 arm = { speed = 0.1, acceleration = 1.0, path_error = 0.0001, encoder_noise = 0.00003 }
-radars = [{ preset = "iwr1443", frame_period = 0.03 }]
+radars = [{ preset = "iwr1443", frame_period = 0.05 }]
 support = { kind = "styrofoam" }
 """
 TARGET = ("--target", "5cm,4cm,-36cm", "--within", "0.5mm", "--sphere", "21.335mm")

@@ -1,6 +1,7 @@
 """`ms.sampling`: steps, what a view needs, and ghosts, against images of a point reflector by the imager."""
 
 import dataclasses
+from functools import cache
 
 import numpy as np
 import pytest
@@ -70,10 +71,16 @@ SCANS = {
 }  # fmt: skip
 
 
+@cache
+def sampled(name):
+    of, path, voxels = SCANS[name]
+    return ms.sampling(path, voxels, radar=of)
+
+
 @pytest.mark.parametrize("name", SCANS)
 def test_ghosts_are_where_and_as_strong_as_in_the_image(name):
     of, path, voxels = SCANS[name]
-    found = ms.sampling(path, voxels, radar=of)
+    found = sampled(name)
     step = max(found.steps, key=lambda one: one.step)
     assert len(step.ghosts) == 3
     spacing = np.array([np.diff(axis)[0] for axis in (voxels.x, voxels.y, voxels.z)])
@@ -86,9 +93,7 @@ def test_ghosts_are_where_and_as_strong_as_in_the_image(name):
 
 def test_what_takes_ghosts_away():
     """A wider band smears them, receivers between the rows suppress them, unequal rows spread them."""
-    loudest = {
-        name: ms.sampling(path, voxels, radar=of).ghosts[0].strength_db for name, (of, path, voxels) in SCANS.items()
-    }
+    loudest = {name: sampled(name).ghosts[0].strength_db for name in SCANS}
     assert loudest["a wide band"] < loudest["coarse rows"] - 2
     assert loudest["four receivers between the rows"] < loudest["coarse rows"] - 4
     assert loudest["unequal rows"] < loudest["coarse rows"] - 0.2

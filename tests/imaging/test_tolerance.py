@@ -1,6 +1,6 @@
 """Every image keeps its tolerance: geometries drawn at random, measured captures, far radars, and what is asked for.
 
-75 geometries by default. All of 10 000, with the worst of them: MILLISIGHT_GEOMETRIES=10000 python -m pytest
+50 geometries by default. All of 10 000, with the worst of them: MILLISIGHT_GEOMETRIES=10000 python -m pytest
 tests/imaging/test_tolerance.py -k drawn -s
 """
 
@@ -26,7 +26,7 @@ from millisight.imaging._near import evenly, near_first
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples" / "captures"
 TOLERANCE = 0.005  # the default
-COUNT = int(os.environ.get("MILLISIGHT_GEOMETRIES", "75"))
+COUNT = int(os.environ.get("MILLISIGHT_GEOMETRIES", "50"))
 PART = 25  # geometries of one test
 METHODS = ("fast", "backprojection")
 
