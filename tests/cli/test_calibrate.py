@@ -111,7 +111,9 @@ def test_few_turns_are_told(tmp_path, monkeypatch):
         Rotation.from_euler("xyz", angles, degrees=True) for angles in ((-3, -3, 0), (3, -3, 0), (-3, 3, 0), (3, 3, 0))
     ]
     told = setup(rng, turns=turns, place_sigma=1e-3, turn_sigma_deg=0.2)
-    for picture, position, orientation in zip(pictures_of(told, rng, optics=OPTICS), told.positions, told.orientations, strict=True):
+    for picture, position, orientation in zip(
+        pictures_of(told, rng, optics=OPTICS), told.positions, told.orientations, strict=True
+    ):
         add_picture("board", picture, position, orientation, OPTICS)
     code, out, _, error = run_here("calibrate", "camera", "board", *SQUARE)
     assert (code, error) == (0, ""), out
