@@ -12,7 +12,7 @@ from helpers import posed
 from helpers.commands import run_here
 from millisight.meshes import load_mesh
 
-VOXELS = "-5cm:5cm:2mm,-5cm:5cm:2mm,-3cm:3cm:4mm"
+VOXELS = "-5cm:5cm:3mm,-5cm:5cm:3mm,-3cm:3cm:5mm"
 
 
 @pytest.fixture(scope="module")
@@ -21,7 +21,7 @@ def stage(tmp_path_factory):
     folder = tmp_path_factory.mktemp("bracket")
     bracket = posed.bracket()
     lying = bracket.moved(translation=-bracket.bounds.mean(axis=0)).moved(rotation=posed.turn(11))
-    trajectory = ms.Trajectory.raster(size=(0.14, 0.14), step=0.003)
+    trajectory = ms.Trajectory.raster(size=(0.12, 0.12), step=0.003)
     capture = ms.simulate(
         ms.Scene.from_mesh(lying, vertices=4000, center=False), ms.Radar.preset("mito-sim-77ghz"), trajectory
     )
@@ -40,7 +40,7 @@ def here(stage, tmp_path, monkeypatch):
 def test_poses_are_told_written_and_drawn(stage, here, tmp_path):
     code, out, err, _ = here(
         "--mesh", str(stage / "bracket.stl"), "--mesh", "golf_ball", "--unit", "mm", "--placed", "there.ply",
-        "--plot", "there.png", "--json", "--materials",
+        "--plot", "there.png", "--json", "--materials", "--turns", "600",
     )  # fmt: skip
     assert code == 0, err
     told = json.loads(out)

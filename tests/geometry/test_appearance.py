@@ -7,16 +7,18 @@ import numpy as np
 import pytest
 
 import millisight as ms
+from helpers import posed
+from millisight.core import rotation_from_euler_deg
 from millisight.core.errors import CoverageError, InputError
 from millisight.data import Layers
 from millisight.geometry import appearance
 
-PATH = ms.Trajectory.raster(size=(0.14, 0.14), step=0.003)
+PATH = ms.Trajectory.raster(size=(0.08, 0.08), step=0.003)
 
 
 @pytest.fixture(scope="module")
 def scene():
-    return ms.Scene.from_mesh("adjustable_wrench")
+    return ms.Scene.from_mesh("padlock")
 
 
 @pytest.fixture(scope="module")
@@ -25,31 +27,40 @@ def parts(scene):
     return [ms.simulate(scene, radar, PATH, model=model) for model in ("specular", "edge")]
 
 
+@pytest.fixture(scope="module")
+def right(scene, parts):
+    return appearance(ms.combine(*parts, (0.5, 0.5)), scene.mesh)
+
+
 @pytest.mark.parametrize("alpha", [(1, 0), (0.5, 0.5), (0.1, 0.9)])
 def test_weights_that_are_known_are_found(scene, parts, alpha):
-    """By a mesh that is 2 mm off, in any unit of the frames."""
-    capture = ms.combine(*parts, alpha)
-    found = appearance(capture, scene.mesh.moved(translation=(0.002, -0.002, 0.001)))
+    """By a mesh that is 2 mm off."""
+    found = appearance(ms.combine(*parts, alpha), scene.mesh.moved(translation=(0.002, -0.002, 0.001)))
     assert sum(found.alpha) == pytest.approx(1)
-    assert abs(found.alpha[0] - alpha[0]) < max(0.05, 2 * found.alpha_sigma)
-    assert found.alpha_sigma < (0.15 if alpha[1] > 0.5 else 0.45)  # what shines of it has edges near
+    assert abs(found.alpha[0] - alpha[0]) < 0.05
+    # What shines of it has edges near: the more there are of their echoes, the better the weights are known.
+    assert found.alpha_sigma < {1: 0.7, 0.5: 0.45, 0.1: 0.15}[alpha[0]]
     assert found.agreement > 0.95
-    large = dataclasses.replace(capture, frames=capture.frames * np.float32(1e30))
-    again = appearance(large, scene.mesh.moved(translation=(0.002, -0.002, 0.001)))
-    np.testing.assert_allclose([*again.alpha, again.agreement], [*found.alpha, found.agreement], rtol=1e-3)
 
 
-def test_another_shape_or_pose_agrees_less(scene, parts):
+def test_the_unit_of_the_frames_does_not_matter(scene, parts, right):
     capture = ms.combine(*parts, (0.5, 0.5))
-    right = appearance(capture, scene.mesh).agreement
-    turned = appearance(capture, ms.Scene.from_mesh("adjustable_wrench", rotate_deg=(0, 0, 40)).mesh).agreement
-    other = appearance(capture, ms.Scene.from_mesh("mug").mesh).agreement
-    assert right > 0.98
+    large = dataclasses.replace(capture, frames=capture.frames * np.float32(1e30))
+    again = appearance(large, scene.mesh)
+    np.testing.assert_allclose([*again.alpha, again.agreement], [*right.alpha, right.agreement], rtol=1e-3)
+
+
+def test_another_shape_or_pose_agrees_less(scene, parts, right):
+    capture = ms.combine(*parts, (0.5, 0.5))
+    turned = appearance(capture, scene.mesh.moved(rotation=rotation_from_euler_deg((0, 0, 90)))).agreement
+    other = appearance(capture, posed.block([-0.03] * 3, [0.03] * 3)).agreement
+    assert right.agreement > 0.98
     assert max(turned, other) < 0.9
 
 
 def test_where_nothing_echoes_there_are_no_weights(scene, parts):
-    silent = dataclasses.replace(parts[0], frames=np.zeros_like(parts[0].frames))
+    path = ms.Trajectory(times=PATH.times[:50], positions=PATH.positions[:50])
+    silent = dataclasses.replace(parts[0], trajectory=path, frames=np.zeros_like(parts[0].frames[:50]))
     assert appearance(silent, scene.mesh) == (0.0, (0.0, 0.0), 0.0)
 
 
@@ -60,7 +71,7 @@ def test_what_the_simulator_does_not_know_is_refused(scene, parts):
     with pytest.raises(CoverageError, match="inside"):
         appearance(parts[0], scene.mesh.moved(translation=(0, 0, 0.2)))
     large = ms.TriangleMesh(vertices=100 * scene.mesh.vertices, faces=scene.mesh.faces)
-    with pytest.raises(InputError, match=r"20.* m long, .* voxels; expected 1e\+08 at most: check its unit"):
+    with pytest.raises(InputError, match=r"7.* m long, .* voxels; expected 1e\+08 at most: check its unit"):
         appearance(parts[0], large)
 
 
