@@ -2,6 +2,7 @@
 
 import json
 import re
+from functools import partial
 
 import numpy as np
 import pytest
@@ -37,10 +38,12 @@ def here(stage, tmp_path, monkeypatch):
     return lambda *arguments: run_here("locate", *given, *arguments)
 
 
-def test_poses_are_told_written_and_drawn(stage, here, tmp_path):
+def test_poses_are_told_written_and_drawn(stage, here, tmp_path, monkeypatch):
+    # A fifth of the rotations: tests/geometry asks whether poses are found.
+    monkeypatch.setattr("millisight.geometry.locate", partial(ms.locate, turns=600))
     code, out, err, _ = here(
         "--mesh", str(stage / "bracket.stl"), "--mesh", "golf_ball", "--unit", "mm", "--placed", "there.ply",
-        "--plot", "there.png", "--json", "--materials", "--turns", "600",
+        "--plot", "there.png", "--json", "--materials",
     )  # fmt: skip
     assert code == 0, err
     told = json.loads(out)

@@ -41,9 +41,16 @@ HEAPS = {"a_marbles", "a_colored_wood_blocks"}  # with as many holes as there ar
 STANDING = {name for name in NAMES if name.endswith(("_cups", "_lego_duplo"))} | {"a_colored_wood_blocks"}
 
 
+class Built(dict[str, TriangleMesh]):
+    """Objects, each built as it is first asked for: a worker process needs few of them."""
+
+    def __missing__(self, name: str) -> TriangleMesh:
+        return self.setdefault(name, build_object(name))
+
+
 @pytest.fixture(scope="module")
-def meshes() -> dict[str, TriangleMesh]:
-    return {name: build_object(name) for name in NAMES}
+def meshes() -> Built:
+    return Built()
 
 
 def spellings(name):
@@ -88,10 +95,16 @@ def test_what_the_catalogue_does_not_know_keeps_its_name_and_gets_no_other_ones(
     assert object_name(spelled) == name
 
 
-def oriented_extent(vertices: np.ndarray) -> np.ndarray:
-    """Sizes of the smallest box around the points, in any direction, smallest first [m]."""
+def oriented_extent(vertices: np.ndarray, *, ball: bool) -> np.ndarray:
+    """Sizes of the smallest box around the points, in any direction, smallest first [m].
+
+    Of balls, whose hull has thousands of faces, each of which would be tried, around points on a coarse lattice: 3 %.
+    """
     import trimesh
 
+    if ball:
+        step = np.ptp(vertices, axis=0).max() / 40
+        vertices = step * np.unique(np.round(vertices / step), axis=0)
     return np.sort(trimesh.bounds.oriented_bounds(vertices)[1])
 
 
@@ -134,16 +147,15 @@ def test_entries_copy_and_pickle():
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_mesh_is_closed_and_outward(meshes, name):
-    assert_closed_and_outward(meshes[name])
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_mesh_is_one_piece_with_the_right_holes(meshes, name):
+def test_mesh_is_one_closed_piece_of_its_declared_size_with_the_right_holes(meshes, name):
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
     mesh = meshes[name]
+    assert 12 <= len(mesh.faces) <= 60_000
+    assert_closed_and_outward(mesh)
+    np.testing.assert_allclose(mesh.extent, CATALOGUE[name].dimensions, rtol=1e-3)
+    np.testing.assert_allclose(mesh.bounds.sum(axis=0), 0, atol=1e-9)
     edges = mesh.edges
     size = len(mesh.vertices)
     graph = coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(size, size))
@@ -152,25 +164,14 @@ def test_mesh_is_one_piece_with_the_right_holes(meshes, name):
     assert genus == HOLES.get(name, 0) or (name in HEAPS and genus > 30)
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_mesh_fills_its_declared_size_about_the_origin(meshes, name):
-    mesh = meshes[name]
-    np.testing.assert_allclose(mesh.extent, CATALOGUE[name].dimensions, rtol=1e-3)
-    np.testing.assert_allclose(mesh.bounds.sum(axis=0), 0, atol=1e-9)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_mesh_has_a_moderate_number_of_faces(meshes, name):
-    assert 12 <= len(meshes[name].faces) <= 60_000
-
-
 @pytest.mark.parametrize("name", SCANNED)
 def test_size_agrees_with_the_scan(meshes, name):
     import trimesh
 
     scan = trimesh.load(oracles.shared("ycb", f"{CATALOGUE[name].ycb_id}.ply"), process=False)
-    wanted = oriented_extent(scan.vertices)
-    np.testing.assert_allclose(oriented_extent(meshes[name].vertices), wanted, rtol=0.10)
+    ball = CATALOGUE[name].shape_class == "sphere"
+    wanted = oriented_extent(scan.vertices, ball=ball)
+    np.testing.assert_allclose(oriented_extent(meshes[name].vertices, ball=ball), wanted, rtol=0.10)
 
 
 @pytest.mark.parametrize(
