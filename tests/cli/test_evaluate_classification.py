@@ -15,6 +15,7 @@ from helpers.some_answers import NAMES, prediction
 from millisight.cli.evaluate import classification
 from millisight.core.errors import InputError, MillisightError
 from millisight.datasets import Manifest, write_manifest
+from millisight.evaluation import ClassificationTask
 from millisight.evaluation.tasks import _candidates as candidates
 
 LEARNED = {"fork": [[0, 0, 90]], "a_cups": [[0, 0, 0]]}
@@ -66,6 +67,12 @@ def work(whole, tmp_path, monkeypatch):
     shutil.copytree(whole, tmp_path / "data")
     yield tmp_path
     candidates._loaded.cache_clear()
+
+
+@pytest.fixture
+def plain(monkeypatch):
+    """Without pictures: they take as long as the rest, and other tests ask for them."""
+    monkeypatch.setattr(ClassificationTask, "figures", lambda *_: ())
 
 
 def run(work, *options, weights=("oracle",)):
@@ -153,7 +160,7 @@ def test_known_and_new_objects_stand_in_tables_of_their_own(work):
     assert not (work / "out/object-closed-pairs.csv").exists()
 
 
-def test_answers_are_among_the_classes_that_are_asked_for(work):
+def test_answers_are_among_the_classes_that_are_asked_for(work, plain):
     done = run(work, "--truth", "exact", "--classes", "box, sphere", weights=("oracle", "constant"))
     assert done.exit_code == 0, done.output
     answers = [row for row in rows(work, "answers") if row["masks"] == "true"]
@@ -165,7 +172,7 @@ def test_answers_are_among_the_classes_that_are_asked_for(work):
     assert ruled_out == ("no mask", "0", "box, sphere: together of probability 0; name other classes")
 
 
-def test_images_in_poses_of_training_are_left_out_and_counted(work):
+def test_images_in_poses_of_training_are_left_out_and_counted(work, plain):
     done = run(work, "--mistakes", "0", weights=("posed",))
     assert done.exit_code == 0, done.output
     (row,) = rows(work, "classifiers")
@@ -202,7 +209,7 @@ def test_what_tests_nothing_is_refused(work):
     )
 
 
-def test_the_class_of_an_own_object_is_the_datasets(work):
+def test_the_class_of_an_own_object_is_the_datasets(work, plain):
     info = work / "data/074-x_wide/robot_collected/0_0_0/exp1/experiment_info.json"
     info.write_text(json.dumps({**INFO, "class": "can"}))
     done = run(work, "--object", "074-x_wide", "--truth", "exact", "--mistakes", "0", weights=("blind",))
@@ -215,7 +222,7 @@ def test_the_class_of_an_own_object_is_the_datasets(work):
 
 
 @pytest.mark.parametrize("physics", [" ", None, "rays"])
-def test_unknown_physics_of_the_images_is_told(work, physics):
+def test_unknown_physics_of_the_images_is_told(work, plain, physics):
     for path in (work / "data").rglob("experiment_info.json"):
         path.write_text(json.dumps({**INFO, "physics": physics}))
     done = run(work, "--mistakes", "0")
@@ -246,7 +253,7 @@ def test_it_goes_on_where_it_stopped_and_a_damaged_scene_stops_no_other(work):
     assert {row["object"] for row in rows(work, "answers")} == {"a_lego_duplo"}
 
 
-def test_data_not_marked_as_simulated_are_not_called_so(work):
+def test_data_not_marked_as_simulated_are_not_called_so(work, plain):
     without_marks(work)
     done = run(work, "--transform", "file", "--mistakes", "0")
     assert done.exit_code == 0, done.output

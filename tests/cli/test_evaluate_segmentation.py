@@ -2,6 +2,7 @@
 
 import csv
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from typer.testing import CliRunner
 from helpers.small_scenes import INFO, make
 from millisight.cli.evaluate import segmentation
 from millisight.core.errors import InputError, MillisightError
+from millisight.evaluation import SegmentationTask
 from millisight.evaluation import _scenes as scenes
 from millisight.perception.segmentation import Candidates
 
@@ -31,13 +33,24 @@ class Bright:
         return Candidates(masks=(shown > self.above)[None], scores=[1.0])
 
 
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    return make(tmp_path_factory.mktemp("whole") / "data")
+
+
 @pytest.fixture
-def work(tmp_path, monkeypatch):
+def work(whole, tmp_path, monkeypatch):
     monkeypatch.setattr(scenes, "segmenter", lambda name, **_: Bright(name))
     scenes._segmenter.cache_clear()
-    make(tmp_path / "data")
+    shutil.copytree(whole, tmp_path / "data")
     yield tmp_path
     scenes._segmenter.cache_clear()
+
+
+@pytest.fixture
+def plain(monkeypatch):
+    """Without pictures, for which other tests ask."""
+    monkeypatch.setattr(SegmentationTask, "figures", lambda *_: ())
 
 
 def run(work, *options):
@@ -86,7 +99,7 @@ def test_tables_pictures_and_every_mask_are_written(work):
     assert np.median([float(row["f1"]) for row in trials if row["input"] == "77 GHz" and row["sight"] == "los"]) > 0.8
 
 
-def test_it_goes_on_where_it_stopped(work):
+def test_it_goes_on_where_it_stopped(work, plain):
     assert run(work, "--method", "classical", "--seeds", "1", "--failures", "0").exit_code == 0
     again = run(work, "--method", "classical", "--seeds", "1", "--failures", "0")
     assert "8 results came from an earlier run" in again.output
@@ -117,7 +130,7 @@ def test_files_of_others_in_the_folder_stay(work):
     assert [path.name for path in (work / "out").iterdir()] == ["trials.csv"]
 
 
-def test_data_not_marked_as_simulated_are_not_called_so(work):
+def test_data_not_marked_as_simulated_are_not_called_so(work, plain):
     for path in (work / "data").rglob("experiment_info.json"):
         path.write_text(json.dumps({key: value for key, value in INFO.items() if key not in ("simulated", "physics")}))
     done = run(work, "--method", "classical", "--seeds", "1", "--failures", "0", "--transform", "file")
@@ -155,7 +168,7 @@ def test_simulated_and_other_scenes_are_not_thrown_together(work):
     assert "evaluate them separately" in str(done.exception)
 
 
-def test_json_is_one_document_on_standard_output(work):
+def test_json_is_one_document_on_standard_output(work, plain):
     done = run(work, "--method", "classical", "--seeds", "1", "--failures", "0", "--json")
     assert done.exit_code == 0, done.output
     told = json.loads(done.stdout)

@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 from millisight.cli.evaluate import simulator
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.data import SarImage, VoxelGrid
+from millisight.evaluation import SimulatorTask
 from millisight.imaging import combine
 from millisight.io.mito import angles_folder, write_published
 from millisight.io.mito._names import experiment_folder, radar_folder
@@ -49,6 +50,12 @@ def make(root, extras=SIMULATED, names=("004_sugar_box", "025_mug")):
         for sight in ("los", "nlos"):
             put(experiment_folder(root, name, (0, 0, 0), 1, sight), "processed_image.pkl", there, extras)
     return root
+
+
+@pytest.fixture
+def plain(monkeypatch):
+    """Without figures, for which other tests ask."""
+    monkeypatch.setattr(SimulatorTask, "figures", lambda *_: ())
 
 
 def run(root, out, *options):
@@ -101,7 +108,7 @@ def test_the_table_finds_what_was_combined(tmp_path):
     ("extras", "said"),
     [(SIMULATED, "The reference is itself simulated"), ({}, "are not marked as simulated, nor")],
 )
-def test_the_table_says_whether_the_yardstick_is_simulated(tmp_path, extras, said):
+def test_the_table_says_whether_the_yardstick_is_simulated(tmp_path, plain, extras, said):
     done = run(
         make(tmp_path / "data", extras, names=("025_mug",)), tmp_path / "out", "--pictures", "0", "--sight", "los"
     )
@@ -112,7 +119,7 @@ def test_the_table_says_whether_the_yardstick_is_simulated(tmp_path, extras, sai
     assert "out of sight" not in text
 
 
-def test_images_without_points_are_named_and_score_nothing(tmp_path):
+def test_images_without_points_are_named_and_score_nothing(tmp_path, plain):
     root = make(tmp_path / "data", names=("025_mug",))
     nothing = blob((9, 9, 9), (9, 9, 9))
     put(angles_folder(root, "025_mug", (0, 0, 0), simulated=True), "processed_image_edges.pkl", nothing, SIMULATED)
@@ -165,7 +172,7 @@ def test_options_that_cannot_be_right_are_refused(tmp_path, options, kind, said)
         raise run(make(tmp_path / "data", names=("025_mug",)), tmp_path / "out", *options).exception
 
 
-def test_sheets_are_taken_off_before_images_are_compared(tmp_path, monkeypatch):
+def test_sheets_are_taken_off_before_images_are_compared(tmp_path, plain, monkeypatch):
     asked = []
 
     def cut(image, *, frequency):

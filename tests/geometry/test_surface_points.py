@@ -56,8 +56,9 @@ def test_round_mirrors_have_their_place_and_normals(paths, radius, axes):
     assert np.percentile(errors, 90) < 2
 
 
-@pytest.mark.parametrize("array", [None, PAIR], ids=["one antenna", "TX and RX apart"])
-@pytest.mark.parametrize("window", ["taylor", "hann"])
+@pytest.mark.parametrize(
+    ("array", "window"), [(None, "taylor"), (PAIR, "hann")], ids=["one antenna, taylor", "TX and RX apart, hann"]
+)
 def test_a_plane_has_its_place_and_normal(array, window):
     found = unthresholded(solid_mirrors.capture_of(solid_mirrors.plane(), array, noise=0.02), window=window)
     tilt = np.radians(solid_mirrors.PLANE_TILT_DEG)
@@ -76,9 +77,9 @@ def test_a_phase_of_the_other_sign_has_no_such_plane():
 
 def test_places_do_not_depend_on_where_the_world_begins():
     shift = np.array([100.0, -50.0, 20.0])
-    here = unthresholded(solid_mirrors.capture_of(solid_mirrors.plane()))
+    here = unthresholded(solid_mirrors.capture_of(solid_mirrors.plane(), size=0.16))
     grid = ms.VoxelGrid(x=GRID.x + shift[0], y=GRID.y + shift[1], z=GRID.z + shift[2])
-    there = unthresholded(solid_mirrors.capture_of(solid_mirrors.plane(), shift=shift), grid)
+    there = unthresholded(solid_mirrors.capture_of(solid_mirrors.plane(), size=0.16, shift=shift), grid)
     assert len(here) > 300
     assert abs(len(there) - len(here)) < 0.02 * len(here)
     away, nearest = KDTree(here.points).query(there.points - shift)

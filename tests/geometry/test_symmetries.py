@@ -17,6 +17,15 @@ def of_object(name):
     return symmetries(build_object(name))
 
 
+@cache
+def block_of(size):
+    """A block in some pose, and its symmetries."""
+    mesh = posed.block(np.zeros(3), np.array(size)).moved(
+        rotation=posed.turn(3), translation=np.array([0.1, -0.2, 0.3])
+    )
+    return mesh, symmetries(mesh)
+
+
 def angle_deg(one, other):
     return np.degrees(Rotation.from_matrix(one.T @ other).magnitude())
 
@@ -25,10 +34,7 @@ def angle_deg(one, other):
     ("size", "count"), [((0.10, 0.06, 0.04), 4), ((0.06, 0.06, 0.10), 8), ((0.06, 0.06, 0.06), 24)]
 )
 def test_blocks_have_the_turns_of_their_group(size, count):
-    mesh = posed.block(np.zeros(3), np.array(size)).moved(
-        rotation=posed.turn(3), translation=np.array([0.1, -0.2, 0.3])
-    )
-    found = symmetries(mesh)
+    mesh, found = block_of(size)
     assert found.rotations.shape == (count, 3, 3)
     assert len(found.axes) == 0
     np.testing.assert_allclose(found.middle, mesh.bounds.mean(axis=0), atol=2e-3)
@@ -60,7 +66,7 @@ def test_a_bracket_has_none_and_a_tolerance_decides():
 
 
 def test_the_nearest_of_the_turns_that_look_alike():
-    cube = symmetries(posed.block(np.zeros(3), np.full(3, 0.06)))
+    cube = block_of((0.06, 0.06, 0.06))[1]
     true = posed.turn(1)
     for number in (5, 11, 17):
         found = true @ cube.rotations[number] @ Rotation.from_rotvec([0.02, 0.01, 0]).as_matrix()

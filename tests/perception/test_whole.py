@@ -60,8 +60,7 @@ def test_an_empty_scene_has_no_object_and_an_image_all_the_same(dice):
 
 def test_a_bright_lid_is_taken_off(dice):
     taken = [
-        scene.taken_db["77_ghz"]
-        for scene in (whole_scene(dice, seed=seed, covered=1.0, sheets=2) for seed in range(7))
+        scene.taken_db["77_ghz"] for scene in (whole_scene(dice, seed=seed, covered=1.0, sheets=2) for seed in range(7))
     ]
     assert max(taken) <= 3
     assert np.median(taken) < -1.5  # dB: the lid is brighter than the object in about half of the scenes
