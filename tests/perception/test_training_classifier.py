@@ -411,13 +411,14 @@ def test_an_object_that_was_seen_often_counts_once():
 def test_neither_the_rig_nor_torch_is_loaded_where_it_is_not_used():
     code = (
         "import sys, numpy as np\n"
-        "from millisight.perception import classification, training\n"
-        "from millisight.perception.training import _classifier_examples\n"
+        "from millisight.perception import classification, segmentation, training\n"
+        "from millisight.perception.training import _classifier_examples, _segmenter\n"
         "settings = training.SceneSettings(vertices=200, positions=100)\n"
         "parts = training.make_scene('dice', settings, rng=np.random.default_rng(0))\n"
         "whole = training.compose([parts], [], training.WholeSettings(covered=0), np.random.default_rng(1))\n"
         "_classifier_examples.example_of(whole, np.random.default_rng(0))\n"
-        "print(classification.CLASSIFIERS.names(), training.RECIPES.names())\n"
+        "_segmenter.example_of(whole, np.random.default_rng(0))\n"
+        "print(classification.CLASSIFIERS.names(), segmentation.SEGMENTERS.names(), training.RECIPES.names())\n"
         "print(sorted(m for m in sys.modules if m.startswith(('millisight.rig', 'millisight.datasets', 'torch'))))\n"
         "print('millisight.simulation._simulate' in sys.modules)"
     )

@@ -1,7 +1,6 @@
 """The wave segmenter: its shipped weights, what it does with images of every kind, its scenes, and what it refuses."""
 
 import json
-import subprocess
 import sys
 import time
 import tomllib
@@ -226,23 +225,6 @@ def test_onnx_runtime_and_torch_agree(wave):
             by_torch = network.eval()(torch.from_numpy(channels)).numpy()
         assert abs(by_torch).max() > 0.5
         np.testing.assert_allclose(by_onnx, by_torch, atol=1e-5, rtol=1e-5)
-
-
-def test_neither_the_rig_nor_torch_is_loaded_where_it_is_not_used():
-    code = (
-        "import sys, numpy as np\n"
-        "from millisight.perception import segmentation, training\n"
-        "from millisight.perception.training import _segmenter\n"
-        "settings = training.SceneSettings(vertices=200, positions=100)\n"
-        "parts = training.make_scene('dice', settings, rng=np.random.default_rng(0))\n"
-        "whole = training.compose([parts], [], training.WholeSettings(covered=0), np.random.default_rng(1))\n"
-        "_segmenter.example_of(whole, np.random.default_rng(0))\n"
-        "print(segmentation.SEGMENTERS.names(), training.RECIPES.names())\n"
-        "print(sorted(m for m in sys.modules if m.startswith(('millisight.rig', 'millisight.datasets', 'torch'))))\n"
-        "print('millisight.simulation._simulate' in sys.modules)"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.split("\n")[1:3] == ["[]", "True"]
 
 
 def test_a_scene_follows_from_its_seed_and_holds_all_parts(scene):
