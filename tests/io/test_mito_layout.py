@@ -49,7 +49,7 @@ from millisight.io.mito import (
     write_raw_experiment,
 )
 from millisight.io.mito import _raw as mito_raw
-from millisight.io.raw import read_dca1000, write_dca1000
+from millisight.io.raw import read_dca1000, read_position2go, write_dca1000
 
 
 def experiment(miniature, name=MUG, number=1, sight="los"):
@@ -515,6 +515,22 @@ def test_a_24_ghz_file_has_the_110_frames_that_the_published_code_asks_for(count
     first = [row for row in scan.rows if row.times[0] < 19]
     assert np.concatenate([row.times for row in first]) == pytest.approx(1.0 + 0.1 * np.arange(count))
     assert np.array_equal(np.concatenate([row.read() for row in first])[:, 0], frames[:, 0, :1].astype(np.complex64))
+
+
+def test_a_24_ghz_file_is_read_once_for_its_frames_and_again_whenever_they_are_wanted_again(tmp_path, monkeypatch):
+    """Text takes long to read."""
+    log = ms.Trajectory(times=np.arange(0, 40, 0.05), positions=np.arange(800)[:, None] * [0.0, 0.001, 0.0])
+    folder = experiment_folder(tmp_path, BOX, ANGLES, 1, "los")
+    write_raw_experiment(folder, "24_ghz", [RecordedRow(7, 1.0, np.ones((3, 1, 2, 256)))], log, info=INFOS[1])
+    read = []
+    monkeypatch.setattr(
+        mito_raw, "read_position2go", lambda path, **sizes: read.append(path) or read_position2go(path, **sizes)
+    )
+    (row,) = read_experiment(folder, "24_ghz").rows
+    assert (row.read() == 1).all()
+    assert len(read) == 1
+    assert (row.read() == 1).all()
+    assert len(read) == 2
 
 
 def test_the_full_radar_is_the_used_one_and_more():

@@ -306,17 +306,22 @@ class _Position2Go:
 
     def __init__(self) -> None:
         self._filled: dict[Path, int] = {}
+        self._looked_at: dict[Path, RawFrames] = {}
 
     def look(self, path: Path, remarks: Remarks) -> np.ndarray:
         raw = read_position2go(path, samples=256, chirps=CHIRPS["24_ghz"], receivers=2)
         if not raw.samples.any():
             raise DamagedFileError("every frame is 0")
-        kept = len(_without_empty_end(raw).samples)
-        if kept < len(raw.samples):
-            self._filled[path] = len(raw.samples) - kept
-        return raw.lost[:kept]
+        kept = _without_empty_end(raw)
+        if len(kept.samples) < len(raw.samples):
+            self._filled[path] = len(raw.samples) - len(kept.samples)
+        # Text takes long to read: the chirp that is used is kept until it is asked for.
+        self._looked_at[path] = RawFrames(samples=kept.samples[:, :1].copy(), lost=kept.lost, metadata=kept.metadata)
+        return kept.lost
 
     def read(self, path: Path) -> RawFrames:
+        if path in self._looked_at:
+            return self._looked_at.pop(path)
         return _without_empty_end(read_position2go(path, samples=256, chirps=CHIRPS["24_ghz"], receivers=2))
 
     def notes(self) -> list[str]:
