@@ -19,6 +19,7 @@ from millisight.core.errors import InputError
 from millisight.data import Capture, VoxelGrid
 from millisight.imaging._autofocus_model import Pieces
 from millisight.imaging._autofocus_search import Subject, bright_points, climb, path_modes, row_modes, without_common
+from millisight.imaging._focus import mean_frame
 from millisight.imaging._path_rows import Row, rows_of_path
 from millisight.imaging._row_offsets import row_offsets
 from millisight.imaging._row_tracking import tracked_rows
@@ -153,8 +154,8 @@ def autofocus(
         rows, tried = [], (("path",),) if focus == "path" else ()
     if not tried:
         return _unchanged(taken, rows, f"the path has {len(rows_of_path(path))} rows; expected {_LEAST_ROWS} at least")
-    mean = np.mean([capture.frames_of(slice(i, i + 1)).mean(axis=0) for i in range(len(path))], axis=0)
-    subject = Subject(capture, rows, Pieces.of(path, rows, capture.radar.waveform.wavelength), mean, grid.bounds)
+    pieces = Pieces.of(path, rows, capture.radar.waveform.wavelength)
+    subject = Subject(capture, rows, pieces, mean_frame(capture), grid.bounds)
     search = _Search(
         subject, max_offset, smoothness, generator, _Steps(progress, (2 * len(_HALVES) + len(_ALL)) * len(tried))
     )

@@ -103,6 +103,13 @@ def pick(capture: Capture, poses: np.ndarray) -> np.ndarray:
     ])  # fmt: skip
 
 
+def mean_frame(capture: Capture) -> np.ndarray:
+    """(T, R, N) complex128 mean of the frames over all poses; read in blocks, as they may lie on disk."""
+    poses = len(capture.trajectory)
+    starts = range(0, poses, BLOCK)
+    return sum(capture.frames_of(slice(i, i + BLOCK)).sum(axis=0, dtype=complex) for i in starts) / poses
+
+
 def bright_scene(
     capture: Capture,
     poses: np.ndarray,
