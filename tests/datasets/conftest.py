@@ -1,6 +1,5 @@
 """What several files of these tests read, made once."""
 
-import functools
 import pickle
 
 import pytest
@@ -10,21 +9,11 @@ from helpers.processes import made_once
 from helpers.published_mock import make
 from millisight.datasets.generation import Engine, plan_dataset, run_plan
 
-how_slow = functools.cache(plan_dataset.__globals__["slowness"])
-
 
 @pytest.fixture(scope="session")
 def published_root(tmp_path_factory):
     """The published dataset's mock; for reading only."""
     return made_once(tmp_path_factory, "mock", make) / "MITO_Dataset"
-
-
-@pytest.fixture(scope="module")
-def measured_once():
-    """How slow this machine is takes a second to measure, and each plan of a few scans of the rig does."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(plan_dataset.__globals__, "slowness", how_slow)
-        yield
 
 
 @pytest.fixture(scope="session")

@@ -37,9 +37,6 @@ JOBS = 4
 BALL = "058_golf_ball/robot_collected/0_0_0/exp1"
 
 
-pytestmark = pytest.mark.usefixtures("measured_once")
-
-
 def make(out, engine=HERE, progress=None, **changes):
     return run_plan(plan_dataset(small_recipe.recipe(**changes), out), engine, progress=progress)
 
@@ -378,7 +375,7 @@ def test_waiting_for_the_core_and_one_disturbed_probe_do_not_change_the_estimate
     assert time.perf_counter() - started >= 0.2
     probes = iter([2.0, 2.1, 1.9, 2.0, 50.0, 2.0, 2.0])
     monkeypatch.setattr(cost, "processor_seconds", lambda work: next(probes))
-    found = cost.slowness()
+    found = cost.slowness.__wrapped__()  # it is measured once a process
     assert next(probes, None) is None
     assert (found.high / found.median, found.low / found.median) == pytest.approx((25, 0.95))
 

@@ -21,7 +21,6 @@ from millisight.datasets.generation._recipe import Objects, PoseSettings
 from millisight.meshes import CATALOGUE, build_object, find_scans, load_mesh
 
 RIG = small_recipe.table()["rig"]
-pytestmark = pytest.mark.usefixtures("measured_once")
 
 
 def jobs(**changes):

@@ -18,7 +18,6 @@ fsspec = pytest.importorskip("fsspec", reason='needs fsspec: pip install "millis
 
 HERE = Engine("threads", 1, 1)
 JOBS = 4
-pytestmark = pytest.mark.usefixtures("measured_once")
 
 
 class Watched:

@@ -8,6 +8,7 @@ import math
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping
+from functools import cache
 from statistics import median
 from typing import NamedTuple
 
@@ -164,11 +165,13 @@ def slowness_of(scans: Iterable[tuple[WorldLayout, float]], done: Callable[[], o
     return Slowness(mean, max(mean - 2 * sigma, min(ratios)), min(mean + 2 * sigma, max(ratios)), _OWN)
 
 
+@cache
 def slowness() -> Slowness:
     """The processor time of a small row of echoes, several times, over that on the machine of the figures.
 
-    Processor time does not count how long other programs have the core; that they share its caches and clock still
-    shows, by a factor of 1.5 on a busy machine, and is told by the range.
+    It is measured once a process: little work is estimated by it. Processor time does not count how long other
+    programs have the core; that they share its caches and clock still shows, by a factor of 1.5 on a busy machine, and
+    is told by the range.
     """
     from millisight.core import numba
 

@@ -343,6 +343,9 @@ def _overlap(one: tuple[ObjectPart, ...], other: tuple[ObjectPart, ...]) -> bool
 def _pierces(one: tuple[ObjectPart, ...], other: tuple[ObjectPart, ...], *, closed: bool) -> bool:
     """Whether edges of `one`, less `_TOUCH` all around, meet faces of `other`, or lie inside it where it is closed."""
     lower, upper = bounds_of(one)
+    nearest, farthest = bounds_of(other)
+    if (upper < nearest).any() or (farthest < lower).any():
+        return False
     middle = (lower + upper) / 2
     shrink = 1 - 2 * _TOUCH / np.maximum(upper - lower, 4 * _TOUCH)
     caster = RayCaster.of([part.mesh for part in other])
