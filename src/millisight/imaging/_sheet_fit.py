@@ -346,8 +346,10 @@ def _splines(matrices: tuple[np.ndarray, np.ndarray], values: np.ndarray, weight
     along_x = np.tensordot(matrices[0], weighted, (0, 0))
     right = np.einsum("yj,iyc->ijc", matrices[1], along_x, optimize=True).reshape(mx * my, -1).astype(complex)
     # Splines further apart than three knots have nothing in common.
-    bands = [np.pad(normal.diagonal(-k), (0, k)) for k in range(min(3 * my + 4, len(normal)))]
-    factor = cholesky_banded(np.array(bands), overwrite_ab=True, lower=True, check_finite=False), True
+    bands = np.zeros((min(3 * my + 4, len(normal)), len(normal)))
+    for k, band in enumerate(bands):
+        band[: len(normal) - k] = normal.diagonal(-k)
+    factor = cholesky_banded(bands, overwrite_ab=True, lower=True, check_finite=False), True
     both = cho_solve_banded(factor, np.concatenate([right.real, right.imag], axis=1), check_finite=False)
     return (both[:, : right.shape[1]] + 1j * both[:, right.shape[1] :]).reshape(mx, my, -1)
 
