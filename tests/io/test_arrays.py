@@ -18,7 +18,7 @@ import pytest
 
 from millisight.core import limits_of
 from millisight.core.errors import DamagedFileError, FileError, FormatError, UnknownNameError
-from millisight.io.arrays import array_shapes, read_arrays
+from millisight.io.arrays import array_shapes, read_arrays, small_files_kept
 
 MUTATIONS = 300
 
@@ -253,6 +253,31 @@ def test_a_crash_of_the_hdf5_library_is_an_error(tmp_path, monkeypatch):
         monkeypatch.setattr(children, "limits_of", lambda size: limits_of(size)._replace(seconds=0.5))
         with pytest.raises(DamagedFileError, match=rf"a\.mat is damaged: .*({message})"):
             read_arrays(tmp_path / "a.mat")
+
+
+def test_a_small_file_is_read_once_where_several_of_its_arrays_are_wanted(tmp_path, monkeypatch):
+    """A process takes longer to start than to read it. What is damaged or too much beside them does not matter."""
+    from scipy.io import savemat
+
+    started, start = [], subprocess.Popen
+    monkeypatch.setattr(subprocess, "Popen", lambda *words, **how: started.append(words) or start(*words, **how))
+    path = tmp_path / "a.mat"
+    savemat(path, {"x": np.arange(3.0), "y": np.ones(2), "bad": [np.nan]})
+    with small_files_kept():
+        for _ in range(2):
+            assert np.array_equal(read_arrays(path, names=["x"])["x"].ravel(), [0, 1, 2])
+            assert np.array_equal(read_arrays(path, names=["y"])["y"].ravel(), [1, 1])
+        assert len(started) == 1
+        savemat(path, {"x": np.arange(4.0)})
+        assert read_arrays(path, names=["x"])["x"].size == 4
+        assert len(started) == 2
+    read_arrays(path, names=["x"])
+    assert len(started) == 3
+    savemat(path, {"x": np.arange(3.0), "y": np.ones(2)})
+    with small_files_kept():
+        assert read_arrays(path, names=["x"], max_bytes=30)["x"].size == 3
+        with pytest.raises(FileError, match="unpack to more than 30 bytes"):
+            read_arrays(path, max_bytes=30)
 
 
 def test_no_file_of_the_present_folder_is_run(tmp_path, monkeypatch):

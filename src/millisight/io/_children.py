@@ -11,6 +11,7 @@ from typing import Any
 
 from millisight.core import limits_of
 
+CRASHED = "the library that reads it fails"
 _OVERHEAD = 2 << 30  # of the libraries' own address space [bytes]
 _PROCESSOR = 5.0, 5e7  # time of a small file [s], and bytes a second beyond: a library that hangs computes in vain
 
@@ -36,7 +37,7 @@ def child(module: str, *arguments: str, path: str | os.PathLike[str]) -> Iterato
 def failure(process: Any) -> str:
     """Why a child ended that did not do its work, in its own words where it has any."""
     said = process.stderr.read(4096).decode("utf-8", "replace").strip()
-    return said if process.wait() == 1 and said else "the library that reads it fails"
+    return said if process.wait() == 1 and said else CRASHED
 
 
 def limit_process(most: int) -> None:

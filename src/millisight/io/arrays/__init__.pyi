@@ -1,6 +1,7 @@
 from ._arrays import array_shapes as array_shapes
 from ._arrays import read_array as read_array
 from ._arrays import read_arrays as read_arrays
+from ._from_child import small_files_kept as small_files_kept
 from ._pickles import read_pickle as read_pickle
 from ._state_dict import check_state_dict as check_state_dict
 from ._text_table import TEXT_SUFFIXES as TEXT_SUFFIXES

@@ -17,7 +17,7 @@ import numpy as np
 from millisight.core import check_readable, checked_path, printable
 from millisight.core.errors import FileError, FormatError, InputError
 from millisight.data import Radar, RawCapture, RawScan
-from millisight.io.arrays import array_shapes
+from millisight.io.arrays import array_shapes, small_files_kept
 from millisight.io.description._content import Description
 from millisight.io.description._tables import Files, parse
 
@@ -50,9 +50,10 @@ def read_frames(
     FileError, UnknownNameError
         As `read`.
     """
-    description = _opened(path, data)
-    frames = description.frames()
-    return description.radar(frames.shape), frames
+    with small_files_kept():
+        description = _opened(path, data)
+        frames = description.frames()
+        return description.radar(frames.shape), frames
 
 
 def read(
@@ -65,9 +66,10 @@ def read(
 
     Parameters and errors as of `millisight.read_capture`, which calibrates it.
     """
-    description = _opened(path, data)
-    log = description.log
-    return description.capture(progress) if log is None else description.scan(log, progress)
+    with small_files_kept():
+        description = _opened(path, data)
+        log = description.log
+        return description.capture(progress) if log is None else description.scan(log, progress)
 
 
 def description_in(folder: str | os.PathLike[str]) -> Path | None:
