@@ -241,6 +241,14 @@ def test_a_task_of_a_plugin_is_run(root, plugin):
         ms.evaluate("wrong", root)
 
 
+def test_the_page_of_another_kind_of_evaluation_is_not_replaced(root, tmp_path):
+    run(root, tmp_path, sight="los", seeds=1)
+    page = (tmp_path / "out" / "segmentation.md").read_bytes()
+    with pytest.raises(InputError, match="out holds an evaluation of the kind 'segmentation'.*choose another folder"):
+        ms.evaluate("surface", root, output=tmp_path / "out")
+    assert (tmp_path / "out" / "segmentation.md").read_bytes() == page
+
+
 def test_tasks_and_options_are_checked(root):
     assert tuple(sorted(TASKS.names())) == ("classification", "pose", "segmentation", "simulator", "surface")
     assert all(issubclass(TASKS[name], Task) for name in TASKS)
@@ -248,6 +256,8 @@ def test_tasks_and_options_are_checked(root):
         ms.evaluate("poses", root)
     with pytest.raises(InputError, match="task 'simulator' has no option seeds; expected some of simulated, radar"):
         ms.evaluate("simulator", root, seeds=3)
+    with pytest.raises(InputError, match="false_alarms is 2; expected a probability under 1"):
+        ms.evaluate("surface", root, false_alarms=2)
     with pytest.raises(UnknownNameError, match="unknown sight 'side'"):
         ms.evaluate("segmentation", root, sight="side")
     task = SegmentationTask(methods=("bright",), blind=(), seeds=1)

@@ -1,6 +1,7 @@
 """Poses of meshes in oriented points: right in all six, whatever lies beside, and what cannot be."""
 
 import tracemalloc
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 import millisight as ms
 from helpers import posed, solid_mirrors
-from millisight.core.errors import InputError, MeshError
+from millisight.core.errors import CoverageError, InputError, MeshError
 from millisight.data import NONE_OF_THEM
 from millisight.geometry import _locate
 from millisight.meshes import build_object
@@ -184,6 +185,21 @@ def test_what_cannot_be_is_refused(bracket, cloud):
         located(cloud, bracket, clutter="lid")
     with pytest.raises(InputError, match="mesh 'cup'"):
         located(cloud, {"cup": "cup.stl"})
+
+
+def test_a_pose_stays_where_its_echoes_weights_cannot_be_fitted(monkeypatch):
+    def inside(*_, **__):
+        raise CoverageError("an antenna lies in the mesh")
+
+    monkeypatch.setattr(_locate, "appearance", inside)
+    ball = solid_mirrors.ball(0.05)
+    capture = solid_mirrors.capture_of(ball, size=0.06, step=0.003)
+    grid = ms.VoxelGrid.regular((-0.02, -0.02, -0.27), (0.02, 0.02, -0.23), 0.004)
+    found = ms.locate(capture, build_object("golf_ball"), grid, materials=True)
+    assert found.poses[0].alpha is None
+    assert found.metadata["history"][-1]["materials"] == "not fitted: an antenna lies in the mesh"
+    with pytest.raises(InputError, match="which the simulator does not know"):
+        ms.locate(replace(capture, tx_points=capture.tx_positions), build_object("golf_ball"), grid, materials=True)
 
 
 def test_a_capture_of_one_antenna_or_of_nothing_is_refused(bracket):

@@ -6,6 +6,7 @@ import sys
 import numpy as np
 import pytest
 
+from millisight.core.errors import MeshError
 from millisight.meshes import RayCaster
 
 SHORT_OF_MEMORY = """
@@ -32,6 +33,14 @@ def test_what_is_between_two_places():
     face, reach = caster.first(starts, np.array([[0, 0, 2], [0, 0, 1], [0, 0, 1]], dtype=float))
     np.testing.assert_array_equal(face, [0, -1, -1])
     assert reach[0] == pytest.approx(0.5)
+
+
+def test_what_no_unit_makes_so_small_is_refused():
+    """Rays of single precision would meet all of its faces, one by one."""
+    corners = np.array([[[0, 0, 0], [1, 0, 0], [0, 1, 0]]], dtype=float)
+    RayCaster(1e-5 * corners)
+    with pytest.raises(MeshError, match=r"1.4e-09 m long; expected 1e-06 m at least: check its unit"):
+        RayCaster(1e-9 * corners)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="limits of addresses are Linux's")

@@ -26,6 +26,9 @@ OTHERS = [
     ("127.0.0.1", "evil.example:8080", "http://evil.example:8080"),  # a name that leads here
     ("127.0.0.1", "evil.example:8080", None),
     ("127.0.0.1", "127.0.0.1.evil.example:8080", None),
+    ("127.0.0.1", "127.0.0.1:8080.evil.example", None),
+    ("127.0.0.1", "evil@127.0.0.1:8080", None),
+    ("127.0.0.1", "127.0.0.1:8080/evil", None),
     ("127.0.0.1", "[", None),
     ("127.0.0.1", "", None),
     ("127.0.0.1", None, None),

@@ -113,6 +113,8 @@ def locate(
                 f"{best.name}: echoes specular {specular:.2f}, edge {edge:.2f} ± {sigma:.2f}; the simulated image "
                 f"agrees with the measured one by {best.agreement:.2f}"
             )
+        elif materials:
+            say(f"{best.name}: weights of its echoes {found.metadata['history'][-1]['materials']}")
         _write(to, source, found)
         say(f"wrote {to}")
         if placed is not None:

@@ -71,6 +71,7 @@ def evaluate(
     """
     data = _opened(dataset, objects, sight, experiment)
     made = _task(task, options)
+    _check_folder(output, made)
     planned = made.plan(data)
     planned = replace(planned, notes=(*data.notes, *planned.notes))
     folder = None if output is None else own_folder(output) / made.cache
@@ -87,6 +88,16 @@ def evaluate(
     if output is not None and rows:
         result.save(output)
     return result
+
+
+def _check_folder(output: str | os.PathLike[str] | None, task: Task) -> None:
+    """Raise InputError where the page of another kind of evaluation would be replaced."""
+    for name in () if output is None else TASKS.names():
+        if name != task.name and os.path.isfile(os.path.join(output, f"{name}.md")):
+            raise InputError(
+                f"{printable(output)} holds an evaluation of the kind {name!r}, whose page this one ({task.name!r}) "
+                "would replace; choose another folder"
+            )
 
 
 def _opened(dataset: Any, objects: Iterable[str], sight: str | None, experiment: int | None = None) -> DatasetFiles:

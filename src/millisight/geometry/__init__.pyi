@@ -7,6 +7,7 @@ from ._match import Match as Match
 from ._match import range_match as range_match
 from ._moments import channel_middles as channel_middles
 from ._points import FALSE_ALARMS as FALSE_ALARMS
+from ._points import checked_false_alarms as checked_false_alarms
 from ._points import surface_points as surface_points
 from ._surface import LEAST_POINTS as LEAST_POINTS
 from ._surface import depth_map as depth_map

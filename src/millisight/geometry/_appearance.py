@@ -80,11 +80,7 @@ def appearance(
     check_known("clutter", clutter, CLUTTER)
     checked_record(mesh, TriangleMesh, name="mesh")
     capture, _ = at_usual_scale(checked_record(capture, Capture, name="capture"))
-    if capture.layers is not None or capture.tx_points is not None or capture.rx_points is not None:
-        raise InputError(
-            "the capture has layers, or antennas of its own at each pose (tx_points, rx_points), which the simulator "
-            "does not know; appearance expects a radar carried along a trajectory"
-        )
+    check_simulated(capture)
     waveform = capture.radar.waveform
     across, deep = _STEPS[0] * waveform.wavelength, min(_DEEPEST, _STEPS[1] * waveform.range_resolution)
     lower, upper = mesh.bounds
@@ -102,6 +98,15 @@ def appearance(
     if clutter != "none":
         capture = remove_sheets(capture, clutter=clutter, grid=grid).result
     return fitted(_power(capture, grid, share_of(progress, 2, 3)), *powers)
+
+
+def check_simulated(capture: Capture) -> None:
+    """Raise InputError where the simulator cannot make captures like this one."""
+    if capture.layers is not None or capture.tx_points is not None or capture.rx_points is not None:
+        raise InputError(
+            "the capture has layers, or antennas of its own at each pose (tx_points, rx_points), which the simulator "
+            "does not know; appearance expects a radar carried along a trajectory"
+        )
 
 
 def fitted(measured: np.ndarray, specular: np.ndarray, edge: np.ndarray) -> Appearance:

@@ -8,10 +8,18 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from millisight.core import checked_array, checked_integer, checked_number, checked_record, rotation_vector, with_step
-from millisight.core.errors import InputError, MeshError
+from millisight.core import (
+    checked_array,
+    checked_integer,
+    checked_number,
+    checked_record,
+    rotation_vector,
+    share_of,
+    with_step,
+)
+from millisight.core.errors import CoverageError, InputError, MeshError
 from millisight.data import NONE_OF_THEM, Capture, Located, PointCloud, Pose, TriangleMesh, VoxelGrid
-from millisight.geometry._appearance import appearance
+from millisight.geometry._appearance import appearance, check_simulated
 from millisight.geometry._moments import channel_middles
 from millisight.geometry._points import FALSE_ALARMS, above, surface_points
 from millisight.geometry._registration import CLIMBERS, Fit, Seen, curvature, register, rescored, seen_by
@@ -71,7 +79,8 @@ def locate(
         lowest point of the mesh lies from 2 mm below to 6 mm above; None: unknown
     turns : rotations that are tried of a mesh without symmetry; 3000 are 15 degrees apart
     materials : whether the weights of the best mesh's echoes are fitted, and how well its image agrees
-        (`millisight.geometry.appearance`); of a capture
+        (`millisight.geometry.appearance`); of a capture. Where they cannot be, as with an antenna within the mesh, the
+        history says why
     progress : called with (done, total)
 
     Returns
@@ -119,6 +128,8 @@ def locate(
         capture = checked_record(source, Capture, name="source")
         if antennas is not None:
             raise InputError("a capture states its own antennas; leave antennas out")
+        if materials:
+            check_simulated(capture)
         points = surface_points(capture, grid, clutter=clutter, false_alarms=false_alarms)
         seen_from = channel_middles(capture).reshape(-1, 3)
     if support is not None:
@@ -157,14 +168,18 @@ def locate(
     evidence = {name: rescored(_shape_of(mesh).dense, fits[name], seen)[0].score for name, mesh in there.items()}
     shares = _softmax(np.array([*evidence.values(), _NOTHING]) / _WHICH)
     probabilities = dict.fromkeys(named, 0.0) | dict(zip([*evidence, NONE_OF_THEM], shares.tolist(), strict=True))
-    metadata = with_step(points.metadata, "locate", **settings)
     ordered = [poses[name] for name in sorted(evidence, key=lambda one: -evidence[one])]
     if materials:
-        best = ordered[0]
-        looks = appearance(
-            checked_record(source, Capture, name="source"), best.placed(there[best.name]), clutter=clutter
-        )
-        ordered[0] = replace(best, **looks._asdict())
+        best, measured = ordered[0], checked_record(source, Capture, name="source")
+        try:
+            looks = appearance(
+                measured, best.placed(there[best.name]), clutter=clutter, progress=share_of(progress, total - 1, total)
+            )
+        except (CoverageError, InputError, MeshError) as error:  # the pose stays, for which nobody wants to wait again
+            settings["materials"] = f"not fitted: {error}"
+        else:
+            ordered[0] = replace(best, **looks._asdict())
+    metadata = with_step(points.metadata, "locate", **settings)
     if progress is not None:
         progress(total, total)
     return Located(poses=tuple(ordered), probabilities=probabilities, points=points, metadata=metadata)

@@ -87,9 +87,7 @@ def surface_points(
     True
     """
     check_known("clutter", clutter, CLUTTER)
-    chance = checked_number(false_alarms, name="false_alarms", above=0)
-    if not chance < 1:
-        raise InputError(f"false_alarms is {chance:g}; expected a probability under 1, such as 1e-6")
+    chance = checked_false_alarms(false_alarms)
     settings: dict[str, Any] = {"clutter": clutter, "false_alarms": chance}
     if support is not None:
         settings["support"] = support = checked_number(support, name="support", unit="m")
@@ -113,6 +111,14 @@ def surface_points(
         settings["window"] = list(tapers)
     found = points_of(moments, chance, with_step(cleaned.metadata, "surface_points", **settings), scale)
     return found if support is None else above(found, support)
+
+
+def checked_false_alarms(value: float) -> float:
+    """A probability over 0 and under 1; InputError for others."""
+    chance = checked_number(value, name="false_alarms", above=0)
+    if not chance < 1:
+        raise InputError(f"false_alarms is {chance:g}; expected a probability under 1, such as 1e-6")
+    return chance
 
 
 def above(points: PointCloud, support: float) -> PointCloud:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from millisight.core.errors import MeshError
 from millisight.data import TriangleMesh
 
 _RAYS = 100_000  # in one call of Embree, which nothing interrupts: a second or two where thousands of faces overlap
@@ -14,6 +15,8 @@ _RAYS = 100_000  # in one call of Embree, which nothing interrupts: a second or 
 _FEWEST = 10_000  # for which a thread of its own is worth while
 # Addresses that Embree takes, and for each triangle [bytes]: a little more than measured.
 _RESERVED, _EACH = 280_000_000, 400
+
+_SMALLEST = 1e-6  # [m]; rays of single precision meet all faces of what is smaller, which takes minutes
 
 LIFT = 1e-5
 """Rays start and end so far above a surface [m]: a hundredth of a wave at most, and a hundred times float32's error."""
@@ -30,6 +33,8 @@ class RayCaster:
 
     Raises
     ------
+    MeshError
+        All triangles together are under a micrometre long, which no unit of a mesh makes.
     MemoryError
         Embree would not find the memory that it needs.
     """
@@ -45,7 +50,10 @@ class RayCaster:
         corners = triangles.reshape(-1, 3)
         lower, upper = corners.min(axis=0), corners.max(axis=0)
         # No ray need be longer to meet anything.
-        self._longest = float(np.linalg.norm(upper - lower)) + 4 * LIFT
+        size = float(np.linalg.norm(upper - lower))
+        if 0 < size < _SMALLEST:
+            raise MeshError(f"the mesh is {size:.2g} m long; expected {_SMALLEST:g} m at least: check its unit")
+        self._longest = size + 4 * LIFT
         self._middle = (lower + upper) / 2 if centered else None
         _check_memory(_RESERVED + _EACH * len(triangles))
         self._scene = EmbreeScene()

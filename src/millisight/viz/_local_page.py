@@ -78,11 +78,13 @@ def asked_by_own_page(listening: str, host: str | None, origin: str | None) -> b
 
 
 def _name(host: str) -> str | None:
-    """The name in `name:port`; None where there is none."""
+    """The name in `name:port`; None where there is none, or more than that."""
     try:
-        return urlsplit(f"//{host}").hostname
+        parts = urlsplit(f"//{host}")
+        _ = parts.port  # ValueError where it is no number
     except ValueError:
         return None
+    return parts.hostname if parts.netloc == host and parts.username is None else None
 
 
 def _is_number(name: str) -> bool:

@@ -23,7 +23,15 @@ from millisight.evaluation._statistics import bootstrap_interval
 from millisight.evaluation._surface_truth import SurfaceScores, score_surface, true_surface
 from millisight.evaluation._tables import Table, table_of
 from millisight.evaluation._task import TASKS, EvaluationItem, EvaluationSet, ReportFigure, Task
-from millisight.geometry import FALSE_ALARMS, LEAST_POINTS, channel_middles, complete, surface, surface_points
+from millisight.geometry import (
+    FALSE_ALARMS,
+    LEAST_POINTS,
+    channel_middles,
+    checked_false_alarms,
+    complete,
+    surface,
+    surface_points,
+)
 from millisight.imaging import form_image, remove_sheets
 
 _FORMAT = 2
@@ -92,6 +100,7 @@ class SurfaceTask(Task):
 
     def __post_init__(self) -> None:
         check_shape_settings(self.spacing, self.clutter, self.failures, self.support)
+        checked_false_alarms(self.false_alarms)
 
     def plan(self, data: EvaluationData) -> EvaluationSet:
         """One item for each scene with a 77 GHz capture and a known shape."""
