@@ -187,6 +187,13 @@ def test_what_cannot_be_is_refused(bracket, cloud):
         located(cloud, {"cup": "cup.stl"})
 
 
+def test_a_file_that_is_read_again_is_the_same_mesh():
+    one, again = build_object("golf_ball"), build_object("golf_ball")
+    assert one is not again
+    assert _locate._shape_of(one) is _locate._shape_of(again)
+    assert _locate._shape_of(one.moved(translation=np.array([0.1, 0, 0]))) is not _locate._shape_of(one)
+
+
 def test_a_pose_stays_where_its_echoes_weights_cannot_be_fitted(monkeypatch):
     def inside(*_, **__):
         raise CoverageError("an antenna lies in the mesh")

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import lru_cache
+from hashlib import blake2b
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -215,8 +216,27 @@ class _Known(NamedTuple):
     symmetry: Symmetry
 
 
-@lru_cache(maxsize=64)
+class _Content:
+    """A mesh that is the same as another one with the same vertices and faces, such as its file read again."""
+
+    def __init__(self, mesh: TriangleMesh):
+        self.mesh = mesh
+        self._bytes = blake2b(mesh.vertices.tobytes() + mesh.faces.tobytes()).digest()
+
+    def __hash__(self) -> int:
+        return hash(self._bytes)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Content) and self._bytes == other._bytes
+
+
 def _shape_of(mesh: TriangleMesh) -> _Known:
+    return _known(_Content(mesh))
+
+
+@lru_cache(maxsize=64)
+def _known(content: _Content) -> _Known:
+    mesh = content.mesh
     samples = samples_of(mesh, _SAMPLES, edges=True)
     # Poses are about the middle of the samples that they were found by.
     dense = samples_of(mesh, _DENSE, edges=True)._replace(middle=samples.middle)
