@@ -26,7 +26,7 @@ _RADAR = ms.Radar(
 _GRID = ms.VoxelGrid.regular((-0.03, -0.03, -0.02), (0.03, 0.03, 0.02), (0.003, 0.003, 0.005))
 
 
-def _trajectory(poses=20, seed=0):
+def _trajectory(poses=14, seed=0):
     """A jittered raster 0.25 m above the grid."""
     rng = np.random.default_rng(seed)
     x, y = np.meshgrid(np.linspace(-0.05, 0.05, poses), np.linspace(-0.05, 0.05, poses), indexing="ij")

@@ -2,13 +2,12 @@
 
 import dataclasses
 import os
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 
 import millisight as ms
+from helpers.commands import refused, run_here
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.data import Layers
 from millisight.imaging import _slabs, form_image_to, image_slabs, memory_needed
@@ -129,21 +128,14 @@ def test_the_command_forms_slabs_where_the_memory_does_not_suffice(capture, tmp_
     source = tmp_path / "ball.capture.h5"
     ms.save(source, capture)
 
-    def run(*options):
-        return subprocess.run(
-            [sys.executable, "-m", "millisight.cli.main", "image", str(source), *options],
-            capture_output=True, text=True, check=False,
-        )  # fmt: skip
-
     grid = ("--grid", "-40cm:40cm:4mm,-4cm:4cm:4mm,-3cm:3cm:4mm")
-    small = run(*grid, "--memory", "604MB", "-o", str(tmp_path / "a.h5"))
-    assert small.returncode == 0, small.stderr
-    assert "is formed in 3 slabs of at most 0.6 GB" in small.stdout + small.stderr
-    large = run(*grid, "--memory", "8GB", "-o", str(tmp_path / "b.h5"))
-    assert "is formed in" not in large.stdout + large.stderr
+    code, out, err, _ = run_here("image", source, *grid, "--memory", "604MB", "-o", tmp_path / "a.h5")
+    assert code == 0, err
+    assert "is formed in 3 slabs of at most 0.6 GB" in out + err
+    code, out, err, _ = run_here("image", source, *grid, "--memory", "8GB", "-o", tmp_path / "b.h5")
+    assert code == 0, err
+    assert "is formed in" not in out + err
     a, b = (ms.load(tmp_path / name).values for name in ("a.h5", "b.h5"))
     np.testing.assert_allclose(a, b, atol=0.01 * abs(b).max())
     for wrong in ("8", "lots", "-1GB", "0GB", "nanGB"):
-        refused = run("--memory", wrong)
-        assert refused.returncode == 1
-        assert "expected a size with its unit" in " ".join(refused.stderr.split())
+        assert "expected a size with its unit" in refused("image", source, "--memory", wrong)

@@ -13,7 +13,8 @@ from millisight.rig.virtual import EchoModel, Part, Sheet, box_sheets
 
 TOP, LID = -0.22, -0.14
 GRID = ms.VoxelGrid.regular((-0.033, -0.033, TOP - 0.03), (0.033, 0.033, LID + 0.02), (0.003, 0.003, 0.005))
-BANDS = {"24 GHz": (24.025e9, 2e8 / 24, 0.006), "77 GHz": (77.5e9, 3e9 / 24, 0.003)}
+SAMPLES = 12
+BANDS = {"24 GHz": (24.025e9, 2e8 / SAMPLES, 0.009), "77 GHz": (77.5e9, 3e9 / SAMPLES, 0.0045)}
 BLOCK = Part(mesh=mesh_of(trimesh.creation.box((0.05, 0.03, 0.02))).moved(translation=np.array([0, 0, TOP - 0.01])),
              material=METAL)  # fmt: skip
 
@@ -28,7 +29,7 @@ def carton(thickness):
 
 def image(band, sheets):
     start, step, spacing = BANDS[band]
-    device = radar(start, step, 24)
+    device = radar(start, step, SAMPLES)
     path = ms.Trajectory.raster(size=(0.09, 0.09), step=spacing, center=(0, 0, 0))
     model = EchoModel([BLOCK], device, path, edges=False, bounces=1, occluders=sheets)
     return form_image(ms.Capture(radar=device, trajectory=path, frames=model.frames(path)), GRID).values
@@ -65,7 +66,7 @@ def test_at_77_ghz_both_carton_and_object_show(images):
 def test_a_tilted_sheet_is_a_level_one_seen_by_antennas_tilted_as_much(tilt_deg):
     """It does not look through itself: the middles of its clusters lie a little off its plane."""
     start, step, _ = BANDS["77 GHz"]
-    device = radar(start, step, 24)
+    device = radar(start, step, SAMPLES)
     turn = rotation_from_euler_deg((tilt_deg, tilt_deg / 2, 0))
     path = ms.Trajectory.raster(size=(0.03, 0.03), step=0.006, center=(0, 0, 0.15))
     tilted = ms.Trajectory(times=path.times, positions=path.positions @ turn.T)

@@ -18,7 +18,7 @@ from millisight.rig.virtual._radar import REFERENCE
 POINTS = np.array([[0.05, 0.06, -0.25], [0.08, 0.04, -0.22]])
 GRID = VoxelGrid.regular((0.02, 0.01, -0.27), (0.1, 0.09, -0.21), (0.005, 0.005, 0.02))
 WORLD = World(
-    scan=ScanSettings(size=(0.1, 0.08), row_spacing=0.01),
+    scan=ScanSettings(size=(0.1, 0.08), row_spacing=0.02),
     arm=ArmSettings(speed=0.5, acceleration=5.0, settle=0.05),
     radars=(
         RadarSettings(frame_period=0.004, lost_packets=0.01),
