@@ -21,6 +21,7 @@ from helpers.commands import COMMANDS, refused, run, run_here, run_inside
 from millisight.cli.main import GO_ON
 from millisight.core import claimed
 
+QUICK = ["--vertices", "100", "--radar", "mito-sim-24ghz"]
 COARSE = ["--vertices", "800", "--radar", "mito-sim-24ghz"]
 
 
@@ -50,7 +51,8 @@ def test_what_another_run_is_to_write_is_refused_by_name(capture, tmp_path):
 def test_from_a_mesh_file_to_an_image_and_pictures(tmp_path):
     trimesh.creation.box((0.06, 0.05, 0.04)).export(tmp_path / "part.stl")
     small = ("--aperture", "20x20cm", "--step", "5mm")
-    code, out, err = run("simulate", "part.stl", *COARSE, *small, "-o", "p.h5", "--plot", "range.png", cwd=tmp_path)
+    simulated = ("-o", "p.h5", "--plot", "range.png")
+    code, out, err = run_inside("simulate", "part.stl", *COARSE, *small, *simulated, cwd=tmp_path)
     assert code == 0, err
     assert "object: part, 6.0 x 5.0 x 4.0 cm" in out
     assert "wrote p.h5" in out
@@ -72,11 +74,18 @@ def test_from_a_mesh_file_to_an_image_and_pictures(tmp_path):
     assert "12 faces" in out
 
 
-def mug_frames(folder, *options):
-    """The frames of a coarse capture of the mug; the one without options is simulated once."""
-    file = folder / "c.h5" if options else folder.parent / "plain_mug.h5"
+@pytest.fixture
+def unjudged(monkeypatch):
+    """No words on how well the aperture samples: they take longer than a small simulation."""
+    monkeypatch.setattr("millisight.cli.simulate.sampling", lambda *_, **__: None)
+    monkeypatch.setattr("millisight.cli.simulate.say_sampling", lambda _: None)
+
+
+def cube_frames(folder, *options):
+    """The frames of a coarse capture of a cube; the one without options is simulated once."""
+    file = folder / "c.h5" if options else folder.parent / "plain_cube.h5"
     if options or not file.exists():
-        code, _, err, error = run_here("simulate", "mug", *COARSE, "--step", "2cm", *options, "-o", file)
+        code, _, err, error = run_here("simulate", "rubiks_cube", *QUICK, "--step", "5cm", *options, "-o", file)
         assert code == 0, err + error
     return ms.load(file).frames
 
@@ -84,19 +93,21 @@ def mug_frames(folder, *options):
 @pytest.mark.parametrize(
     ("option", "value"),
     [("--radar", "position2go"), ("--model", "specular"), ("--rotate", "0 0 45"), ("--aperture", "20x20cm"),
-     ("--step", "1cm"), ("--alpha", "0.1 0.9"), ("--height", "25cm"), ("--tau-deg", "15"), ("--edge-deg", "95"),
+     ("--step", "4cm"), ("--alpha", "0.1 0.9"), ("--height", "25cm"), ("--tau-deg", "15"), ("--edge-deg", "95"),
      ("--spreading", "1/d"), ("--snr-db", "3"), ("--material", "wood"), ("--vertices", "600")],
 )  # fmt: skip
+@pytest.mark.usefixtures("unjudged")
 def test_every_accepted_option_changes_the_capture(option, value, tmp_path):
-    plain, changed = mug_frames(tmp_path), mug_frames(tmp_path, option, *value.split())
+    plain, changed = cube_frames(tmp_path), cube_frames(tmp_path, option, *value.split())
     assert plain.any()
     assert plain.shape != changed.shape or not np.array_equal(plain, changed)
 
 
+@pytest.mark.usefixtures("unjudged")
 def test_the_seed_makes_the_noise(tmp_path):
     files = []
     for name, seed in (("a", 1), ("b", 1), ("c", 2)):
-        code, _, err = run_inside("simulate", "mug", *COARSE, "--step", "2cm", "--snr-db", "10", "--seed", seed,
+        code, _, err = run_inside("simulate", "golf_ball", *QUICK, "--step", "5cm", "--snr-db", "10", "--seed", seed,
                            "-o", f"{name}.h5", cwd=tmp_path)  # fmt: skip
         assert code == 0, err
         files.append(ms.load(tmp_path / f"{name}.h5").frames)
@@ -171,7 +182,7 @@ def test_bad_meshes_get_one_clear_line(name, tmp_path):
         (("simulate", "mug", "--aperture", "0.3x22"), "--aperture is 22 without a unit"),
         (("simulate", "mug", "--height", "3cm"), "the aperture hangs at 3.0 cm"),
         (("simulate", "mug", "--model", "edge", "--alpha", "1", "1"), "leave --alpha or --model edge out"),
-        (("simulate", "mug", "--alpha", "0", "0"), "alpha is (0, 0)"),
+        (("simulate", "mug", "--alpha", "0", "0", "--step", "5cm"), "alpha is (0, 0)"),
         (("simulate", "mug", "--vertices", "12"), "vertices"),
         (("simulate", "mug", "--material", "mithril"), "unknown material 'mithril'"),
         (("simulate", "mug", "--aperture", "published", "--step", "1mm"), "leave --step out"),
@@ -217,11 +228,14 @@ def test_a_full_disk(capture):
     """The largest file that the process may write is bounded, as on a full disk."""
     import resource
 
-    def fill():
-        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-        resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))
-
-    code, _, err = run("image", capture.name, "--grid", "1cm", "-o", "i.h5", cwd=capture.parent, preexec_fn=fill)
+    # Python itself lets the signal of a file that grows too large pass unheard.
+    assert signal.getsignal(signal.SIGXFSZ) == signal.SIG_IGN
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (4096, before[1]))
+    try:
+        code, _, err = run_inside("image", capture.name, "--grid", "1cm", "-o", "i.h5", cwd=capture.parent)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert code == 1, err
     assert "cannot write i.h5" in err
     assert "Traceback" not in err
@@ -266,7 +280,7 @@ def test_too_few_processes_are_said_before_the_work():
 
 def test_a_module_is_the_command():
     asked = [sys.executable, "-m", "millisight", "--version"]
-    assert subprocess.run(asked, capture_output=True, text=True, check=True).stdout == run("--version", cwd=".")[1]
+    assert subprocess.run(asked, capture_output=True, text=True, check=True).stdout == f"{ms.__version__}\n"
 
 
 def started(*arguments, cwd):
@@ -423,7 +437,7 @@ def test_the_unit_is_asked_for_in_the_command_lines_words(tmp_path):
 
 
 def test_noise_has_the_stated_ratio_when_models_are_combined(tmp_path):
-    options = ["simulate", "mug", *COARSE, "--step", "1cm"]
+    options = ["simulate", "golf_ball", *QUICK, "--step", "7mm"]
     assert run_inside(*options, "-o", "clean.h5", cwd=tmp_path)[0] == 0
     code, _, err = run_inside(*options, "--snr-db", "7", "--seed", "3", "-o", "noisy.h5", cwd=tmp_path)
     assert code == 0, err
@@ -445,32 +459,56 @@ def test_what_a_file_holds_does_not_steer_the_terminal(capture):
     odd = dataclasses.replace(held, radar=radar, metadata={**held.metadata, "source": STEERING})
     ms.save(capture.parent / "odd.h5", odd)
     (capture.parent / "\x1b[2J.h5").write_text("nothing")
-    code, out, err = run("info", "odd.h5", "\x1b[2J.h5", "\x1b[2J.toml", cwd=capture.parent)
+    code, out, err = run_inside("info", "odd.h5", "\x1b[2J.h5", "\x1b[2J.toml", cwd=capture.parent)
     assert code == 1
     assert "\\x1b[31mred\\x1b]0;title\\x07" in out
     assert err.count("\\x1b[2J.") >= 2
-    refusal = run("image", "\x1b[2J.h5", cwd=capture.parent)[2]
+    refusal = run_inside("image", "\x1b[2J.h5", cwd=capture.parent)[2]
     assert "\\x1b[2J.h5" in refusal
     for text in (out, err, refusal):
         assert not set("\x1b\x07\x9b\x7f\u202e") & set(text)
 
 
-@pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
-def test_with_closed_standard_streams_it_works(capture, closed):
-    """What libraries print must not go into the file that took the number of a closed stream."""
+PRINTS = """
+import os
+from millisight.cli import commands, main
+
+def work():
+    with open("result", "wb") as file:
+        for number in (1, 2):
+            os.write(number, b"printed")  # as libraries do, which know of no streams of Python's
+        file.write(b"the result")
+
+commands.application = lambda *words: work
+main.run()
+"""
+
+
+@pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-"])
+def test_what_is_printed_into_a_closed_stream_goes_into_no_file(tmp_path, closed):
+    """Not into that which took the number of the stream."""
+    command = f"{shlex.join([sys.executable, '-c', PRINTS])} {closed}"
+    done = subprocess.run(command, shell=True, cwd=tmp_path, capture_output=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "result").read_bytes() == b"the result"
+    assert (done.stdout, done.stderr) == (b"" if closed == ">&-" else b"printed", b"" if "2" in closed else b"printed")
+
+
+def test_with_closed_standard_streams_it_works(capture):
     image = ["image", capture.name, "--grid", "2cm", "-o", "i.h5"]
     command = shlex.join([sys.executable, "-m", "millisight.cli.main", *image])
-    done = subprocess.run(f"{command} {closed}", shell=True, cwd=capture.parent, capture_output=True, timeout=240)
-    assert done.returncode == 0, done.stderr
-    assert (b"wrote i.h5" in done.stdout) == (">&-" not in closed.replace("2>&-", ""))
+    done = subprocess.run(f"{command} <&- >&- 2>&-", shell=True, cwd=capture.parent, capture_output=True, timeout=240)
+    assert (done.returncode, done.stdout, done.stderr) == (0, b"", b"")
     assert ms.load(capture.parent / "i.h5").magnitude.max() > 0
 
 
 @pytest.mark.parametrize("threads", ["0", " 00", "-1", "1025", "99999", "9" * 12, "abc", "1.5", "²"])
-def test_no_threads_get_one_clear_line(capture, threads):
+def test_no_threads_get_one_clear_line(capture, threads, monkeypatch):
     """Numba cannot be imported with some, warns of others with a traceback, and ends by a signal with many."""
-    environment = {**os.environ, "NUMBA_NUM_THREADS": threads}
-    line = refused("image", capture.name, "--grid", "2cm", "-o", "i.h5", cwd=capture.parent, env=environment)
+    # In a process that has not imported it yet, one of each kind.
+    settings = {"env": {**os.environ, "NUMBA_NUM_THREADS": threads}} if threads in ("0", "99999", "abc") else {}
+    monkeypatch.setenv("NUMBA_NUM_THREADS", threads)
+    line = refused("image", capture.name, "--grid", "2cm", "-o", "i.h5", cwd=capture.parent, **settings)
     assert f"NUMBA_NUM_THREADS is {threads.strip()}; expected a whole number of at least 1" in line
 
 
@@ -489,7 +527,8 @@ def test_file_names_in_another_encoding(tmp_path):
     assert code == 0, err
     assert r"object: M\udcfchle, 6.0 x 5.0 x 4.0 cm" in out
     output = os.fsdecode(b"M\xfchle.capture.h5")
-    code, out, err = run("info", output, name, cwd=tmp_path)
+    assert run_inside("info", name, cwd=tmp_path)[0] == 0
+    code, out, err = run("info", output, cwd=tmp_path)
     assert code == 0, err
     assert r"command: millisight simulate" in out
     assert r"M\udcfchle" in out
@@ -502,15 +541,16 @@ def test_absurd_coordinates_get_one_short_line(tmp_path):
     assert len(line) < 200
 
 
+@pytest.mark.usefixtures("unjudged")
 def test_the_outline_of_the_mesh_is_drawn(tmp_path):
     trimesh.creation.box((6, 5, 4)).export(tmp_path / "part.stl")
-    turned = ["--unit", "cm", "--rotate", "0", "90", "0"]
+    turned = ["--unit", "cm", "--rotate", "0", "90", "0", "--step", "2cm"]
     code, _, err = run_inside("simulate", "part.stl", *COARSE, *turned, "-o", "p.h5", cwd=tmp_path)
     assert code == 0, err
     options = ["image", "p.h5", "--grid", "1cm", "-o", "i.h5"]
     pictures = []
-    for extra in ([], ["--outline", "part.stl"]):
-        code, _, err = run_inside(*options, "--plot", "i.png", "--slices", "s.png", *extra, cwd=tmp_path)
+    for extra in ([], ["--slices", "s.png", "--outline", "part.stl"]):
+        code, _, err = run_inside(*options, "--plot", "i.png", *extra, cwd=tmp_path)
         assert code == 0, err
         pictures.append((tmp_path / "i.png").read_bytes())
     assert pictures[0] != pictures[1]

@@ -68,7 +68,9 @@ def run_here(*arguments, defaults=None):
 
     `defaults`: of options that are not given, by command and option.
     """
-    done = CliRunner().invoke(app, list(map(str, arguments)), default_map=defaults)
+    # Typer would build all commands anew for each run, which takes longer than most of the runs.
+    with patch("typer.testing._get_command", lambda _: COMMANDS["millisight"]):
+        done = CliRunner().invoke(app, list(map(str, arguments)), default_map=defaults)
     if isinstance(done.exception, MillisightError):
         return 1, done.stdout, done.stderr, str(done.exception)
     assert done.exception is None or isinstance(done.exception, SystemExit), done.exception

@@ -232,7 +232,7 @@ def test_what_unpacks_to_too_much_is_refused(tmp_path):
             read_arrays(tmp_path / name, names=names)
     grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
     assert grown < 250_000  # kB
-    for name, array in (("a.npz", "zeros"), ("a.mat", "zeros"), ("inside.mat", "s.zeros")):
+    for name, array in (("a.npz", "zeros"), ("inside.mat", "s.zeros")):
         assert read_arrays(tmp_path / name, max_bytes=200 << 20)[array].nbytes == 72 << 20
 
 
