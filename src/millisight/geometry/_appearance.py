@@ -29,7 +29,7 @@ class Appearance(NamedTuple):
     alpha : (a1, a2) weights of the specular and of the edge echoes, whose sum is 1, as of `ms.combine`; (0, 0) where
         nothing of the mesh is lit, or nothing was measured there
     alpha_sigma : standard deviation of either weight, by leaving out a ninth of the image at a time, and by what
-        neither kind of echo explains
+        neither kind of echo explains; near 0.5, so nothing is known, where a mesh has no edges
     """
 
     agreement: float

@@ -27,7 +27,7 @@ def leakage_of(capture: Capture) -> np.ndarray:
     frequencies = waveform.frequencies
     tx, rx = capture.tx_positions[:1, :, None], capture.rx_positions[:1, None]
     straight = np.linalg.norm(tx - rx, axis=-1)[0] + capture.radar.path_offset
-    if not waveform.range_resolution <= _RESOLVED:
+    if not tells_leakage(capture):
         return np.zeros((*straight.shape, len(frequencies)), np.complex64)
     poses = some_poses(capture)
     mean = np.zeros((*straight.shape, len(frequencies)), complex)
@@ -39,6 +39,11 @@ def leakage_of(capture: Capture) -> np.ndarray:
     return (amplitude[..., None] * wave).astype(np.complex64)
 
 
+def tells_leakage(capture: Capture) -> bool:
+    """Whether ranges are fine enough to tell leakage from echoes."""
+    return capture.radar.waveform.range_resolution <= _RESOLVED
+
+
 def remove_leakage(capture: Capture) -> Capture:
     """Take off what the transmitters leak straight into the receivers.
 
@@ -48,7 +53,8 @@ def remove_leakage(capture: Capture) -> Capture:
 
     Parameters
     ----------
-    capture : of a radar whose path offset is calibrated, frames in memory or on disk
+    capture : of a radar whose path offset is calibrated, frames in memory or on disk. Antennas whose distance changes
+        from pose to pose (`tx_points`, `rx_points`) keep their leakage
 
     Returns
     -------
@@ -70,7 +76,9 @@ def remove_leakage(capture: Capture) -> Capture:
     >>> remove_leakage(capture).frames.shape == capture.frames.shape
     True
     """
-    usual, scale = at_usual_scale(checked_record(capture, Capture, name="capture"))
+    if not tells_leakage(checked_record(capture, Capture, name="capture")):
+        return capture
+    usual, scale = at_usual_scale(capture)
     leak = leakage_of(usual)
     if not leak.any():
         return capture
