@@ -102,8 +102,8 @@ def write_position2go(path: str | os.PathLike[str], samples: ArrayLike) -> None:
     line = ",".join(["%.9g"] * rows.shape[1]) + "\n"
     empty = line % (*[0] * rows.shape[1],)
     with atomic_path(path) as temporary, open(temporary, "w", encoding="ascii") as file:
-        for row in rows:
-            file.write(line % tuple(row.tolist()) if row.any() else empty)
+        for row, told in zip(rows, rows.any(axis=1).tolist(), strict=True):
+            file.write(line % tuple(row.tolist()) if told else empty)
 
 
 def _rows(file: BinaryIO, name: str, samples: int) -> Iterator[bytes]:
