@@ -19,7 +19,7 @@ import millisight as ms
 from helpers.small_scenes import make
 from helpers.undrawn import undrawn
 from millisight.cli.evaluate import segmentation
-from millisight.core.errors import InputError, UnknownNameError
+from millisight.core.errors import FileError, InputError, UnknownNameError
 from millisight.datasets._runner import _cache_key
 from millisight.evaluation import METRICS, TASKS, Metric, SegmentationTask, Task
 from millisight.evaluation import _scenes as scenes
@@ -247,6 +247,20 @@ def test_the_page_of_another_kind_of_evaluation_is_not_replaced(root, tmp_path):
     with pytest.raises(InputError, match="out holds an evaluation of the kind 'segmentation'.*choose another folder"):
         ms.evaluate("surface", root, output=tmp_path / "out")
     assert (tmp_path / "out" / "segmentation.md").read_bytes() == page
+
+
+def test_two_evaluations_at_once_do_not_share_a_folder(root, tmp_path):
+    refused = []
+
+    def another(done, total):
+        with pytest.raises(FileError, match="out"):
+            run(root, tmp_path, sight="los", seeds=1)
+        refused.append(done)
+
+    run(root, tmp_path, sight="los", seeds=1, progress=another)
+    assert refused
+    assert (tmp_path / "out" / "segmentation.md").is_file()
+    assert run(root, tmp_path, sight="los", seeds=1).rows
 
 
 def test_tasks_and_options_are_checked(root):

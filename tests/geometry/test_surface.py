@@ -142,3 +142,41 @@ def test_faces_that_touch_in_a_corner_are_left_out_of_a_closed_surface():
 def test_a_floor_lies_below_what_was_seen():
     with pytest.raises(InputError, match="expected a floor below it"):
         closed(ms.surface(cap()), base=0.1)
+
+
+def test_heaps_of_points_and_odd_lengths_take_little_time_and_are_told():
+    """Half of the points in a micrometre: pairs of them would fill ten gigabytes."""
+    rng = np.random.default_rng(0)
+    line = np.linspace(0, 0.04, 21)
+    flat = np.stack([*np.meshgrid(line, line), np.zeros((21, 21))], axis=-1).reshape(-1, 3)
+
+    def cloud(places, **sigmas):
+        return ms.PointCloud(points=places, normals=np.tile([0.0, 0, 1], (len(places), 1)), **sigmas)
+
+    heaped = np.concatenate([flat, [0.02, 0.02, 0] + 1e-6 * rng.random((400, 3))])
+    assert ms.surface(cloud(heaped)).mesh.extent[:2] == pytest.approx([0.043, 0.043], abs=0.004)
+    plain = cloud(flat)
+    for settings, told in [
+        ({"reach": 1.0}, "cells lie within 1 m of 441 points, too many"),
+        ({"reach": 1e-300}, "no 12 hang together"),
+        ({"spacing": 1e-300}, "would have inf cells"),
+    ]:
+        with pytest.raises(InputError, match=told):
+            ms.surface(plain, **settings)
+    assert (
+        ms.surface(cloud(flat, place_sigma=np.full(441, 1e300), normal_sigma_deg=np.full(441, 1e300))).sigma.max() > 1
+    )
+    for grid in (None, 3, ms.VoxelGrid.regular((0, 0, 0), (1, 1, 1), 0.5)):
+        with pytest.raises(InputError, match="expected PixelGrid"):
+            depth_map(ms.surface(plain), grid)
+
+
+def test_a_depth_map_does_not_depend_on_where_the_world_begins():
+    """Rays are of single precision."""
+    made = ms.surface(cap())
+    far = np.array([1e5, 0, 1e5])
+    moved = ms.Surface(mesh=made.mesh.moved(translation=far), sigma=made.sigma, metadata={})
+    line = np.linspace(-0.01, 0.01, 5)
+    near, _ = depth_map(made, ms.PixelGrid(x=line, y=line))
+    there, _ = depth_map(moved, ms.PixelGrid(x=line + far[0], y=line))
+    assert there - far[2] == pytest.approx(near, abs=1e-6)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, cast
 
 from millisight.core import (
+    alone,
     file_version,
     files_under,
     make_folder,
@@ -24,7 +25,7 @@ from millisight.datasets import _mito
 from millisight.datasets._dataset import Dataset
 from millisight.datasets._find_scenes import DatasetFiles, find_empties, find_scenes
 from millisight.datasets._workers import each
-from millisight.evaluation import TASKS, EvaluationItem, Result, Task
+from millisight.evaluation import TASKS, EvaluationItem, EvaluationSet, Result, Task
 
 Progress = Callable[[int, int], None]
 
@@ -67,26 +68,39 @@ def evaluate(
     InputError
         The task has no such option, or the options do not fit the data.
     FileError
-        The dataset cannot be read; or the folder cannot be written, or holds files of others.
+        The dataset cannot be read; or the folder cannot be written, holds files of others, or another evaluation is at
+        work there.
     """
     data = _opened(dataset, objects, sight, experiment)
     made = _task(task, options)
     _check_folder(output, made)
     planned = made.plan(data)
     planned = replace(planned, notes=(*data.notes, *planned.notes))
-    folder = None if output is None else own_folder(output) / made.cache
-    run = run_items(made.run, planned.items, folder, workers=workers, progress=progress)
-    rows = made.rows(planned, run.results)
+    if output is None:
+        return _evaluated(made, planned, None, workers, progress)
+    folder = own_folder(output)
+    with alone(folder, printable(folder)):
+        _check_folder(output, made)  # one that was at work may have ended since
+        return _evaluated(made, planned, folder, workers, progress)
+
+
+def _evaluated(
+    task: Task, planned: EvaluationSet, folder: Path | None, workers: int | None, progress: Progress | None
+) -> Result:
+    """What comes out, written where there is a folder."""
+    cache = None if folder is None else folder / task.cache
+    run = run_items(task.run, planned.items, cache, workers=workers, progress=progress)
+    rows = task.rows(planned, run.results)
     result = Result(
-        task=made,
+        task=task,
         planned=planned,
         rows=tuple(rows),
-        tables=made.tables(planned, rows) if rows else {},
+        tables=task.tables(planned, rows) if rows else {},
         failures=(*planned.failures, *run.failures),
         cached=run.cached,
     )
-    if output is not None and rows:
-        result.save(output)
+    if folder is not None and rows:
+        result.save(folder)
     return result
 
 

@@ -23,6 +23,9 @@ _LEAST_SIGMA = 1e-4  # of a place [m]: of what is simulated without noise
 _LEAST_SLOPE = 0.02  # standard deviation of a slope: a normal is known to a degree at best
 _STEEPEST = 2.0  # slope of a normal against its patch's plane
 _MOST_CELLS = 2_000_000
+_FEW_CELLS, _CELLS_OF_A_POINT = 50_000, 100  # that are solved for; more are not known from so few points
+_MOST_SIGMA = 1e6
+_HEAPED, _NEAREST = 256, 64  # pairs of a point from which on those of so many neighbours alone are looked at
 LEAST_POINTS = 12
 """Points that a patch of a surface has at least, where nothing else is asked for."""
 
@@ -100,10 +103,12 @@ def depth_map(seen: Surface, grid: PixelGrid) -> tuple[np.ndarray, np.ndarray]:
     from millisight.meshes import RayCaster
 
     checked_record(seen, Surface, name="seen")
+    checked_record(grid, PixelGrid, name="grid")
     x, y = (axis.ravel() for axis in np.meshgrid(grid.x, grid.y, indexing="ij"))
     top = float(seen.mesh.bounds[1, 2]) + 0.01
     starts = np.stack([x, y, np.full(len(x), top)], axis=1)
-    face, way = RayCaster.of([seen.mesh]).first(starts, np.broadcast_to([0.0, 0.0, -1.0], starts.shape))
+    caster = RayCaster(seen.mesh.vertices[seen.mesh.faces], centered=True)
+    face, way = caster.first(starts, np.broadcast_to([0.0, 0.0, -1.0], starts.shape))
     hit = np.isfinite(way)
     sigma = np.where(hit, seen.sigma[seen.mesh.faces[np.where(hit, face, 0)]].mean(axis=1), np.nan)
     return np.where(hit, top - way, np.nan).reshape(grid.shape), sigma.reshape(grid.shape)
@@ -123,13 +128,22 @@ def _spacing_of(cloud: PointCloud) -> float:
 
 
 def _patches_of(cloud: PointCloud, link: float) -> list[np.ndarray]:
-    """Indices of points that hang together: nearer than `link`, normals within a right angle."""
+    """Indices of points that hang together: nearer than `link`, normals within a right angle.
+
+    Where points are heaped so that pairs would fill the memory, those of the nearest of each count.
+    """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial import KDTree
 
     normals = np.asarray(cloud.normals)
-    one, other = KDTree(cloud.points).query_pairs(link, output_type="ndarray").T
+    tree = KDTree(cloud.points)
+    if tree.count_neighbors(tree, link) <= _HEAPED * len(cloud):
+        one, other = tree.query_pairs(link, output_type="ndarray").T
+    else:
+        away, near = tree.query(cloud.points, k=min(_NEAREST, len(cloud)), distance_upper_bound=link)
+        one, place = np.nonzero(np.isfinite(away))
+        other = near[one, place]
     alike = (normals[one] * normals[other]).sum(axis=1) > 0
     graph = coo_array((np.ones(alike.sum()), (one[alike], other[alike])), shape=(len(cloud), len(cloud)))
     labels = connected_components(graph, directed=False)[1]
@@ -164,7 +178,7 @@ def _sigmas(cloud: PointCloud) -> tuple[np.ndarray, np.ndarray]:
     count = len(cloud)
     place = np.full(count, _LEAST_SIGMA) if cloud.place_sigma is None else cloud.place_sigma
     slope = np.full(count, _LEAST_SLOPE) if cloud.normal_sigma_deg is None else np.radians(cloud.normal_sigma_deg)
-    return np.maximum(place, _LEAST_SIGMA), np.maximum(slope, _LEAST_SLOPE)
+    return np.clip(place, _LEAST_SIGMA, _MOST_SIGMA), np.clip(slope, _LEAST_SLOPE, _MOST_SIGMA)
 
 
 def _plane(normals: np.ndarray) -> np.ndarray:
@@ -192,17 +206,24 @@ class _Cells(NamedTuple):
         from scipy.spatial import KDTree
 
         lower = local[:, :2].min(axis=0) - reach
-        counts = np.ceil((local[:, :2].max(axis=0) + reach - lower) / step).astype(int) + 1
-        if np.prod(counts, dtype=float) > _MOST_CELLS:
+        with np.errstate(over="ignore"):
+            counts = np.ceil((local[:, :2].max(axis=0) + reach - lower) / step) + 1
+            every = float(np.prod(counts))
+        if every > _MOST_CELLS:
             raise InputError(
-                f"a mesh with a spacing of {1e3 * step:.3g} mm would have {np.prod(counts, dtype=float):.3g} cells; "
+                f"a mesh with a spacing of {1e3 * step:.3g} mm would have {every:.3g} cells; "
                 f"expected at most {_MOST_CELLS:.0e}: pass a larger spacing"
             )
-        cells: np.ndarray = np.stack(np.meshgrid(*(np.arange(n) for n in counts), indexing="ij"), axis=-1)
+        cells: np.ndarray = np.stack(np.meshgrid(*(np.arange(n) for n in counts.astype(int)), indexing="ij"), axis=-1)
         places = lower + step * cells
-        there = (KDTree(local[:, :2]).query(places.reshape(-1, 2))[0] <= reach).reshape(counts)
+        there = (KDTree(local[:, :2]).query(places.reshape(-1, 2))[0] <= reach).reshape(cells.shape[:2])
         if there.sum() < 3:
             return None
+        if there.sum() > max(_FEW_CELLS, _CELLS_OF_A_POINT * len(local)):
+            raise InputError(
+                f"{there.sum()} cells lie within {reach:.3g} m of {len(local)} points, too many to know from these: "
+                "pass a smaller reach, or a larger spacing"
+            )
         number = np.full(there.shape, -1)
         number[there] = np.arange(there.sum())
         return cls(lower, step, there, number)
@@ -224,7 +245,7 @@ def _solved(
     from scipy.sparse.linalg import splu
     from scipy.spatial import KDTree
 
-    count = int(cells.there.sum())
+    count, around = int(cells.there.sum()), min(4, len(local))
     # A point's height is that between the four cells around it, as far as these are there.
     at = (local[:, :2] - cells.lower) / cells.step
     low = np.minimum(np.floor(at).astype(int), np.array(cells.there.shape) - 2)
@@ -246,8 +267,8 @@ def _solved(
         both = (one >= 0) & (other >= 0)
         first, second = one[both], other[both]
         middle = cells.lower + cells.step * (np.argwhere(both) + 0.5 * (np.arange(2) == k))
-        _, nearest = tree.query(middle, k=min(4, len(local)))
-        nearest = nearest.reshape(len(middle), -1)
+        _, nearest = tree.query(middle, k=around)
+        nearest = nearest.reshape(len(middle), around)
         weights = 1 / tilt[nearest] ** 2
         slope = (weights * slopes[nearest, k]).sum(axis=1) / weights.sum(axis=1)
         error = cells.step * np.sqrt(1 / weights.mean(axis=1))
@@ -260,8 +281,8 @@ def _solved(
     normal.setdiag(normal.diagonal() * (1 + 1e-9))
     heights = splu(normal).solve(matrix.T @ np.concatenate(wanted))
     cells_at = cells.lower + cells.step * np.argwhere(cells.there)
-    away, nearest = tree.query(cells_at, k=min(4, len(local)))
-    away, nearest = away.reshape(count, -1), nearest.reshape(count, -1)
+    away, nearest = tree.query(cells_at, k=around)
+    away, nearest = away.reshape(count, around), nearest.reshape(count, around)
     # Beyond the points the height is that of the nearest ones, carried on along their slopes.
     sigma = np.sqrt((place[nearest] ** 2 + (away * tilt[nearest]) ** 2).mean(axis=1))
     return heights, sigma

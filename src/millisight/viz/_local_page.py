@@ -81,10 +81,11 @@ def _name(host: str) -> str | None:
     """The name in `name:port`; None where there is none, or more than that."""
     try:
         parts = urlsplit(f"//{host}")
-        _ = parts.port  # ValueError where it is no number
+        port = "" if parts.port is None else f":{parts.port}"
     except ValueError:
         return None
-    return parts.hostname if parts.netloc == host and parts.username is None else None
+    name = parts.hostname or ""
+    return name if host.lower() == (f"[{name}]" if ":" in name else name) + port else None
 
 
 def _is_number(name: str) -> bool:
