@@ -49,7 +49,7 @@ def bracket():
 @pytest.fixture(scope="module")
 def cloud(bracket):
     """What is seen of the bracket, turned at random."""
-    return posed.points_of(bracket.moved(rotation=posed.turn(11), translation=AT), count=150)
+    return posed.points_of(bracket.moved(rotation=posed.turn(11), translation=AT), count=220)
 
 
 def located(cloud, meshes, **settings):
