@@ -139,7 +139,7 @@ def test_a_level_radar_knows_its_offset_to_the_targets_uncertainty():
 
 def test_a_calibrated_capture_has_its_image_where_the_target_is():
     capture, target = scan(seed=4)
-    grid = ms.VoxelGrid.regular(PLACE - 0.008, PLACE + 0.008, 0.001)
+    grid = ms.VoxelGrid.regular(PLACE - 0.005, PLACE + 0.005, 0.001)
     before = ms.form_image(capture, grid, method="exact")
     calibrated = calibrate_radar(capture, target).apply(capture)
     after = ms.form_image(calibrated, grid, method="exact")

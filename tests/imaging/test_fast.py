@@ -20,8 +20,8 @@ from millisight.imaging._taps import axis_weights
 def scan_of(radar, positions, reflectors=300, box=((-0.1, -0.1, -0.34), (0.1, 0.1, -0.2)), seed=0):
     """Random reflectors of random strength all over a box, seen from `positions` (P, 3)."""
     rng = np.random.default_rng(seed)
-    # A quarter of the samples over the same band: the physics is the same, the oracle four times as quick.
-    waveform = ms.Waveform.stepped(radar.waveform.start_frequency, radar.waveform.bandwidth / 64, 64)
+    # Few samples over the same band: the physics is the same, the oracle is quicker by as much.
+    waveform = ms.Waveform.stepped(radar.waveform.start_frequency, radar.waveform.bandwidth / 32, 32)
     radar = ms.Radar(name="test", waveform=waveform, array=radar.array, path_offset=radar.path_offset)
     trajectory = ms.Trajectory(times=np.arange(float(len(positions))), positions=positions)
     points = rng.uniform(*box, (reflectors, 3))
@@ -90,8 +90,8 @@ def test_within_the_tolerance_of_exact_at_random_and_at_the_brightest_voxels(cas
     capture, grid, image = case
     assert image.metadata["history"][-1]["done_by"] == "factorised backprojection"
     assert len(image.metadata["history"][-1]["sub_apertures"]) >= 1
-    brightest = np.argsort(image.magnitude.ravel())[-500:]
-    for picks in (np.random.default_rng(4).choice(grid.size, 1000, replace=False), brightest):
+    brightest = np.argsort(image.magnitude.ravel())[-250:]
+    for picks in (np.random.default_rng(4).choice(grid.size, 500, replace=False), brightest):
         assert relative(image.values.ravel()[picks], exact_at(capture, grid, picks)) < 0.005
 
 

@@ -13,7 +13,9 @@ GRID = ms.VoxelGrid.regular((-0.05, -0.06, -0.02), (0.05, 0.06, 0.02), (0.004, 0
 @pytest.fixture(scope="module")
 def capture():
     rng = np.random.default_rng(3)
-    radar = ms.Radar.preset("iwr1443")
+    preset = ms.Radar.preset("iwr1443")
+    waveform = ms.Waveform.stepped(preset.waveform.start_frequency, preset.waveform.bandwidth / 64, 64)
+    radar = ms.Radar(name="fewer samples", waveform=waveform, array=preset.array, path_offset=preset.path_offset)
     path = ms.Trajectory.raster(size=(0.12, 0.1), step=0.004, center=(0.0, 0.0, 0.25))
     tx, rx = path.placed(radar.array.tx_positions)[:, :, None], path.placed(radar.array.rx_positions)[:, None]
     frames = np.zeros((len(path), 1, 4, radar.waveform.samples_per_chirp), complex)
@@ -57,9 +59,9 @@ def test_the_last_image_is_that_of_the_whole(capture, window):
     if window is None:
         exact = image_at(
             capture.frames, capture.tx_positions, capture.rx_positions, capture.radar.waveform.frequencies,
-            GRID.points, capture.radar.path_offset,
+            GRID.points[::3], capture.radar.path_offset,
         )  # fmt: skip
-        assert np.linalg.norm(growing.image.values.ravel() - exact) / np.linalg.norm(exact) < 0.005
+        assert np.linalg.norm(growing.image.values.ravel()[::3] - exact) / np.linalg.norm(exact) < 0.005
 
 
 def test_a_capture_of_another_radar_is_refused_and_loses_nothing(capture):

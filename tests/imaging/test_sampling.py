@@ -36,7 +36,8 @@ def grid(half=(0.08, 0.05, 0.05), spacing=(0.002, 0.002, 0.005)):
 def image_of(of, path, reflector, voxels):
     tx, rx = (path.placed(a) for a in (of.array.tx_positions, of.array.rx_positions))
     frames = point_frames(reflector[None], np.ones(1), tx, rx, of.waveform.frequencies)
-    return ms.form_image(ms.Capture(radar=of, trajectory=path, frames=frames), voxels, method="backprojection")
+    capture = ms.Capture(radar=of, trajectory=path, frames=frames)
+    return ms.form_image(capture, voxels, method="backprojection", tolerance=0.02)
 
 
 def nearby(ghost, direction, voxels):

@@ -22,9 +22,9 @@ def likeness(a, b):
 
 @pytest.mark.parametrize(("offset", "drift", "seed"), [(-0.05, -80e-6, 1)])
 def test_offset_and_drift_are_recovered_together_and_the_image_with_them(offset, drift, seed):
-    capture, log, middle = scan(offset, drift, period=0.012)
+    capture, log, middle = scan(offset, drift, count=51, period=0.012)
     way = np.linalg.norm(np.diff(capture.trajectory.positions, axis=0), axis=1).sum()
-    assert way > 30
+    assert way > 25
     seen = []
     told = {"max_drift": 100e-6, "progress": lambda done, total: seen.append((done, total))}
     found = estimate_clock(nominal(capture, log), log, GRID, rng=seed, **told)

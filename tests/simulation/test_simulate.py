@@ -38,9 +38,9 @@ def lit_from(scene, positions, model="specular", **parameters):
 def test_frames_are_the_sum_over_lit_vertices(name, spreading, model):
     """With bistatic paths, the path offset, the material's amplitude, and the spreading law."""
     radar = ms.Radar.preset(name)
-    rng = np.random.default_rng(0)
-    positions = rng.uniform([-0.1, -0.1, 0.15], [0.1, 0.1, 0.25], (12, 3))
-    trajectory = ms.Trajectory(times=np.arange(12.0), positions=positions)
+    rng = np.random.default_rng(2)
+    positions = rng.uniform([-0.1, -0.1, 0.15], [0.1, 0.1, 0.25], (5, 3))
+    trajectory = ms.Trajectory(times=np.arange(5.0), positions=positions)
     scene = ms.Scene(objects=tuple(
         type(o)(name=o.name, mesh=o.mesh, material=ms.Material(name="m", reflection=0.5 - 0.3j)) for o in BOX.objects
     ))  # fmt: skip
