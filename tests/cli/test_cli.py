@@ -246,16 +246,17 @@ def test_too_little_memory_is_said_before_libraries_are_opened(capture):
     """With some hundred megabytes LLVM and Embree end the process, and others cannot be opened."""
     import resource
 
-    def bounded(megabytes):
-        return lambda: resource.setrlimit(resource.RLIMIT_AS, (megabytes * 1_000_000, resource.RLIM_INFINITY))
+    def bounded(what, megabytes):
+        return lambda: resource.setrlimit(what, (megabytes * 1_000_000, resource.RLIM_INFINITY))
 
-    for command in (("image", capture.name, "--grid", "2cm", "-o", "i.h5"), ("simulate", "mug", "-o", "m.h5")):
-        code, out, err = run(*command, cwd=capture.parent, preexec_fn=bounded(600))
+    for command, what, megabytes, told in (
+        (("image", capture.name, "--grid", "2cm", "-o", "i.h5"), resource.RLIMIT_AS, 600, "1000 MB or more: {} -v"),
+        (("simulate", "mug", "-o", "m.h5"), resource.RLIMIT_DATA, 300, "600 MB or more: {} -d"),
+    ):
+        code, out, err = run(*command, cwd=capture.parent, preexec_fn=bounded(what, megabytes))
         assert (code, out) == (1, "")
-        assert err == (
-            "millisight: this process may have 600 MB of memory; expected 1000 MB or more: raise the limit, as by "
-            "ulimit -v unlimited\n"
-        )
+        told = told.format("raise the limit, as by ulimit")
+        assert err == f"millisight: this process may have {megabytes} MB of memory; expected {told} unlimited\n"
 
 
 FEW_PROCESSES = """

@@ -157,7 +157,7 @@ def test_heaps_of_points_and_odd_lengths_take_little_time_and_are_told():
     assert ms.surface(cloud(heaped)).mesh.extent[:2] == pytest.approx([0.043, 0.043], abs=0.004)
     plain = cloud(flat)
     for settings, told in [
-        ({"reach": 1.0}, "cells lie within 1 m of 441 points, too many"),
+        ({"reach": 1.0}, "cells lie within 1 m of 441 points; expected at most 50000"),
         ({"reach": 1e-300}, "no 12 hang together"),
         ({"spacing": 1e-300}, "would have inf cells"),
     ]:

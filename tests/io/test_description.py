@@ -406,6 +406,12 @@ FREQUENCIES = "start_frequency = 24e9\nstep = 25e6"
         ("phase_sign = -1", "phase_sign = -1\nanalytic = true", FormatError, ["[frames]", "analytic", "frames.npy"]),
         ("phase_sign = -1", "phase_sign = -1\nshape = [5, 5]", FormatError, ["shape", "576", "(12, 2, 3, 8)"]),
         ("phase_sign = -1", "phase_sign = 2", FormatError, ["[frames]", "phase_sign", "'2'", "1 or -1"]),
+        (
+            "phase_sign = -1",
+            "phase_sign = -1\narray = []",
+            FormatError,
+            ["[frames]", "array is []", "name of an array"],
+        ),
         ('"tx", "rx", ', "", FormatError, ["[frames]", "axes", "4", "frames.npy", "(12, 2, 3, 8)"]),
         ('"tx", "rx"', '"tx", "tx"', FormatError, ["[frames]", "axes", "'tx'", "once"]),
         ('"pose", ', '"pose", "x", ', FormatError, ["[frames]", "axes", "'pose'", "'x'"]),

@@ -173,6 +173,7 @@ def state(shape, dtype, data):
         (state(b"(X\x01\x00\x00\x002t", FLOAT, b"C\x00"), "whole numbers"),
         (state(b"(K\x02t", OBJECT, b"C\x10" + b"a" * 16), "found bytes; expected list"),
         (state(b"(K\x03t", OBJECT, b"]"), "cannot reshape"),
+        (state(1500 * b"(" + b"K\x01t" + 1499 * b"t", FLOAT, b"C\x00"), "nested too deep"),
         (state(b"(K\x01t", FLOAT.replace(b"f8", b"V8"), b"C\x08abcdefgh"), "V8"),
         (state(b"(K\x01t", b"X\x02\x00\x00\x00f8", b"C\x08abcdefgh"), "found str; expected dtype"),
         (state(b"(K\x01t", FLOAT.replace(b"f8", b"U1"), b"C\x04\xff\xff\xff\x7f"), "invalid characters"),

@@ -18,6 +18,7 @@ GO_ON = (
 _MANY_PROCESSES, _THREADS = 1000, 40  # a limit that need not be tried; what workers and libraries take
 _LAYERS = ("default", "safe", "forksafe", "threadsafe", "tbb", "omp", "workqueue")
 _LEAST_ADDRESSES = 1_000_000_000  # [bytes] with fewer, libraries cannot be opened, or end the process
+_LEAST_DATA = 600_000_000  # [bytes] of these that are written to
 _MOST_THREADS = 1024  # more than machines have cores; with some ten thousand, Numba ends the process
 
 
@@ -116,12 +117,17 @@ def _check_limits() -> None:
         return
     from millisight.core.errors import InputError
 
-    memory, processes = (resource.getrlimit(what)[0] for what in (resource.RLIMIT_AS, resource.RLIMIT_NPROC))
-    if memory != resource.RLIM_INFINITY and memory < _LEAST_ADDRESSES:
-        raise InputError(
-            f"this process may have {memory / 1e6:.0f} MB of memory; expected {_LEAST_ADDRESSES / 1e6:.0f} MB or more: "
-            "raise the limit, as by ulimit -v unlimited"
-        )
+    for what, least, letter in (
+        (resource.RLIMIT_AS, _LEAST_ADDRESSES, "v"),
+        (resource.RLIMIT_DATA, _LEAST_DATA, "d"),
+    ):
+        memory = resource.getrlimit(what)[0]
+        if memory != resource.RLIM_INFINITY and memory < least:
+            raise InputError(
+                f"this process may have {memory / 1e6:.0f} MB of memory; expected {least / 1e6:.0f} MB or more: "
+                f"raise the limit, as by ulimit -{letter} unlimited"
+            )
+    processes = resource.getrlimit(resource.RLIMIT_NPROC)[0]
     if processes != resource.RLIM_INFINITY and processes < _MANY_PROCESSES and not _threads_start(_THREADS):
         raise InputError(
             f"this process may not start {_THREADS} threads more: its user may have {processes} processes; raise the "

@@ -23,7 +23,7 @@ _LEAST_SIGMA = 1e-4  # of a place [m]: of what is simulated without noise
 _LEAST_SLOPE = 0.02  # standard deviation of a slope: a normal is known to a degree at best
 _STEEPEST = 2.0  # slope of a normal against its patch's plane
 _MOST_CELLS = 2_000_000
-_FEW_CELLS, _CELLS_OF_A_POINT = 50_000, 100  # that are solved for; more are not known from so few points
+_FEW_CELLS, _MANY_CELLS, _CELLS_OF_A_POINT = 50_000, 500_000, 100  # that are solved for: a gigabyte for the many
 _MOST_SIGMA = 1e6
 _HEAPED, _NEAREST = 256, 64  # pairs of a point from which on those of so many neighbours alone are looked at
 LEAST_POINTS = 12
@@ -219,10 +219,10 @@ class _Cells(NamedTuple):
         there = (KDTree(local[:, :2]).query(places.reshape(-1, 2))[0] <= reach).reshape(cells.shape[:2])
         if there.sum() < 3:
             return None
-        if there.sum() > max(_FEW_CELLS, _CELLS_OF_A_POINT * len(local)):
+        if there.sum() > (most := min(max(_FEW_CELLS, _CELLS_OF_A_POINT * len(local)), _MANY_CELLS)):
             raise InputError(
-                f"{there.sum()} cells lie within {reach:.3g} m of {len(local)} points, too many to know from these: "
-                "pass a smaller reach, or a larger spacing"
+                f"{there.sum()} cells lie within {reach:.3g} m of {len(local)} points; expected at most {most}: pass a "
+                "smaller reach, or a larger spacing"
             )
         number = np.full(there.shape, -1)
         number[there] = np.arange(there.sum())

@@ -57,8 +57,10 @@ def bright_points(subject: Subject, moves: np.ndarray, fold: int | None) -> np.n
 
     fold : 0 or 1: of every second block of the box alone, as on a chess board; None: of all
     """
-    fine = lobe(subject.at(moves), subject.box.mean(axis=0))
     size = np.ptp(subject.box, axis=0)
+    # Across a line of positions the lobe has no end: points far beyond the box would tell nothing, and take long.
+    widest = 4 * max(float(size.max()), subject.wavelength)
+    fine = np.minimum(lobe(subject.at(moves), subject.box.mean(axis=0)), widest)
     coarse = 2 * fine * max(1.0, (np.prod(size / fine / 2 + 1) / _MOST_CELLS) ** (1 / 3))
     cells = VoxelGrid.regular(subject.box[0], subject.box[1], coarse).points
     if fold is not None:

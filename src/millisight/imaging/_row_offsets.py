@@ -13,6 +13,7 @@ from millisight.imaging._autofocus_search import Subject
 
 _MOST_CELLS = 6_000
 _NEIGHBOURS = (4, 12, 40)  # rows whose images each row is compared with, standard deviation
+_AT_ONCE = 1 << 20  # values of the lines that are looked at together
 _FINER = 8  # places between two cells at which the correlation is looked at
 
 
@@ -68,11 +69,13 @@ class RowOffsets(NamedTuple):
 
 
 def row_offsets(subject: Subject, most: float, rng: np.random.Generator) -> RowOffsets | None:
-    """Offsets of `most` frames at most; None where nothing is seen."""
+    """Offsets of `most` frames at most; None where nothing is seen, or the box has too many lobes along a row."""
     axes = row_axes(subject)
     resolution = subject.capture.radar.waveform.range_resolution
     steps = np.array([row_lobe(subject, axes) / 2, resolution, resolution])
     points, shape = lattice(subject, axes, steps, _MOST_CELLS)
+    if shape[-1] > _MOST_CELLS:
+        return None
     still = np.zeros_like(subject.capture.trajectory.positions)
     sizes = np.abs(row_fields(subject.view(still, points), subject.pieces)).reshape(len(subject.rows), -1, shape[-1])
     sizes = sizes - sizes.mean(axis=2, keepdims=True)
@@ -80,9 +83,11 @@ def row_offsets(subject: Subject, most: float, rng: np.random.Generator) -> RowO
     if not spacing or not sizes.any():
         return None
     frames = np.array([row.step @ axes[0] for row in subject.rows]) / spacing
-    shifts, likeness = _aligned(sizes, most * np.abs(frames))
+    # Rows that are shifted by the whole box have nothing in common.
+    reach = np.minimum(most * np.abs(frames), shape[-1])
+    shifts, likeness = _aligned(sizes, reach)
     rolled = np.stack([np.roll(lines, rng.integers(shape[-1]), axis=1) for lines in sizes])
-    return RowOffsets(np.clip(shifts / frames, -most, most), likeness, _aligned(rolled, most * np.abs(frames))[1])
+    return RowOffsets(np.clip(shifts / frames, -most, most), likeness, _aligned(rolled, reach)[1])
 
 
 def _aligned(sizes: np.ndarray, reach: np.ndarray) -> tuple[np.ndarray, float]:
@@ -90,18 +95,24 @@ def _aligned(sizes: np.ndarray, reach: np.ndarray) -> tuple[np.ndarray, float]:
     from scipy.ndimage import gaussian_filter1d
 
     length = 1 << int(np.ceil(np.log2(sizes.shape[-1] + 2 * reach.max() + 8)))
-    spectra = np.fft.rfft(sizes, length, axis=2)
     turns = -2j * np.pi * np.fft.rfftfreq(length)
+    # By Parseval: the sum of squares of what a spectrum belongs to.
+    twice = np.where((turns == 0) | (np.arange(len(turns)) == length // 2), 1, 2) / length
     places = np.fft.fftfreq(length * _FINER) * length
+    some = max(_AT_ONCE // (len(sizes) * length), 1)
     shifts, likeness = np.zeros(len(sizes)), 0.0
     for width in _NEIGHBOURS:
         for _ in range(2):
-            moved = spectra * np.exp(turns * shifts[:, None])[:, None]
-            around = gaussian_filter1d(moved, width, axis=0, mode="constant") - moved / (width * np.sqrt(2 * np.pi))
-            product = np.fft.irfft((around.conj() * spectra).sum(axis=1), length * _FINER, axis=1) * _FINER
+            both, squares = np.zeros((len(sizes), len(turns)), complex), np.zeros((2, len(sizes)))
+            for start in range(0, sizes.shape[1], some):
+                spectra = np.fft.rfft(sizes[:, start : start + some], length, axis=2)
+                moved = spectra * np.exp(turns * shifts[:, None])[:, None]
+                around = gaussian_filter1d(moved, width, axis=0, mode="constant") - moved / (width * np.sqrt(2 * np.pi))
+                both += (around.conj() * spectra).sum(axis=1)
+                squares += [(np.abs(part) ** 2 @ twice).sum(axis=1) for part in (around, spectra)]
+            product = np.fft.irfft(both, length * _FINER, axis=1) * _FINER
             product[np.abs(places) > reach[:, None] + 1e-9] = -np.inf
-            norms = [np.sqrt((np.fft.irfft(part, length, axis=2) ** 2).sum(axis=(1, 2))) for part in (around, spectra)]
-            likeness = float(np.mean(product.max(axis=1) / np.maximum(norms[0] * norms[1], 1e-30)))
+            likeness = float(np.mean(product.max(axis=1) / np.maximum(np.sqrt(squares.prod(axis=0)), 1e-30)))
             shifts = -places[product.argmax(axis=1)]
             shifts = shifts - np.median(shifts)
     return shifts, likeness

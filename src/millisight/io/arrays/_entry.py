@@ -34,17 +34,25 @@ def plain_dtype(text: Any) -> np.dtype:
     """The type of NumPy's short name, such as "<f8": numbers, booleans and text; ValueError for objects."""
     if not isinstance(text, str) or not _PLAIN_DTYPE.fullmatch(text):
         objects = " (Python objects, which are never read)" if isinstance(text, str) and "O" in text else ""
-        raise ValueError(f"its type is {str(text)[:80]!r}{objects}; expected numbers, booleans or text")
+        raise ValueError(f"its type is {_shown(text)!r}{objects}; expected numbers, booleans or text")
     return np.dtype(text)
 
 
 def checked_shape(shape: Any) -> tuple[int, ...]:
     """`shape` if it is a tuple of at most 32 whole numbers that are not negative; else a ValueError."""
     if not isinstance(shape, tuple) or not all(type(n) is int and 0 <= n < 1 << 62 for n in shape):
-        raise ValueError(f"its shape is {str(shape)[:80]}; expected whole numbers that are not negative")
+        raise ValueError(f"its shape is {_shown(shape)}; expected whole numbers that are not negative")
     if len(shape) > _MOST_DIMENSIONS:
         raise ValueError(f"it has {len(shape)} dimensions; expected at most {_MOST_DIMENSIONS}")
     return shape
+
+
+def _shown(value: Any) -> str:
+    """A value for a message; of containers that are nested a thousand deep Python makes no text."""
+    try:
+        return str(value)[:80]
+    except RecursionError:
+        return f"a {type(value).__name__} nested too deep"
 
 
 def array_of_bytes(data: Any, dtype: np.dtype, shape: tuple[int, ...], *, fortran: bool = False) -> np.ndarray:

@@ -14,6 +14,8 @@ from millisight.io.raw._format import RAW_FORMATS, RawArray, RawFormat
 def _read_arrays(path: Path, *, array: str | list[str] | None = None) -> RawArray:
     """The array of a file, or several of one shape along a new first axis."""
     names = array if isinstance(array, list) else [array]
+    if not names:
+        raise InputError("array is []; expected the name of an array, or several")
     arrays = [read_array(path, name) for name in names]
     shapes = {array.shape for array in arrays}
     if len(shapes) > 1:
