@@ -187,6 +187,10 @@ def remove_sheets(
         raise InputError(f"remove_sheets got {type(scene).__name__}; expected an image or a capture")
     if clutter == "none":
         return SheetRemoval(result=scene, sheets=(), left=(), reason="nothing was asked for")
+    if isinstance(scene, Capture) and not any(
+        np.ptp(places, axis=0).any() for places in (scene.tx_positions, scene.rx_positions)
+    ):
+        return SheetRemoval(result=scene, sheets=(), left=(), reason="the radar did not move")
     usual, scale = at_usual_scale(scene)
     echoes, wave_number = _echoes_of(usual, lowest, clutter), 2 * np.pi * centre / SPEED_OF_LIGHT
     sheets, left = _search(echoes, wave_number, most, clutter, lowest)
