@@ -102,7 +102,7 @@ def write_position2go(path: str | os.PathLike[str], samples: ArrayLike) -> None:
     line = ",".join(["%.9g"] * rows.shape[1]) + "\n"
     empty = line % (*[0] * rows.shape[1],)
     with atomic_path(path) as temporary, open(temporary, "w", encoding="ascii") as file:
-        for row, told in zip(rows, rows.any(axis=1).tolist(), strict=True):
+        for row, told in zip(rows, np.logical_or.reduce(rows != 0, axis=1), strict=True):
             file.write(line % tuple(row.tolist()) if told else empty)
 
 
