@@ -106,7 +106,9 @@ def _evaluated(
 
 def _check_folder(output: str | os.PathLike[str] | None, task: Task) -> None:
     """Raise InputError where the page of another kind of evaluation would be replaced."""
-    for name in () if output is None else TASKS.names():
+    if output is None:
+        return
+    for name in TASKS.names():
         if name != task.name and Path(output, f"{name}.md").is_file():
             raise InputError(
                 f"{printable(output)} holds an evaluation of the kind {name!r}, whose page this one ({task.name!r}) "
