@@ -142,6 +142,8 @@ def test_the_sampling_is_told_and_ghosts_are_warned_of(run, tmp_path):
 def test_live_images_stand_beside_the_scan(run, collected, tmp_path):
     """And the same scan has the same truth, which may lie there already."""
     shutil.copytree(collected[0] / "truth", tmp_path / "truth")
+    (tmp_path / "truth" / ".truth.part").mkdir()
+    (tmp_path / "truth" / ".truth.part" / "of a run that was killed").touch()
     done = run("tiny.toml", "-o", "data", "--live", "--no-browser", "--truth", "truth")
     assert done.exit_code == 0, done.output
     assert [path.name for path in (tmp_path / "truth").iterdir() if path.name.startswith(".")] == []

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import os
 from collections import Counter
 from dataclasses import asdict
 from pathlib import Path
@@ -325,7 +326,16 @@ def test_files_are_taken_from_beside_the_recipe(tmp_path):
     scans = [job for job in jobs_of(recipe, things) if isinstance(job, RigJob)]
     stated = {(job.folder.split("/")[0], job.info.get("class")) for job in scans}
     assert stated == {("000_lock", "other"), ("058_golf_ball", None), ("tripod_background", None)}
+    killed = tmp_path / lock.folder / ".nontextured.0123abcd.part.stl"  # left by a run
+    killed.parent.mkdir()
+    killed.touch()
+    os.utime(killed, (0, 0))
     lock.write(tmp_path)
+    assert [path.name for path in killed.parent.iterdir()] == ["nontextured.stl"]
+    (tmp_path / lock.path).write_bytes(b"mine")
+    with pytest.raises(FileError, match="was not made here"):
+        lock.write(tmp_path)
+    lock.write(tmp_path, known={lock.path})
     assert load_mesh(tmp_path / lock.path, unit="m").bounds == pytest.approx(build_mesh.bounds, abs=1e-6)
     (tmp_path / "lock.step").touch()
     with pytest.raises(UnknownNameError, match=r"^files: unknown mesh format 'step'"):

@@ -3,16 +3,18 @@
 import threading
 from dataclasses import replace
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from helpers import oracles
 from millisight.core.errors import InputError
-from millisight.data import VoxelGrid
+from millisight.data import AntennaArray, Radar, Trajectory, VoxelGrid
 from millisight.imaging import form_image
+from millisight.io import load
 from millisight.io.mito import BASE_ORIGIN, experiment_folder, read_experiment
-from millisight.rig import LiveImaging, PublishedWriter, record_scan
+from millisight.rig import CaptureWriter, LiveImaging, PublishedWriter, Recording, record_scan
 from millisight.rig.virtual import ArmSettings, RadarSettings, ScanSettings, VirtualRig, World, experiment_info
 from millisight.rig.virtual._radar import REFERENCE
 
@@ -66,6 +68,33 @@ def test_the_last_image_is_that_of_the_recorded_scan(tmp_path):
         assert np.abs(brightest - POINTS).max(axis=1).min() < 0.011
     assert live.trouble is None
     assert all(status.lag >= 0 for status in statuses)
+
+
+@pytest.mark.parametrize("name", ["front", "a b#é?"])
+def test_an_arm_that_turns_the_radar_turns_its_antennas(tmp_path, name):
+    """As in the capture that is written; the published layout is read without orientations."""
+    array = AntennaArray(tx_positions=[(0, 0, 0)], rx_positions=[(0.02 * n, 0, 0) for n in range(4)])
+    device = SimpleNamespace(
+        name=name, frame_period=0.1, mount=np.array([0.03, 0.01, 0]),
+        radar=replace(Radar.preset("mito-sim-24ghz"), array=array),
+    )  # fmt: skip
+    path = Trajectory(
+        times=0.1 * np.arange(20),
+        positions=[(0.05, y, 0) for y in np.linspace(0, 0.1, 20)],
+        orientations=np.tile([0, 0, np.sqrt(0.5), np.sqrt(0.5)], (20, 1)),
+    )
+    frames = echoes(SimpleNamespace(radar=replace(device.radar, array=array.moved(translation=device.mount))), path)
+    live = LiveImaging(CaptureWriter(tmp_path / "scan", origin=(0, 0, 0)), {name: GRID})
+    with live.recording([device]):
+        samples = np.asarray(frames, np.complex64).reshape(20, 1, 4, -1)
+        live.add_row(device, Recording(samples=samples, first_time=0, period=0.1, lost=np.zeros(20, bool)))
+        live.end_row(path)
+        live.finish()
+    capture = load(tmp_path / "scan" / f"{name}.capture.h5")
+    whole = form_image(capture, GRID).values
+    assert np.linalg.norm(live.images[name].values - whole) < 1e-3 * np.linalg.norm(whole)
+    straight = replace(capture, trajectory=replace(capture.trajectory, orientations=None))
+    assert np.linalg.norm(form_image(straight, GRID).values - whole) > 0.3 * np.linalg.norm(whole)
 
 
 def test_a_scan_ends_when_its_image_is_good_enough(tmp_path):

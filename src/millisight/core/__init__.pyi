@@ -44,6 +44,7 @@ from ._numba import overload as overload
 from ._numba import prange as prange
 from ._own import OWN_NAME as OWN_NAME
 from ._own import PAGE_MARK as PAGE_MARK
+from ._own import check_free as check_free
 from ._own import check_own as check_own
 from ._own import move_into as move_into
 from ._own import own_folder as own_folder

@@ -55,6 +55,19 @@ def check_own(path: str | os.PathLike[str], mark: str, *, other: str = "name") -
         )
 
 
+def check_free(target: Path) -> None:
+    """Refuse to write where something is that was not made by this run or an earlier one.
+
+    Raises
+    ------
+    FileError
+    """
+    if os.path.lexists(target):
+        raise FileError(
+            f"{printable(target)} is there already, was not made here, and would be overwritten; move it away"
+        )
+
+
 def move_into(source: Path, target: Path, *, known: bool) -> None:
     """Move a whole file to its place; its folder is made.
 
@@ -70,11 +83,8 @@ def move_into(source: Path, target: Path, *, known: bool) -> None:
     """
     make_folder(target.parent)
     try:
-        taken = not known and os.path.lexists(target)
-        if taken and not (target.is_file() and filecmp.cmp(source, target, shallow=False)):
-            raise FileError(
-                f"{printable(target)} is there already, was not made here, and would be overwritten; move it away"
-            )
+        if not known and not (target.is_file() and filecmp.cmp(source, target, shallow=False)):
+            check_free(target)
         os.replace(source, target)
     except FileError:
         raise

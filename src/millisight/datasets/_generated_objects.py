@@ -3,7 +3,6 @@
 import hashlib
 import logging
 import os
-import tempfile
 from collections.abc import Collection
 from itertools import permutations, product
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from millisight.core import make_folder, move_into, printable
+from millisight.core import atomic_path, check_free, make_folder, printable
 from millisight.core.errors import MillisightError
 from millisight.data import TriangleMesh
 from millisight.datasets._manifest import checksum
@@ -73,10 +72,10 @@ class DatasetObject(NamedTuple):
         """
         path = make_folder(root / self.folder) / MESH_NAME
         if not path.is_file() or checksum(path) != self.sha256:
-            with tempfile.TemporaryDirectory(prefix=".millisight.", dir=path.parent) as stage:
-                whole = Path(stage, MESH_NAME)
-                whole.write_bytes(_stl(self.mesh))
-                move_into(whole, path, known=self.path in known)
+            if self.path not in known:
+                check_free(path)
+            with atomic_path(path) as temporary:
+                temporary.write_bytes(_stl(self.mesh))
 
 
 def prepare_objects(recipe: Recipe, *, meshes: str | os.PathLike[str] | None = None) -> dict[str, DatasetObject]:

@@ -78,7 +78,7 @@ class CaptureWriter(RowWriter):
         placed = Trajectory(times=log.times, positions=log.positions - self._origin, orientations=log.orientations)
         for radar in self._radars:
             rows = tuple(self._row(radar, number) for number in range(self.rows_done))
-            scan = RawScan(radar=_mounted(radar), rows=rows, log=placed, metadata=self._metadata)
+            scan = RawScan(radar=mounted(radar), rows=rows, log=placed, metadata=self._metadata)
             save(folder / f"{radar.name}.capture.h5", scan.to_capture(), reproducible=True)
             save(folder / f"{radar.name}.log.h5", placed, reproducible=True)
         os.replace(folder, self.path)
@@ -95,6 +95,6 @@ class CaptureWriter(RowWriter):
         )
 
 
-def _mounted(device: RadarDevice) -> Radar:
+def mounted(device: RadarDevice) -> Radar:
     """The radar by its name in the rig, its antennas in the frame that the arm's poses are of."""
     return replace(device.radar, name=device.name, array=device.radar.array.moved(translation=device.mount))

@@ -13,7 +13,9 @@ from millisight.core import record
 from millisight.core.errors import InputError, MillisightError
 from millisight.data import CameraFrame, RawScan, SarImage, ScanRow, Trajectory, VoxelGrid
 from millisight.imaging import GrowingImage
+from millisight.rig._captures import mounted
 from millisight.rig._protocols import RadarDevice, Recording, ScanWriter
+from millisight.rig._published import PublishedWriter
 
 
 @record
@@ -79,6 +81,8 @@ class LiveImaging:
         self._writer, self._shown = writer, shown or (lambda status: None)
         self._images = {name: GrowingImage(grid, window=window, tolerance=tolerance) for name, grid in grids.items()}
         self._origin = np.asarray(origin, dtype=float)
+        # The published layout is read without the arm's orientations.
+        self._turned = not isinstance(writer, PublishedWriter)
         self._rows: queue.Queue[_Row | Trajectory | None] = queue.Queue()
         self._counts = dict.fromkeys(grids, 0)
         self.lags: dict[str, float] = {}
@@ -156,10 +160,14 @@ class LiveImaging:
         self._counts[device.name] += len(rows)
         if all(row.recording.lost.all() for row in rows):
             return
-        placed = Trajectory(times=log.times, positions=log.positions - self._origin + device.mount)
+        placed = Trajectory(
+            times=log.times,
+            positions=log.positions - self._origin,
+            orientations=log.orientations if self._turned else None,
+        )
         read = tuple(row.as_scanned(before + number) for number, row in enumerate(rows, 1))
         try:
-            scan = RawScan(radar=device.radar, rows=read, log=placed)
+            scan = RawScan(radar=mounted(device), rows=read, log=placed)
             growing.add(scan.to_capture())
             status = LiveStatus(
                 radar=device.name, image=growing.image, rows=self._counts[device.name], poses=growing.poses,

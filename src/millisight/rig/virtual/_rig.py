@@ -1,14 +1,14 @@
 """A whole virtual rig: the devices of one world, and the truth that only they know, also in files of its own."""
 
 import os
-import tempfile
+import shutil
 import time
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
-from millisight.core import atomic_path, checked_path, make_folder, move_into, printable, toml_of
+from millisight.core import alone, atomic_path, checked_path, make_folder, move_into, printable, toml_of
 from millisight.core.errors import FileError, InputError, UnknownNameError
 from millisight.data import CameraMask, Trajectory
 from millisight.io import save
@@ -23,6 +23,7 @@ from millisight.rig.virtual._settings import RadarSettings, WorldTime
 from millisight.rig.virtual._world import World
 
 _WORLD_NAME = "world.toml"
+_STAGE = ".truth.part"  # where the files of the truth are made
 
 # Keys of the devices' random numbers: one that is added changes none of the others.
 _ARM, _CAMERA, _RADAR = 1, 2, 3
@@ -227,11 +228,16 @@ def write_truth(rig: VirtualRig, folder: str | os.PathLike[str]) -> Path:
     """
     check_truth(rig, folder)
     folder = make_folder(folder)
-    with tempfile.TemporaryDirectory(prefix=".millisight.", dir=folder) as stage:
-        _write_truth(rig, Path(stage), folder)
-        # The world last: where it is, the rest is.
-        for path in sorted(Path(stage).iterdir(), key=lambda path: path.name == _WORLD_NAME):
-            move_into(path, folder / path.name, known=False)
+    stage = folder / _STAGE
+    with alone(folder, printable(folder)):
+        shutil.rmtree(stage, ignore_errors=True)  # of a run that was killed
+        try:
+            _write_truth(rig, make_folder(stage), folder)
+            # The world last: where it is, the rest is.
+            for path in sorted(stage.iterdir(), key=lambda path: path.name == _WORLD_NAME):
+                move_into(path, folder / path.name, known=False)
+        finally:
+            shutil.rmtree(stage, ignore_errors=True)
     return folder
 
 

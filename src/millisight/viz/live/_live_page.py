@@ -72,10 +72,11 @@ class LivePage(PageServer):
 
     def picture_at(self, path: str) -> Callable[[], bytes] | None:
         parts = path.split("/")
-        if len(parts) != 4 or parts[0] != "picture" or parts[1] not in self._shown or parts[3] not in _VIEWS:
+        if len(parts) != 4 or parts[0] != "picture" or parts[3] not in _VIEWS:
             return None
-        # The second part, the poses, makes a new address of a new image.
-        return lambda: _png(self._shown[parts[1]].image, parts[3])
+        status = {str(number): status for number, status in enumerate(list(self._shown.values()))}.get(parts[1])
+        # Radars by their numbers, since names may hold anything. The poses make a new address of a new image.
+        return None if status is None else lambda: _png(status.image, parts[3])
 
     def posted_to(self, path: str) -> Callable[[Any], Any] | None:
         return self._end_scan if path == "stop" else None
@@ -92,12 +93,13 @@ class LivePage(PageServer):
             "rows": self._rows,
             "state": state,
             "told": self._ended or "",
-            "radars": [self._radar(status) for status in list(self._shown.values())],
+            "radars": [self._radar(number, status) for number, status in enumerate(list(self._shown.values()))],
         }
 
-    def _radar(self, status: "LiveStatus") -> Mapping[str, Any]:
+    def _radar(self, number: int, status: "LiveStatus") -> Mapping[str, Any]:
         grid = status.image.grid
         return {
+            "number": number,
             "name": status.radar,
             "rows": status.rows,
             "poses": status.poses,

@@ -38,7 +38,7 @@ function show(radar) {
   for (const figure of held.made.querySelectorAll(".views figure")) {
     const next = new Image(); // shown when it is whole, so that nothing flickers
     next.onload = () => { figure.querySelector("img").src = next.src; };
-    next.src = `picture/${radar.name}/${radar.poses}/${figure.dataset.axis}`;
+    next.src = `picture/${radar.number}/${radar.poses}/${figure.dataset.axis}`;
   }
   const most = Math.max(...radar.changes, 1e-9), count = Math.max(radar.changes.length - 1, 1);
   held.made.querySelector("polyline").setAttribute("points",
