@@ -1,6 +1,7 @@
 """`ms.evaluate`: what is cached, what is done again, failures that stop nothing; the same as the command; plug-ins."""
 
 import csv
+import hashlib
 import json
 import os
 import shutil
@@ -101,6 +102,11 @@ def test_only_what_changed_is_done_again(root, tmp_path):
     content["result"][0]["scores"]["f1"] = 0.123
     place.write_text(json.dumps(content))
     assert again().cached == 1
+    # Whole by its checksum, but no result of this task: all are made anew.
+    content |= {"result": [{}], "checksum": hashlib.sha256(b"[{}]").hexdigest()}
+    place.write_text(json.dumps(content))
+    assert again().cached == 0
+    assert again().cached == 2
     image = root / "074-x_wide/robot_collected/0_0_0/exp1/los/processed/radars/77_ghz/processed_image.pkl"
     os.utime(image, (1, 1))
     last = again()

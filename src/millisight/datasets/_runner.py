@@ -20,7 +20,7 @@ from millisight.core import (
     sha256_of,
     write_text,
 )
-from millisight.core.errors import FileError, InputError
+from millisight.core.errors import FileError, InputError, MillisightError
 from millisight.datasets import _mito
 from millisight.datasets._dataset import Dataset
 from millisight.datasets._find_scenes import DatasetFiles, find_empties, find_scenes
@@ -89,9 +89,25 @@ def _evaluated(
 ) -> Result:
     """What comes out, written where there is a folder."""
     cache = None if folder is None else folder / task.cache
-    run = run_items(task.run, planned.items, cache, workers=workers, progress=progress)
+    try:
+        result = _result(task, planned, run_items(task.run, planned.items, cache, workers=workers, progress=progress))
+    except MillisightError:
+        raise
+    except (LookupError, TypeError, ValueError, AttributeError):
+        # Kept results may be whole, and yet no results of this task: what somebody wrote there.
+        if cache is None:
+            raise
+        for part in (part for item in planned.items for part in item.parts):
+            (cache / f"{part}.json").unlink(missing_ok=True)
+        result = _result(task, planned, run_items(task.run, planned.items, cache, workers=workers, progress=progress))
+    if folder is not None and result.rows:
+        result.save(folder)
+    return result
+
+
+def _result(task: Task, planned: EvaluationSet, run: "ItemRun") -> Result:
     rows = task.rows(planned, run.results)
-    result = Result(
+    return Result(
         task=task,
         planned=planned,
         rows=tuple(rows),
@@ -99,9 +115,6 @@ def _evaluated(
         failures=(*planned.failures, *run.failures),
         cached=run.cached,
     )
-    if folder is not None and rows:
-        result.save(folder)
-    return result
 
 
 def _check_folder(output: str | os.PathLike[str] | None, task: Task) -> None:
