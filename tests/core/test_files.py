@@ -1,9 +1,11 @@
 """Text files that hold records: what no reader takes."""
 
+import os
+
 import pytest
 
-from millisight.core import checked_integer, checked_number, read_toml
-from millisight.core.errors import FormatError, InputError
+from millisight.core import check_writable, checked_integer, checked_number, read_toml
+from millisight.core.errors import FileError, FormatError, InputError
 from millisight.io.description import read
 
 # The last one Python reads, since it is no decimal; but it prints no number of so many digits.
@@ -35,3 +37,15 @@ def test_checks_of_numbers_take_any_integer(value):
     if abs(value) > 10**308:
         with pytest.raises(InputError, match=r"n is 2\^\d+ or more; expected a number in m"):
             checked_number(value, name="n", unit="m")
+
+
+def test_a_file_that_may_not_be_written_is_refused_before_the_work(tmp_path, monkeypatch):
+    """As it is for all but root, who may write anything."""
+    monkeypatch.setattr(os, "access", lambda path, mode: bool(os.stat(path).st_mode & 0o200))
+    path = tmp_path / "old.h5"
+    path.touch()
+    check_writable(path)
+    path.chmod(0o444)
+    with pytest.raises(FileError, match=r"old\.h5: it is read-only; choose another name"):
+        check_writable(path)
+    assert [one.name for one in tmp_path.iterdir()] == ["old.h5"]

@@ -21,7 +21,7 @@ def test_a_scene_is_made_of_objects(scene):
     mesh, material = scene.mesh, scene.objects[0].material
     for make, message in (
         (lambda: ms.Scene(objects=(1, 2)), "a scene's object is of type int; expected SceneObject"),
-        (lambda: ms.Scene(objects=3), "objects is of type int"),
+        (lambda: ms.Scene(objects=3), "3 was given; expected a sequence, each of it a scene's object"),
         (lambda: ms.Scene(objects=()), "without objects"),
         (lambda: scene + 3, "what is added to a scene is of type int; expected Scene"),
         (lambda: ms.SceneObject(name="a", mesh=3, material=material), "mesh is of type int"),

@@ -94,3 +94,5 @@ def test_empty_clouds_and_unknown_modes_are_refused():
         align(np.zeros((1, 3)), np.empty((0, 3)))
     with pytest.raises(UnknownNameError, match="mode of alignment 'affine'"):
         align(np.zeros((1, 3)), np.zeros((1, 3)), mode="affine")
+    with pytest.raises(InputError, match=r"fixed cloud reaches 1e\+155 m"):
+        align(np.zeros((1, 3)), np.full((1, 3), 1e155))

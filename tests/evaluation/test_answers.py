@@ -79,6 +79,10 @@ class TestPairs:
         assert sign_flip([2, -1, 3] * 200) == pytest.approx(sign_flip([2, -1, 3] * 166), abs=0.05)
         with pytest.raises(InputError, match="add up to 2000000000; expected at most 1000000"):
             sign_flip([10**9, -(10**9)])
+        with pytest.raises(InputError, match=r"a difference is 0\.5"):
+            sign_flip([0.5] * 24)
+        with pytest.raises(InputError, match="differences is of type NoneType"):
+            sign_flip(None)
 
     def test_sign_flip_is_exact_for_many_objects(self):
         assert sign_flip([1] * 60) == 2 / 2**60

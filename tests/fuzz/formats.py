@@ -11,6 +11,7 @@ import re
 import struct
 import sys
 import zipfile
+import zlib
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
@@ -106,7 +107,7 @@ def _arrays(make: "_Maker", _: Path) -> list[Format]:
         ),
         Format("hdf5 unsealed", make.unsealed(), record, 8, ".h5", rarely=20),
         Format("scene to train on", make.parts(), lambda p: read_parts(p, "weights"), 30, ".npz", found=(b"", b"PK")),
-        Format("photo", make.photo(), read_photo, 8, ".png"),
+        Format("photo", make.photo(), read_photo, 8, ".png", found=(make.photo_with_a_late_profile(),)),
     ]
 
 
@@ -549,6 +550,11 @@ class _Maker:
         stream = BytesIO()
         Image.fromarray(self.rng.integers(0, 255, (12, 16, 3), dtype=np.uint8)).save(stream, "PNG")
         return stream.getvalue()
+
+    def photo_with_a_late_profile(self) -> bytes:
+        """An empty one, behind the pixels, where Pillow expects none."""
+        png = self.photo()
+        return png[:-12] + struct.pack(">I4sI", 0, b"iCCP", zlib.crc32(b"iCCP")) + png[-12:]
 
     def log(self) -> bytes:
         stream = BytesIO()

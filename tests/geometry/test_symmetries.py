@@ -63,6 +63,8 @@ def test_a_bracket_has_none_and_a_tolerance_decides():
     assert len(symmetries(nearly, tolerance=0.0012).rotations) == 4
     with pytest.raises(InputError, match="tolerance"):
         symmetries(nearly, tolerance=0)
+    with pytest.raises(InputError, match="expected under half the mesh's size"):
+        symmetries(nearly, tolerance=1)
 
 
 def test_the_nearest_of_the_turns_that_look_alike():

@@ -117,6 +117,11 @@ def as_record(path: Path) -> Any:
     return Comparable(ms.load(path)) if path.suffix == ".h5" else path.read_bytes()
 
 
+def without_keys(path: Path) -> bytes:
+    """Of files with keys of results, in which the times of copied files are."""
+    return re.sub(rb'"key": "\w+"', b"", path.read_bytes())
+
+
 def without_numbers(path: Path) -> bytes:
     """Of files with the ports that were free."""
     return re.sub(rb"\d+", b"", path.read_bytes())
@@ -171,20 +176,21 @@ def commands() -> list[Command]:
         Command("classify", ("classify", "a.h5", "--mask", "m.h5", "-o", "k.json"), _masked, ("k.json", "k.png")),
         Command("view", ("view", "a.image.h5", "--html", "v.html"), _image, ("v.html",)),
         Command("annotate", ("annotate", "a.image.h5", "--method", "classical"), _image,
-                ("a.mask.h5", "a.mask.prompts.json"), as_record, beside=_page_opened),
+                ("a.mask.h5", "a.prompts.json"), as_record, beside=_page_opened),
         Command("demo", ("demo", "-o", "demo"), nothing, ("demo",), as_record, beside=_smaller_demo),
         Command("evaluate segmentation", ("evaluate", "segmentation", "data", *evaluated, "--method", "classical",
-                "--seeds", "1", "--object", "wide", "--sight", "los", "--failures", "1"), _scenes, ("out",)),
+                "--seeds", "1", "--object", "wide", "--sight", "los", "--failures", "1"), _scenes, ("out",),
+                without_keys),
         Command("evaluate classification", ("evaluate", "classification", "data", *evaluated, "--method", "classical",
-                "--mistakes", "1", "--sight", "los"), _scenes, ("out",),
+                "--mistakes", "1", "--sight", "los"), _scenes, ("out",), without_keys,
                 beside=_timeless),
         Command("evaluate simulator", ("evaluate", "simulator", "--measured", "made", "--simulated", "made",
                 *evaluated, "--radar", "24_ghz", "--fit", "fit.toml", "--clouds", "ply", "--pictures", "1"), _made,
-                ("out", "fit.toml")),
+                ("out", "fit.toml"), without_keys),
         Command("evaluate surface", ("evaluate", "surface", "seen", *evaluated, "--spacing", "6mm", "--failures", "1"),
-                _seen, ("out",)),
+                _seen, ("out",), without_keys),
         Command("evaluate pose", ("evaluate", "pose", "seen", *evaluated, "--spacing", "6mm", "--failures", "1"),
-                _seen, ("out",), beside=_timeless),
+                _seen, ("out",), without_keys, beside=_timeless),
         Command("script", ("rig", "script", "rig.toml", "--start-file", "go", "-o", "s.lua"), _rig, ("s.lua",)),
         Command("photo", ("rig", "photo", "rig.toml", "-o", "board"), nothing, ("board",), without_numbers,
                 beside=_arm_and_camera, adds=True, passed_over=r"board/\d+\.png"),

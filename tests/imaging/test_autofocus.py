@@ -229,6 +229,8 @@ def test_what_cannot_be_right_is_refused(right):
         ms.autofocus(right, GRID, max_offset=0)
     with pytest.raises(InputError, match="smoothness"):
         ms.autofocus(right, GRID, smoothness=-1)
+    with pytest.raises(InputError, match="no pose has several knots"):
+        ms.autofocus(right, GRID, smoothness=1e-8)
 
 
 def test_on_the_command_line(small, tmp_path):

@@ -57,6 +57,7 @@ from ._records import box as box
 from ._records import check_shape as check_shape
 from ._records import checked_array as checked_array
 from ._records import checked_integer as checked_integer
+from ._records import checked_items as checked_items
 from ._records import checked_metadata as checked_metadata
 from ._records import checked_number as checked_number
 from ._records import checked_numbers as checked_numbers

@@ -213,6 +213,9 @@ def _claim(path: Path) -> tuple[Path, Path]:
         raise FileError(
             f"cannot write {name}: {error.strerror}; choose another folder or make this one writable"
         ) from error
+    if not os.access(temporary, os.W_OK):
+        temporary.unlink()
+        raise FileError(f"cannot write {name}: it is read-only; choose another name, or let it be written")
     return temporary, target
 
 

@@ -158,10 +158,10 @@ def checked_number(
     most = _LONGEST if unit == "m" else np.inf
     unit = f" {unit}" if unit else ""
     try:
-        if isinstance(value, Sequence) or value is np.ma.masked or np.ndim(value):
-            raise TypeError("not a single number")
+        if isinstance(value, Sequence) or value is np.ma.masked or np.ndim(value) or _kind(value) in "cmM":
+            raise TypeError("not a single number")  # NumPy would drop the imaginary part of a complex one
         number = float(value)
-    except (TypeError, ValueError, OverflowError) as error:
+    except (TypeError, ValueError, ArithmeticError) as error:
         raise InputError(f"{name} is {_told(value)}; expected a number{f' in{unit}' if unit else ''}") from error
     if not np.isfinite(number):
         raise InputError(f"{name} is {number}; expected a finite number{f' in{unit}' if unit else ''}")
@@ -174,6 +174,11 @@ def checked_number(
     if abs(number) > most:
         raise InputError(f"{name} is {number:g}{unit}; expected under {most:g}{unit}")
     return number + 0.0  # -0 would turn ranges about
+
+
+def _kind(value: Any) -> str:
+    """Of a NumPy scalar or array, the letter of its type."""
+    return value.dtype.kind if isinstance(value, np.generic | np.ndarray) else "?"
 
 
 def _told(value: Any) -> str:
@@ -219,10 +224,28 @@ def checked_integer(value: Any, *, name: str, minimum: int = 1) -> int:
     InputError
         It is not whole, below `minimum`, or too large.
     """
-    whole = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+    if isinstance(value, np.floating):
+        value = float(value)  # float16 does not hold what it is compared with
+    whole = isinstance(value, int | float | np.integer) and not isinstance(value, bool | np.timedelta64)
     if not whole or not minimum <= value < 1 << 64 or int(value) != value:  # NaN and infinity fit no range
         raise InputError(f"{name} is {_told(value)}; expected a whole number of at least {minimum}")
     return int(value)
+
+
+def checked_items(values: Any, cls: type[T], *, name: str) -> tuple[T, ...]:
+    """`values` as a tuple, each of which must be a `cls`; `name` is that of one.
+
+    Raises
+    ------
+    InputError
+    """
+    try:
+        if isinstance(values, str | bytes | Mapping):
+            raise TypeError("not a sequence of such")
+        items = tuple(values)
+    except TypeError as error:
+        raise InputError(f"{quoted(values)} was given; expected a sequence, each of it {name}") from error
+    return tuple(checked_record(item, cls, name=name) for item in items)
 
 
 def checked_record(value: Any, cls: type[T], *, name: str) -> T:
@@ -248,7 +271,7 @@ def seed_or_generator(rng: int | np.random.Generator) -> np.random.Generator:
     """
     if isinstance(rng, np.random.Generator):
         return rng
-    if isinstance(rng, bool) or not isinstance(rng, int | np.integer) or rng < 0:
+    if isinstance(rng, bool | np.timedelta64) or not isinstance(rng, int | np.integer) or rng < 0:
         raise InputError(f"rng is {rng!r}; expected a seed, a whole number from 0 on, or a numpy Generator")
     return np.random.default_rng(int(rng))
 

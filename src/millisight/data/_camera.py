@@ -167,7 +167,10 @@ def _picture(intrinsics: Intrinsics) -> tuple[int, int]:
 
 def _depths(value: ArrayLike, *, name: str, shape: tuple[int, ...]) -> np.ndarray:
     """A read-only array of whole numbers or floats, in the type it came in; NaN is a missing one, infinity none."""
-    array = np.array(value)
+    try:
+        array = np.array(value)
+    except ValueError as error:  # rows that differ in length
+        raise InputError(f"{name} cannot be read as an array: {error}") from error
     if array.dtype.kind not in "uif":
         raise InputError(f"{name} is an array of {array.dtype}; expected numbers")
     check_shape(array.shape, name=name, shape=shape)

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from millisight.core import checked_array, late, put, record
+from millisight.core import checked_array, checked_record, late, put, record
 from millisight.core.errors import InputError
 from millisight.data._grid import PixelGrid
 from millisight.data._mask import Mask
@@ -29,7 +29,8 @@ class Instances:
     scores: np.ndarray
 
     def __post_init__(self) -> None:
-        labels = checked_array(self.labels, name="labels", shape=self.grid_xy.shape, dtype=np.int32)
+        grid_xy = checked_record(self.grid_xy, PixelGrid, name="grid_xy")
+        labels = checked_array(self.labels, name="labels", shape=grid_xy.shape, dtype=np.int32)
         found = np.unique(labels[labels != 0])
         scores = checked_array(self.scores, name="scores", shape=(len(found),))
         if not np.array_equal(found, np.arange(1, len(found) + 1)):

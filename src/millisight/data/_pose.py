@@ -1,6 +1,6 @@
 """Where an object of known shape lies, and how sure that is."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import field
 from typing import Any
 
@@ -9,6 +9,7 @@ import numpy as np
 from millisight.core import (
     Metadata,
     checked_array,
+    checked_items,
     checked_metadata,
     checked_number,
     checked_numbers,
@@ -77,7 +78,9 @@ class Pose:
         covariance = checked_array(self.covariance, name="covariance", shape=(6, 6))
         if np.abs(covariance - covariance.T).max() > _ROUND or np.linalg.eigvalsh(covariance).min() < -_ROUND:
             raise InputError("covariance is not symmetric, or has a negative variance; expected that of six errors")
-        free = np.asarray(self.free_axes, dtype=np.float64).reshape(-1, 3)
+        given = self.free_axes
+        none = given.shape == (0, 3) if isinstance(given, np.ndarray) else isinstance(given, Sequence) and not given
+        free = np.zeros((0, 3)) if none else checked_array(given, name="free_axes", shape=("n", 3))
         free.flags.writeable = False
         put(
             self,
@@ -201,16 +204,20 @@ class Located:
     metadata: Metadata = field(default_factory=dict[str, Any])
 
     def __post_init__(self) -> None:
-        poses = tuple(checked_record(one, Pose, name="a pose") for one in self.poses)
+        poses = checked_items(self.poses, Pose, name="a pose")
         expected = {one.name for one in poses} | {NONE_OF_THEM}
-        if not poses or not expected <= set(self.probabilities) or abs(sum(self.probabilities.values()) - 1) > _ROUND:
+        given = checked_record(self.probabilities, Mapping, name="probabilities")
+        shares = {
+            checked_record(name, str, name="a name"): checked_number(share, name=f"probability of {name}", minimum=0)
+            for name, share in given.items()
+        }
+        if not poses or not expected <= set(shares) or abs(sum(shares.values()) - 1) > _ROUND:
             raise InputError(
-                f"probabilities are of {', '.join(self.probabilities)} with a sum of "
-                f"{sum(self.probabilities.values()):.4g}; expected one of each of {len(poses)} poses, at least one, "
-                f"and of {NONE_OF_THEM!r}, with a sum of 1"
+                f"probabilities are of {', '.join(shares)} with a sum of {sum(shares.values()):.4g}; expected one of "
+                f"each of {len(poses)} poses, at least one, and of {NONE_OF_THEM!r}, with a sum of 1"
             )
         checked_record(self.points, PointCloud, name="points")
-        put(self, poses=poses, probabilities=dict(self.probabilities), metadata=checked_metadata(self.metadata))
+        put(self, poses=poses, probabilities=shares, metadata=checked_metadata(self.metadata))
 
     def __repr__(self) -> str:
         told = ", ".join(f"{name} {share:.0%}" for name, share in self.ranking[:3])

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from millisight.core import check_known, checked_array, checked_number, put, record
+from millisight.core import check_known, checked_array, checked_items, checked_number, put, record
 from millisight.core.errors import InputError
 
 NOT_SURE = "not sure"
@@ -34,7 +34,7 @@ class Prediction:
     reasons: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        names = tuple(str(name) for name in self.class_names)
+        names = checked_items(self.class_names, str, name="a class")
         probabilities = checked_array(self.probabilities, name="probabilities", shape=(len(names),))
         if probabilities.min() < 0 or abs(probabilities.sum() - 1) > 1e-6:
             raise InputError(
@@ -48,7 +48,7 @@ class Prediction:
         for name, share in shares.items():
             if share > 1:
                 raise InputError(f"{name} is {share:g}; expected a probability, 0 to 1")
-        reasons = tuple(str(reason) for reason in self.reasons)
+        reasons = checked_items(self.reasons, str, name="a reason")
         put(self, probabilities=probabilities, class_names=names, threshold=threshold, reasons=reasons, **shares)
 
     def __repr__(self) -> str:

@@ -6,7 +6,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from millisight.core import Metadata, checked_array, checked_metadata, checked_record, late, put, record
+from millisight.core import Metadata, checked_array, checked_items, checked_metadata, checked_record, late, put, record
 from millisight.core.errors import InputError
 from millisight.data._capture import Capture
 from millisight.data._clock import ClockCorrection, check_log
@@ -126,7 +126,7 @@ class RawScan:
     def __post_init__(self) -> None:
         checked_record(self.radar, Radar, name="radar")
         check_log(self.log)
-        rows = tuple(checked_record(row, ScanRow, name="a row") for row in self.rows)
+        rows = checked_items(self.rows, ScanRow, name="a row")
         if not rows:
             raise InputError("rows is empty; expected at least one row of frames")
         steps = _checked_steps(self.calibration)
@@ -151,4 +151,4 @@ class RawScan:
 
 
 def _checked_steps(steps: Any) -> tuple[CalibrationStep, ...]:
-    return tuple(checked_record(step, CalibrationStep, name="a step of the calibration") for step in steps)
+    return checked_items(steps, CalibrationStep, name="a step of the calibration")

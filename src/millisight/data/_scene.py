@@ -1,11 +1,10 @@
 """Scenes: what the radar looks at."""
 
-from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 
-from millisight.core import box, checked_array, checked_record, late, put, record
+from millisight.core import box, checked_array, checked_items, checked_record, late, put, record
 from millisight.core.errors import InputError
 from millisight.data._material import Material
 from millisight.data._mesh import TriangleMesh
@@ -56,11 +55,10 @@ class Scene:
     objects: tuple[SceneObject, ...]
 
     def __post_init__(self) -> None:
-        checked_record(self.objects, Iterable, name="objects")
-        objects = tuple(self.objects)
+        objects = checked_items(self.objects, SceneObject, name="a scene's object")
         if not objects:
             raise InputError("a scene without objects; expected at least one")
-        put(self, objects=tuple(checked_record(o, SceneObject, name="a scene's object") for o in objects))
+        put(self, objects=objects)
 
     def __repr__(self) -> str:
         named = [f"{o.name} of {o.material.name}" for o in self.objects[:_NAMED]]

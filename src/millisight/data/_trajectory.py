@@ -126,7 +126,9 @@ class Trajectory:
         if serpentine:
             rows[1::2] = rows[1::2, ::-1]
         positions = np.stack([np.repeat(x, len(y)), rows.ravel(), np.zeros(rows.size)], axis=1)
-        return cls(times=interval * np.arange(rows.size), positions=positions + np.asarray(center, dtype=float))
+        with np.errstate(over="ignore"):  # which is then refused
+            times = interval * np.arange(rows.size)
+        return cls(times=times, positions=positions + np.asarray(center, dtype=float))
 
     def at(self, times: np.ndarray) -> "Trajectory":
         """The poses at other `times` (n,) [s]: positions by cubic spline, orientations by slerp, no extrapolation."""

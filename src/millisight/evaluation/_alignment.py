@@ -21,6 +21,7 @@ from millisight.core.errors import InputError
 
 MODES = ("translation", "rigid")
 
+_FARTHEST = 1e9  # of a point [m], whose square is taken
 _SKETCH = 600  # points of either cloud with which the starts are compared
 _TURNS_DEG = (-8.0, 0.0, 8.0)  # starts of a rigid alignment, about z
 _SHIFTS = (-0.015, 0.0, 0.015)  # starts, along each axis [m]
@@ -100,6 +101,8 @@ def align(
             what = {0: "is empty", 1: "is a single point"}.get(count, f"has {count} points")
             raise InputError(f"the {name} cloud {what}; a {mode} alignment needs at least {least}: lower the threshold")
         clouds.append(checked_array(points, name=name, shape=("N", 3), unit="m"))
+        if (far := np.abs(clouds[-1]).max()) > _FARTHEST:
+            raise InputError(f"the {name} cloud reaches {far:.3g} m; expected under {_FARTHEST:g} m")
     checked_number(tolerance, name="tolerance", unit="m", above=0)
     most = checked_integer(most_points, name="most_points")
     rigid = mode == "rigid"

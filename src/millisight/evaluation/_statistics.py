@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from millisight.core import checked_integer
+from millisight.core import checked_integer, checked_record
 from millisight.core.errors import InputError
 
 _BLOCK = 2_000_000  # drawn numbers at once
@@ -75,6 +75,8 @@ def sign_flip(differences: Sequence[int]) -> float:
     InputError
         The differences add up to more than a million.
     """
+    given = checked_record(differences, Sequence, name="differences")
+    differences = [checked_integer(one, name="a difference", minimum=-(1 << 62)) for one in given]
     reach, far = sum(map(abs, differences)), abs(sum(differences))
     if reach > _MOST_REACH:
         raise InputError(f"the differences add up to {reach}; expected at most {_MOST_REACH}")

@@ -3,6 +3,7 @@
 import numpy as np
 
 from millisight.core import checked_number, checked_record, record
+from millisight.core.errors import InputError
 from millisight.data import TriangleMesh
 from millisight.geometry._samples import samples_of
 from millisight.geometry._turns import angle_deg, even_directions, turns_about
@@ -88,6 +89,8 @@ def symmetries(mesh: TriangleMesh, tolerance: float | None = None) -> Symmetry:
     checked_record(mesh, TriangleMesh, name="mesh")
     within = _SHARE * float(np.linalg.norm(mesh.extent)) if tolerance is None else tolerance
     within = checked_number(within, name="tolerance", unit="m", above=0)
+    if within >= np.linalg.norm(mesh.extent) / 2:
+        raise InputError(f"tolerance is {within:g} m; expected under half the mesh's size, or any turn would do")
     own = _Self(mesh, within)
     axes = even_directions(_AXES)
     axes = np.concatenate([own.principal, axes[axes[:, 2] >= 0]])

@@ -33,6 +33,7 @@ _LEAST_CORRECTION = 3  # times the uncertainty: what is less stays as it was giv
 _LEAST_GAIN = 1.005  # of the sharpness of places that were not fitted
 _LEAST_COHERENCE = 1.5  # times what rows that have nothing in common reach, of likeness and of coherence
 # Steps uphill, what is bright looked for again before each: by halves of the scene, and by all of it.
+_MOST_FRAMES = 1e9  # of an offset
 _HALVES, _ALL = (20, 30), (20, 30, 30)
 
 UNOBSERVABLE = (
@@ -134,7 +135,7 @@ def autofocus(
     checked_record(capture, Capture, name="capture")
     checked_record(grid, VoxelGrid, name="grid")
     check_known("focus", focus, FOCUSES)
-    max_offset = checked_number(max_offset, name="max_offset", unit="frames", above=0)
+    max_offset = min(checked_number(max_offset, name="max_offset", unit="frames", above=0), _MOST_FRAMES)
     smoothness = checked_number(smoothness, name="smoothness", unit="m", above=0)
     generator = seed_or_generator(rng)
     path = capture.trajectory

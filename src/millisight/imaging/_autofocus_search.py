@@ -5,12 +5,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from millisight.core.errors import InputError
 from millisight.data import Capture, Trajectory, VoxelGrid
 from millisight.imaging._autofocus_model import Pieces, View, lobe
 from millisight.imaging._path_rows import Row
 
 _BLOCK = 8.0  # wavelengths: side of the blocks of the chess board
 _MOST_CELLS, _MOST_POINTS = 20_000, 2_000
+_LEAST_KNOTS = 100  # of the way, which no capture is refused
 _MOST_ACROSS = 12  # points of a lattice, along each axis: 1 728 in all
 _RIDGE = 1e-3  # weight of (displacement / wavelength)², averaged over the path
 
@@ -114,6 +116,12 @@ def path_modes(subject: Subject, spacing: float) -> Modes:
     good = np.flatnonzero(~np.isnan(filled))
     way = np.empty(len(path))
     way[by_time] = np.interp(np.arange(len(path)), good, filled[good])
+    most = max(len(path), _LEAST_KNOTS)
+    if travelled[-1] > most * spacing:
+        raise InputError(
+            f"smoothness is {spacing:g} m, of a way of {travelled[-1]:.3g} m; expected at least "
+            f"{travelled[-1] / most:.2g} m, so that no pose has several knots"
+        )
     count = max(1, int(np.ceil(travelled[-1] / spacing)))
     knots = np.concatenate([np.zeros(3), np.linspace(0, travelled[-1], count + 1), np.full(3, travelled[-1])])
 

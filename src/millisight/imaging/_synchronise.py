@@ -13,6 +13,7 @@ from millisight.imaging._survey import Scan, Unobservable, check_way, parts_of, 
 from millisight.simulation import lattice
 
 _SUBSETS = 10  # disjoint sets of frames, whose answers' scatter is the uncertainty
+_MOST_SECONDS = 1e9  # of an offset
 _LEAST_COHERENCE = 0.5
 _SEARCH_SHARE = 0.25  # of the frames choose the scene and the start; the others are fitted
 _SEARCH_CHANNELS, _FIT_CHANNELS = 4_000, 24_000
@@ -100,7 +101,7 @@ def estimate_clock(
     if grid is not None:
         checked_record(grid, VoxelGrid, name="grid")
     limits = (
-        checked_number(max_offset, name="max_offset", unit="s", above=0),
+        min(checked_number(max_offset, name="max_offset", unit="s", above=0), _MOST_SECONDS),
         checked_number(max_drift, name="max_drift", unit="s/s", above=0),
     )
     generator = seed_or_generator(rng)

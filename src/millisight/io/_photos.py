@@ -2,6 +2,7 @@
 
 import io
 import os
+import struct
 import warnings
 from typing import Any
 
@@ -49,7 +50,7 @@ def read_photo(path: str | os.PathLike[str]) -> np.ndarray:
         raise FormatError(f"{name} is not a PNG or JPEG picture, although its name says so; convert it") from error
     except Image.DecompressionBombError as error:
         raise InputError(f"{name} has more than {most:.2g} pixels; make a smaller one") from error
-    except (OSError, SyntaxError, ValueError) as error:
+    except (OSError, SyntaxError, ValueError, LookupError, TypeError, struct.error) as error:
         raise DamagedFileError(f"{name} is damaged: {error}; make or copy it again") from error
 
 

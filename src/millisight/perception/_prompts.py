@@ -69,7 +69,7 @@ def power_prompts(
                 f"no pixel is above {thresholds.positive:g} of the maximum in both bands; use lower thresholds, or "
                 "leave the other band out"
             )
-    share = checked_number(share, name="share", above=0)
+    share = min(checked_number(share, name="share", above=0), 1.0)
     wanted = None if count is None else checked_integer(count, name="count", minimum=1)
     return _drawn(bright, power < thresholds.negative, share if wanted is None else wanted, rng)
 

@@ -52,6 +52,6 @@ def check_noise(snr_db: float, rng: object) -> float:
         raise InputError("snr_db adds noise, which needs a seed: pass rng=0, for example")
     if isinstance(rng, np.random.Generator):
         return number
-    if isinstance(rng, bool) or not isinstance(rng, int | np.integer) or rng < 0:
+    if isinstance(rng, bool | np.timedelta64) or not isinstance(rng, int | np.integer) or rng < 0:
         raise InputError(f"rng is {rng!r}; expected a seed, a whole number from 0 on, or a numpy Generator")
     return number
