@@ -341,7 +341,7 @@ def test_a_short_disk_is_told_before_the_work(tmp_path, monkeypatch):
     usage = type("Usage", (), {"free": 1000})
     monkeypatch.setattr(generate.shutil, "disk_usage", lambda _: usage)
     plan = plan_dataset(small_recipe.recipe(), tmp_path / "out")
-    with pytest.raises(FileError, match=r"has 0.0 GB left; the dataset needs"):
+    with pytest.raises(FileError, match=r"has 0 MB left; the dataset needs"):
         run_plan(plan, HERE)
     assert not (tmp_path / "out").exists()
 

@@ -255,8 +255,8 @@ def check_room(plan: Plan, workers: int) -> None:
     free, needed = shutil.disk_usage(place).free, plan.total(workers)
     if free < needed.kept + needed.spool:
         raise FileError(
-            f"{printable(plan.out)}: the disk has {free / 1e9:.1f} GB left; the dataset needs {needed.kept / 1e9:.1f} "
-            f"GB, and {needed.spool / 1e9:.1f} GB more while it is made: free some space, or keep fewer files "
+            f"{printable(plan.out)}: the disk has {free / 1e6:.0f} MB left; the dataset needs {needed.kept / 1e6:.0f} "
+            f"MB, and {needed.spool / 1e6:.0f} MB more while it is made: free some space, or keep fewer files "
             "(rig.keep)"
         )
 
