@@ -61,9 +61,10 @@ def readme_commands():
 
 def test_ci_begins_with_the_readmes_commands():
     script = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+    beside = re.findall(r"^\s*nice (make .*)$", script, re.MULTILINE)  # by what the others leave of the cores
     run = [command.strip() for command in re.findall(r"^\s*(?:[A-Z_]+=\S+ )*(make .*)$", script, re.MULTILINE)]
     assert run[:2] == readme_commands() == ["make demo", "make test"]
-    made = {word for command in run for word in command.split()[1:] if not re.search(r"^-|=", word)}
+    made = {word for command in beside + run for word in command.split()[1:] if not re.search(r"^-|=", word)}
     assert made == {"demo", "test", "setup-train", "lint", "docs"}
     assert made <= set(targets())
 
