@@ -4,9 +4,11 @@ import numpy as np
 
 from millisight.core import kernel, part, prange, subroutine
 
-_MOST = 30.0  # squared distance beyond which nothing is a pair
-_ASKEW = 4.0  # most that normals which differ add to it
-_DARK = 2.0  # what it costs that a surface does not shine
+_F = np.float32  # of distances, of which twice as many are computed at once; of a metre it holds 0.1 µm
+_ONE = _F(1)
+_MOST = _F(30)  # squared distance beyond which nothing is a pair
+_ASKEW = _F(4)  # most that normals which differ add to it
+_DARK = _F(2)  # what it costs that a surface does not shine
 
 
 @subroutine
@@ -79,28 +81,28 @@ def _columns(at, out, lit, count, columns):
     for k in range(count):
         for i in range(3):
             columns[i, k], columns[3 + i, k] = at[k, i], out[k, i]
-        columns[6, k] = 0.0 if lit[k] else _DARK
+        columns[6, k] = _F(0) if lit[k] else _DARK
 
 
 @subroutine
 def _apart(found, facing, columns, count, place, turn, spacing, squares):
-    """Squared distances of an oriented point and `count` others, in standard deviations, into `squares`; `_MOST` where
-    they are no pair.
+    """Squared distances of an oriented point and `count` others, in standard deviations, into `squares` (float32);
+    `_MOST` where they are no pair.
 
     Along the normal it is counted by `place`, across by the samples' spacing as well. What does not shine may be seen
     by its edges: it counts as a pair, but a worse one, and so does a pair whose normals differ. The loop has no branch,
     and no index that might be negative, so that it becomes vector code.
     """
     reach = place * place
-    straight, across, askew = 1 / reach, 1 / (reach + 0.36 * spacing * spacing), 2 / (turn * turn)
-    a, b, c, u, v, w = found[0], found[1], found[2], facing[0], facing[1], facing[2]
+    straight, across, askew = _F(1 / reach), _F(1 / (reach + 0.36 * spacing * spacing)), _F(2 / (turn * turn))
+    a, b, c, u, v, w = _F(found[0]), _F(found[1]), _F(found[2]), _F(facing[0]), _F(facing[1]), _F(facing[2])
     x, y, z, nx, ny, nz, dark = columns[0], columns[1], columns[2], columns[3], columns[4], columns[5], columns[6]
     for k in range(np.uint64(count)):
         dx, dy, dz = a - x[k], b - y[k], c - z[k]
         along = dx * nx[k] + dy * ny[k] + dz * nz[k]
         along *= along
         apart = along * straight + (dx * dx + dy * dy + dz * dz - along) * across
-        unlike = (1 - (u * nx[k] + v * ny[k] + w * nz[k])) * askew
+        unlike = (_ONE - (u * nx[k] + v * ny[k] + w * nz[k])) * askew
         worse = (unlike if unlike < _ASKEW else _ASKEW) + dark[k]
         squares[k] = apart + worse if apart < _MOST else _MOST
 
@@ -124,7 +126,7 @@ def _least(squares):
 @subroutine
 def _agreement(found, facing, weights, at, out, lit, count, place, turn, spacing):
     """Shares of the found points that the mesh explains, and of what shines that was found, each 0 to 1."""
-    columns, squares, best = np.empty((7, count)), np.full(_fours(count), _MOST), np.full(count, _MOST)
+    columns, squares, best = np.empty((7, count), _F), np.full(_fours(count), _MOST), np.full(count, _MOST)
     _columns(at, out, lit, count, columns)
     explained, total = 0.0, 0.0
     for i in range(found.shape[0]):
@@ -255,7 +257,7 @@ def _climb(
 ):
     """One pose of `climb`."""
     at, out, lit = np.empty(points.shape), np.empty(points.shape), np.empty(len(points), np.bool_)
-    columns = np.empty((7, len(points)))
+    columns = np.empty((7, len(points)), _F)
     for _ in range(steps):
         count = _place(points, normals, clear, rotation, translation, antennas, cosine, at, out, lit)
         if count == 0:
