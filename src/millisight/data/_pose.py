@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import field
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -78,7 +78,7 @@ class Pose:
         covariance = checked_array(self.covariance, name="covariance", shape=(6, 6))
         if np.abs(covariance - covariance.T).max() > _ROUND or np.linalg.eigvalsh(covariance).min() < -_ROUND:
             raise InputError("covariance is not symmetric, or has a negative variance; expected that of six errors")
-        given = self.free_axes
+        given = cast(Any, self.free_axes)  # a sequence as well, until here
         none = given.shape == (0, 3) if isinstance(given, np.ndarray) else isinstance(given, Sequence) and not given
         free = np.zeros((0, 3)) if none else checked_array(given, name="free_axes", shape=("n", 3))
         free.flags.writeable = False
@@ -206,7 +206,7 @@ class Located:
     def __post_init__(self) -> None:
         poses = checked_items(self.poses, Pose, name="a pose")
         expected = {one.name for one in poses} | {NONE_OF_THEM}
-        given = checked_record(self.probabilities, Mapping, name="probabilities")
+        given = cast(Mapping[Any, Any], checked_record(self.probabilities, Mapping, name="probabilities"))
         shares = {
             checked_record(name, str, name="a name"): checked_number(share, name=f"probability of {name}", minimum=0)
             for name, share in given.items()
