@@ -1,6 +1,6 @@
 """Where an object of known shape lies, and how sure that is."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import field
 from typing import Any, cast
 
@@ -78,17 +78,13 @@ class Pose:
         covariance = checked_array(self.covariance, name="covariance", shape=(6, 6))
         if np.abs(covariance - covariance.T).max() > _ROUND or np.linalg.eigvalsh(covariance).min() < -_ROUND:
             raise InputError("covariance is not symmetric, or has a negative variance; expected that of six errors")
-        given = cast(Any, self.free_axes)  # a sequence as well, until here
-        none = given.shape == (0, 3) if isinstance(given, np.ndarray) else isinstance(given, Sequence) and not given
-        free = np.zeros((0, 3)) if none else checked_array(given, name="free_axes", shape=("n", 3))
-        free.flags.writeable = False
         put(
             self,
             rotation=rotation,
             translation=checked_array(self.translation, name="translation", shape=(3,), unit="m"),
             middle=checked_array(self.middle, name="middle", shape=(3,), unit="m"),
             covariance=covariance,
-            free_axes=free,
+            free_axes=_axes(self.free_axes),
         )
         for name in ("score", "explained", "shown", "weight", "agreement"):
             if name == "agreement" and self.agreement is None:
@@ -183,6 +179,17 @@ def _across(axes: np.ndarray) -> np.ndarray:
     if not len(axes):
         return np.eye(3)
     return np.linalg.svd(axes)[2][len(axes) :]
+
+
+def _axes(value: Any) -> np.ndarray:
+    """(F, 3), of none as well."""
+    try:
+        count = len(value)
+    except TypeError:  # which is refused below
+        count = 1
+    axes = checked_array(value, name="free_axes", shape=("n", 3)) if count else np.zeros((0, 3))
+    axes.flags.writeable = False
+    return axes
 
 
 @record
