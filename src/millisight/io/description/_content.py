@@ -57,7 +57,7 @@ class Description:
 
     def __init__(self, content: dict[str, Any], files: Files, source: Path):
         known = _tables()
-        whole = TomlTable(content, "its tables", source, files, ("title", "simulated", *known))
+        whole = TomlTable(content, "", source, files, ("title", "simulated", *known))
         self._source = source
         self._title, self._simulated = whole.text("title", source.stem), whole.flag("simulated")
         self._tables = {name: whole.table(name, keys, f"[{name}]") for name, keys in known.items() if name in whole}

@@ -101,7 +101,7 @@ def _check_pattern(pattern: str) -> None:
 
 
 class TomlTable:
-    """One table of a description, such as [frames], its keys among the `known` ones.
+    """One table of a description, such as [frames], its keys among the `known` ones; "" is the whole description.
 
     Raises
     ------
@@ -122,7 +122,7 @@ class TomlTable:
     @property
     def place(self) -> str:
         """Where the table stands, for messages."""
-        return f"{printable(self.source)}, {self.name}"
+        return f"{printable(self.source)}{', ' if self.name else ''}{self.name}"
 
     def __contains__(self, key: str) -> bool:
         return key in self._values
