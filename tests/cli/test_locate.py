@@ -52,6 +52,7 @@ def test_poses_are_told_written_and_drawn(stage, here, tmp_path, monkeypatch):
     assert set(told["probabilities"]) == {"bracket", "golf_ball", "none of them"}
     pose = told["poses"][0]
     assert pose["name"] == "bracket"
+    assert told["probabilities"]["bracket"] > 0.9
     bracket = posed.bracket()
     found = bracket.vertices @ np.array(pose["rotation"]).T + pose["translation"]
     true = (bracket.vertices - bracket.bounds.mean(axis=0)) @ posed.turn(11).T

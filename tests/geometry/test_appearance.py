@@ -11,7 +11,7 @@ from helpers import posed
 from millisight.core import rotation_from_euler_deg
 from millisight.core.errors import CoverageError, InputError
 from millisight.data import Layers
-from millisight.geometry import appearance
+from millisight.geometry import agreements, appearance
 
 PATH = ms.Trajectory.raster(size=(0.08, 0.08), step=0.003)
 
@@ -56,6 +56,27 @@ def test_another_shape_or_pose_agrees_less(scene, parts, right):
     other = appearance(capture, posed.block([-0.03] * 3, [0.03] * 3)).agreement
     assert right.agreement > 0.98
     assert max(turned, other) < 0.9
+
+
+def test_of_several_meshes_the_right_one_looks_most_like_it(scene, parts):
+    """On voxels that all share: a small thing at the brightest place does not explain the rest."""
+    capture = ms.combine(*parts, (0.5, 0.5))
+    meshes = {
+        "padlock": scene.mesh,
+        "block": posed.block(*scene.mesh.bounds),
+        "in the radar": posed.block([-0.5] * 3, [0.5] * 3),
+        "bead": posed.block([-0.005] * 3, [0.005] * 3).moved(translation=scene.mesh.vertices[0]),
+    }
+    steps = []
+    few = agreements(capture, {"padlock": scene.mesh}, scene.mesh.vertices, progress=lambda *step: steps.append(step))
+    assert few["padlock"] > 0.95
+    assert steps == [(1, 1)]
+    found = agreements(capture, {name: meshes[name] for name in ("padlock", "block", "bead")}, scene.mesh.vertices)
+    assert found["padlock"] > 0.95
+    assert max(found["block"], found["bead"]) < found["padlock"] - 0.05
+    # Where no object can be nothing agrees; and where there are too many voxels, nothing is said.
+    assert agreements(capture, {"x": meshes["in the radar"]}, scene.mesh.vertices) in ({"x": 0.0}, {})
+    assert agreements(capture, {"padlock": scene.mesh}, [*scene.mesh.vertices, (5.0, 5.0, 0.0)]) == {}
 
 
 def test_where_nothing_echoes_there_are_no_weights(scene, parts):

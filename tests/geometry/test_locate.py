@@ -11,7 +11,7 @@ import millisight as ms
 from helpers import posed, solid_mirrors
 from millisight.core.errors import CoverageError, InputError, MeshError
 from millisight.data import NONE_OF_THEM
-from millisight.geometry import _locate
+from millisight.geometry import _locate, channel_middles
 from millisight.meshes import build_object
 
 AT = np.array([0.02, -0.01, posed.DEPTH])
@@ -165,6 +165,27 @@ def test_which_of_several_and_none_of_them(bracket, cloud, found, monkeypatch):
     assert nothing.probabilities[NONE_OF_THEM] > 0.5
 
 
+def test_images_tell_which_of_several_it_is(bracket):
+    """A plate with the bracket's outline has most of the bracket's points, but not its image."""
+    lying = bracket.moved(translation=-bracket.bounds.mean(axis=0))
+    capture = ms.simulate(
+        ms.Scene.from_mesh(lying, vertices=2500, center=False), ms.Radar.preset("mito-sim-77ghz"),
+        ms.Trajectory.raster(size=(0.10, 0.10), step=0.004),
+    )  # fmt: skip
+    grid = ms.VoxelGrid.regular((-0.05, -0.05, -0.03), (0.05, 0.05, 0.03), (0.004, 0.004, 0.006))
+    points = ms.surface_points(capture, grid)
+    meshes = {"bracket": bracket, "plate": posed.block([-0.05, -0.04, -0.01], [0.05, 0.04, 0.01])}
+    found = ms.locate(capture, meshes, points=points, turns=TURNS)
+    looks = found.metadata["history"][-1]["agreements"]
+    assert looks["bracket"] > looks["plate"] + 0.05
+    blind = ms.locate(points, meshes, antennas=channel_middles(capture).reshape(-1, 3), turns=TURNS)
+    assert found.probabilities["bracket"] > max(0.9, blind.probabilities["bracket"] - 0.01)
+    with pytest.raises(InputError, match="leave grid out"):
+        ms.locate(capture, bracket, grid, points=points)
+    with pytest.raises(InputError, match="points is of type int"):
+        ms.locate(capture, bracket, points=3)
+
+
 def test_a_mesh_handed_over_moved_and_open_lies_where_it_did(bracket, cloud):
     """A scan in a frame of its own, without its underside, wound inside out, is no different."""
     kept = bracket.face_crosses[:, 2] > -1e-9
@@ -193,7 +214,7 @@ def test_what_cannot_be_is_refused(bracket, cloud):
         located(ms.PointCloud(points=cloud.points), bracket)
     with pytest.raises(InputError, match="at least one, none of them called"):
         located(cloud, {})
-    with pytest.raises(InputError, match="leave grid, clutter and materials out"):
+    with pytest.raises(InputError, match="leave grid, points, clutter and materials out"):
         located(cloud, bracket, clutter="lid")
     with pytest.raises(InputError, match="mesh 'cup'"):
         located(cloud, {"cup": "cup.stl"})

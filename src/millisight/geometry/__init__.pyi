@@ -1,4 +1,5 @@
 from ._appearance import Appearance as Appearance
+from ._appearance import agreements as agreements
 from ._appearance import appearance as appearance
 from ._closed import closed as closed
 from ._complete import complete as complete

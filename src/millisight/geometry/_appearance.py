@@ -1,13 +1,14 @@
 """How a mesh in its pose would look by the simulator, beside what was measured, and the weights of its echoes."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Literal, NamedTuple
 
 import numpy as np
 
-from millisight.core import check_known, checked_record, share_of
-from millisight.core.errors import InputError
-from millisight.data import Capture, Scene, TriangleMesh, VoxelGrid
+from millisight.core import check_known, checked_array, checked_record, share_of
+from millisight.core.errors import CoverageError, InputError, MeshError
+from millisight.data import Capture, Scene, Trajectory, TriangleMesh, VoxelGrid
 from millisight.imaging import CLUTTER, at_usual_scale, form_image, remove_sheets
 from millisight.simulation import simulate
 
@@ -17,6 +18,7 @@ _MARGIN = 0.015  # of the voxels around the mesh [m]
 _STEPS = 0.65, 0.2  # of voxels: across, in wavelengths; along z, in range resolutions, but no more than
 _DEEPEST = 0.01  # [m]
 _MOST = 10**8  # voxels
+_FEW = 4000, 1600, 2_000_000  # vertices, poses, and most voxels where several meshes are compared
 _BLOCKS = 3  # along x and along y, of which one at a time is left out
 
 
@@ -81,28 +83,88 @@ def appearance(
     checked_record(mesh, TriangleMesh, name="mesh")
     capture, _ = at_usual_scale(checked_record(capture, Capture, name="capture"))
     check_simulated(capture)
-    waveform = capture.radar.waveform
-    across, deep = _STEPS[0] * waveform.wavelength, min(_DEEPEST, _STEPS[1] * waveform.range_resolution)
-    lower, upper = mesh.bounds
-    grid = VoxelGrid.regular(lower - _MARGIN, upper + _MARGIN, (across, across, deep))
+    grid = _around(capture, mesh.bounds)
     if grid.size > _MOST:
         raise InputError(
             f"the mesh is {mesh.extent.max():.3g} m long, which makes {grid.size:.2g} voxels; expected {_MOST:.0e} at "
             "most: check its unit"
         )
-    scene = Scene.from_mesh(mesh, vertices=_VERTICES, center=False)
-    powers = []
-    for number, model in enumerate(_MODELS):
-        simulated = simulate(scene, capture.radar, capture.trajectory, model=model)
-        powers.append(_power(simulated, grid, share_of(progress, number, 3)))
+    powers = _powers(capture, mesh, grid, _VERTICES, progress)
     if clutter != "none":
         capture = remove_sheets(capture, clutter=clutter, grid=grid).result
     return fitted(_power(capture, grid, share_of(progress, 2, 3)), *powers)
 
 
+def agreements(
+    capture: Capture,
+    meshes: Mapping[str, TriangleMesh],
+    points: np.ndarray,
+    *,
+    clutter: str = "none",
+    progress: Callable[[int, int], None] | None = None,
+) -> dict[str, float]:
+    """How well the simulator's image of each of several meshes agrees with the measured one (primer 28).
+
+    On the same voxels, around all meshes and points: what a mesh does not explain counts, and what it shows in vain. By
+    1600 poses at most: ghosts of the gaps between them are in all these images alike.
+
+    Parameters
+    ----------
+    capture : of one radar that is carried along a trajectory
+    meshes : by name, in their poses in the world [m]
+    points : (n, 3) where anything was seen, as of `surface_points` [m]
+    clutter : "lid" or "auto" to take lids and other sheets off before (`remove_sheets`)
+    progress : called with (done, total)
+
+    Returns
+    -------
+    dict
+        By name, 0 to 1; 0 of a mesh in which an antenna lies. Empty where meshes and points are so far apart that the
+        image would have over two million voxels.
+
+    Raises
+    ------
+    InputError
+        See `appearance`.
+    """
+    check_known("clutter", clutter, CLUTTER)
+    capture, _ = at_usual_scale(checked_record(capture, Capture, name="capture"))
+    check_simulated(capture)
+    there = checked_array(points, name="points", shape=("n", 3), unit="m")
+    boxes = [checked_record(mesh, TriangleMesh, name="a mesh").bounds for mesh in meshes.values()]
+    corners = np.concatenate([there, *boxes])
+    grid = _around(capture, np.stack([corners.min(axis=0), corners.max(axis=0)]))
+    vertices, poses, voxels = _FEW
+    if grid.size > voxels:
+        return {}
+    if clutter != "none":
+        capture = remove_sheets(capture, clutter=clutter, grid=grid).result
+    path, chosen = capture.trajectory, slice(None, None, -(-len(capture.trajectory) // poses))
+    turned = None if path.orientations is None else path.orientations[chosen]
+    few = replace(
+        capture,
+        trajectory=Trajectory(times=path.times[chosen], positions=path.positions[chosen], orientations=turned),
+        frames=capture.frames[chosen],
+    )
+    measured, found = _power(few, grid, None), dict[str, float]()
+    for number, (name, mesh) in enumerate(meshes.items(), 1):
+        try:
+            found[name] = fitted(measured, *_powers(few, mesh, grid, vertices)).agreement
+        except (CoverageError, InputError, MeshError):  # an antenna within it, say, where no object lies
+            found[name] = 0.0
+        if progress is not None:
+            progress(number, len(meshes))
+    return found
+
+
+def can_be_simulated(capture: Capture) -> bool:
+    """Whether the simulator can make captures like this one."""
+    return capture.layers is None and capture.tx_points is None and capture.rx_points is None
+
+
 def check_simulated(capture: Capture) -> None:
     """Raise InputError where the simulator cannot make captures like this one."""
-    if capture.layers is not None or capture.tx_points is not None or capture.rx_points is not None:
+    if not can_be_simulated(capture):
         raise InputError(
             "the capture has layers, or antennas of its own at each pose (tx_points, rx_points), which the simulator "
             "does not know; appearance expects a radar carried along a trajectory"
@@ -152,6 +214,28 @@ def _misfit(columns: np.ndarray, target: np.ndarray, weights: np.ndarray) -> np.
     # Of each column's square what is not along the other one.
     alone = np.diag(gram) - gram[0, 1] ** 2 / np.maximum(np.diag(gram)[::-1], 1e-30)
     return left / np.sqrt(np.maximum(alone, 1e-12))
+
+
+def _around(capture: Capture, bounds: np.ndarray) -> VoxelGrid:
+    """Voxels around a box (2, 3), as fine as the waveform asks for."""
+    waveform = capture.radar.waveform
+    across, deep = _STEPS[0] * waveform.wavelength, min(_DEEPEST, _STEPS[1] * waveform.range_resolution)
+    return VoxelGrid.regular(bounds[0] - _MARGIN, bounds[1] + _MARGIN, (across, across, deep))
+
+
+def _powers(
+    capture: Capture,
+    mesh: TriangleMesh,
+    grid: VoxelGrid,
+    vertices: int,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[np.ndarray]:
+    """The blurred powers of a mesh's specular and edge echoes, at the capture's poses."""
+    scene = Scene.from_mesh(mesh, vertices=vertices, center=False)
+    return [
+        _power(simulate(scene, capture.radar, capture.trajectory, model=model), grid, share_of(progress, number, 3))
+        for number, model in enumerate(_MODELS)
+    ]
 
 
 def _power(capture: Capture, grid: VoxelGrid, progress: Callable[[int, int], None] | None) -> np.ndarray:

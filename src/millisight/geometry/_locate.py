@@ -20,7 +20,7 @@ from millisight.core import (
 )
 from millisight.core.errors import CoverageError, InputError, MeshError
 from millisight.data import NONE_OF_THEM, Capture, Located, PointCloud, Pose, TriangleMesh, VoxelGrid
-from millisight.geometry._appearance import appearance, check_simulated
+from millisight.geometry._appearance import agreements, appearance, can_be_simulated, check_simulated
 from millisight.geometry._moments import channel_middles
 from millisight.geometry._points import FALSE_ALARMS, above, surface_points
 from millisight.geometry._registration import CLIMBERS, Fit, Seen, curvature, register, rescored, seen_by
@@ -32,7 +32,7 @@ _LEAST = 12  # points
 _SAMPLES = 350
 _THINNED, _MOST = 0.004, 300  # spacing [m] and number of the points that are compared
 _TURNS = 3000
-_MANY, _KEPT = 3, 4  # of more meshes all are tried roughly, and so many of them are searched for fully
+_MANY, _KEPT = 3, 6  # of more meshes all are tried roughly, and so many of them are searched for fully
 _ROUGHLY = (0.006, 100, 700, 20)  # then: spacing [m] and number of points, turns, and poses that are fitted
 _DENSE = 1200  # samples by which meshes are compared: those of large ones are not coarser
 _LARGER = 12.0  # than the points' extent, or smaller: what no object of that size shows
@@ -43,6 +43,8 @@ _WEIGHT = 0.03  # difference of scores by which a pose is e times as probable as
 _CURVED = 60.0  # observations that a score is worth
 _WITHOUT = 1.35  # how many times better a mesh agrees without its edges, where these are not seen
 _WHICH, _NOTHING = 0.03, 0.15  # the same between meshes, and the score of "none of them"
+_LOOKED = 8  # meshes, the likeliest of several, whose images are simulated
+_UNLIKE = 0.65  # agreement of images that tells nothing; what is more counts as much as the score of points
 _FARTHEST, _ANY_TURN = 0.03, np.pi / np.sqrt(3)  # standard deviations where nothing is known [m], [rad]
 
 
@@ -51,6 +53,7 @@ def locate(
     meshes: TriangleMesh | Mapping[str, TriangleMesh],
     grid: VoxelGrid | None = None,
     *,
+    points: PointCloud | None = None,
     antennas: ArrayLike | None = None,
     clutter: Literal["none", "lid", "auto"] | str = "none",
     false_alarms: float = FALSE_ALARMS,
@@ -66,13 +69,15 @@ def locate(
     and samples with like normals vote for the translation; the best are fitted by iterated closest points, both ways.
     The score is the harmonic mean of the share of the points that the mesh explains, and of the share of what should
     shine of the mesh that was found. The covariance is that of the curvature of the score, and of other poses whose
-    scores are near.
+    scores are near. Of several meshes the likeliest are simulated in their poses as well, where a capture is given: how
+    well their images agree with the measured one is added to the score.
 
     Parameters
     ----------
     source : Capture; or oriented points, as of `surface_points`
     meshes : in metres; several by name
     grid : of a capture: voxels in which surfaces are searched, as for `surface_points`; None: around its scene
+    points : what `surface_points` found in the capture, where it is known already
     antennas : (n, 3) antennas that saw the points [m]; of a capture its own
     clutter : "lid" or "auto" to take lids and other sheets off before; of a capture
     false_alarms : see `surface_points`; of a capture
@@ -117,21 +122,26 @@ def locate(
     settings: dict[str, Any] = {"meshes": list(named), "turns": turns, **({"materials": True} if materials else {})}
     if support is not None:
         settings["support"] = support = checked_number(support, name="support", unit="m")
-    total = len(named) + 1 + materials
+    total = len(named) + 2 + materials
 
     if isinstance(source, PointCloud):
-        if grid is not None or clutter != "none" or materials:
-            raise InputError("points were found already; leave grid, clutter and materials out")
+        if grid is not None or clutter != "none" or materials or points is not None:
+            raise InputError("points were found already; leave grid, points, clutter and materials out")
         if antennas is None:
             raise InputError("points do not tell who saw them; pass antennas, (n, 3) in metres")
-        points, seen_from = source, checked_array(antennas, name="antennas", shape=("n", 3), unit="m")
+        capture, points = None, source
+        seen_from = checked_array(antennas, name="antennas", shape=("n", 3), unit="m")
     else:
         capture = checked_record(source, Capture, name="source")
         if antennas is not None:
             raise InputError("a capture states its own antennas; leave antennas out")
         if materials:
             check_simulated(capture)
-        points = surface_points(capture, grid, clutter=clutter, false_alarms=false_alarms)
+        if points is None:
+            points = surface_points(capture, grid, clutter=clutter, false_alarms=false_alarms)
+        elif grid is not None:
+            raise InputError("points were found already; leave grid out")
+        checked_record(points, PointCloud, name="points")
         seen_from = channel_middles(capture).reshape(-1, 3)
     if support is not None:
         points = above(points, support)
@@ -167,19 +177,27 @@ def locate(
             progress(done := done + 1, total)
     poses = {name: _pose(name, mesh, fits[name], shapes[name], seen) for name, mesh in there.items()}
     evidence = {name: rescored(_shape_of(mesh).dense, fits[name], seen)[0].score for name, mesh in there.items()}
+    if capture is not None and len(there) > 1 and can_be_simulated(capture):
+        likely = sorted(evidence, key=lambda one: -evidence[one])[:_LOOKED]
+        placed = {name: poses[name].placed(there[name]) for name in likely}
+        step = share_of(progress, total - 1 - materials, total)
+        looks = agreements(capture, placed, points.points, clutter=clutter, progress=step)
+        if looks:
+            settings["agreements"] = {name: round(one, 3) for name, one in looks.items()}
+            evidence = {name: one + looks.get(name, 0.0) - _UNLIKE for name, one in evidence.items()}
     shares = _softmax(np.array([*evidence.values(), _NOTHING]) / _WHICH)
     probabilities = dict.fromkeys(named, 0.0) | dict(zip([*evidence, NONE_OF_THEM], shares.tolist(), strict=True))
     ordered = [poses[name] for name in sorted(evidence, key=lambda one: -evidence[one])]
     if materials:
-        best, measured = ordered[0], checked_record(source, Capture, name="source")
+        best, measured = ordered[0], checked_record(capture, Capture, name="source")
         try:
-            looks = appearance(
+            fitted = appearance(
                 measured, best.placed(there[best.name]), clutter=clutter, progress=share_of(progress, total - 1, total)
             )
         except (CoverageError, InputError, MeshError) as error:  # the pose stays, for which nobody wants to wait again
             settings["materials"] = f"not fitted: {error}"
         else:
-            ordered[0] = replace(best, **looks._asdict())
+            ordered[0] = replace(best, **fitted._asdict())
     metadata = with_step(points.metadata, "locate", **settings)
     if progress is not None:
         progress(total, total)

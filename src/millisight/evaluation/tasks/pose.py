@@ -152,7 +152,7 @@ class PoseTask(Task):
         ours, answer, size, probability = found.poses[0], "", "", None
         if source.others:
             meshes = {name: _known(_Key(other)).mesh for name, other in source.others.items()}
-            which = locate(points, meshes, antennas=eyes, support=source.support)
+            which = locate(capture, meshes, points=points, clutter=source.clutter[scene.sight], support=source.support)
             answer, probability = which.ranking[0][0], which.probabilities[scene.object]
             size = _nearest_size(points.points, meshes)
         blind = _blind(found, ours, known.mesh, known.turn)
