@@ -44,7 +44,8 @@ _CURVED = 60.0  # observations that a score is worth
 _WITHOUT = 1.35  # how many times better a mesh agrees without its edges, where these are not seen
 _WHICH, _NOTHING = 0.03, 0.15  # the same between meshes, and the score of "none of them"
 _LOOKED = 8  # meshes, the likeliest of several, whose images are simulated
-_UNLIKE = 0.65  # agreement of images that tells nothing; what is more counts as much as the score of points
+_LOOKS, _UNLIKE = 0.75, 0.65  # how much the agreement of images counts beside the score, and the one that tells nothing
+_NOTHING_ALIKE = 0.28  # the score of "none of them" then
 _FARTHEST, _ANY_TURN = 0.03, np.pi / np.sqrt(3)  # standard deviations where nothing is known [m], [rad]
 
 
@@ -177,6 +178,7 @@ def locate(
             progress(done := done + 1, total)
     poses = {name: _pose(name, mesh, fits[name], shapes[name], seen) for name, mesh in there.items()}
     evidence = {name: rescored(_shape_of(mesh).dense, fits[name], seen)[0].score for name, mesh in there.items()}
+    nothing = _NOTHING
     if capture is not None and len(there) > 1 and can_be_simulated(capture):
         likely = sorted(evidence, key=lambda one: -evidence[one])[:_LOOKED]
         placed = {name: poses[name].placed(there[name]) for name in likely}
@@ -184,8 +186,9 @@ def locate(
         looks = agreements(capture, placed, points.points, clutter=clutter, progress=step)
         if looks:
             settings["agreements"] = {name: round(one, 3) for name, one in looks.items()}
-            evidence = {name: one + looks.get(name, 0.0) - _UNLIKE for name, one in evidence.items()}
-    shares = _softmax(np.array([*evidence.values(), _NOTHING]) / _WHICH)
+            evidence = {name: one + _LOOKS * (looks.get(name, 0.0) - _UNLIKE) for name, one in evidence.items()}
+            nothing = _NOTHING_ALIKE
+    shares = _softmax(np.array([*evidence.values(), nothing]) / _WHICH)
     probabilities = dict.fromkeys(named, 0.0) | dict(zip([*evidence, NONE_OF_THEM], shares.tolist(), strict=True))
     ordered = [poses[name] for name in sorted(evidence, key=lambda one: -evidence[one])]
     if materials:
