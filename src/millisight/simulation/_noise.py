@@ -1,10 +1,11 @@
 """Receiver noise (primer 15)."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from millisight.core import checked_number, checked_record, with_step
+from millisight.core import checked_number, checked_record, seed_or_generator, with_step
 from millisight.core.errors import InputError
 from millisight.data import Capture
 
@@ -43,15 +44,12 @@ def add_noise(capture: Capture, *, snr_db: float, rng: int | np.random.Generator
     return replace(capture, frames=frames, metadata=metadata)
 
 
-def check_noise(snr_db: float, rng: object) -> float:
+def check_noise(snr_db: float, rng: Any) -> float:
     """`snr_db` [dB] as a number; `InputError` before any work where noise could not be added with it and `rng`."""
     number = checked_number(snr_db, name="snr_db", unit="dB")
     if abs(number) > 300:
         raise InputError(f"snr_db is {number:g} dB; expected between -300 and 300 dB")
     if rng is None:
         raise InputError("snr_db adds noise, which needs a seed: pass rng=0, for example")
-    if isinstance(rng, np.random.Generator):
-        return number
-    if isinstance(rng, bool | np.timedelta64) or not isinstance(rng, int | np.integer) or rng < 0:
-        raise InputError(f"rng is {rng!r}; expected a seed, a whole number from 0 on, or a numpy Generator")
+    seed_or_generator(rng)
     return number
