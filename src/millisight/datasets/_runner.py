@@ -89,13 +89,14 @@ def _evaluated(
 ) -> Result:
     """What comes out, written where there is a folder."""
     cache = None if folder is None else folder / task.cache
+    run = run_items(task.run, planned.items, cache, workers=workers, progress=progress)
     try:
-        result = _result(task, planned, run_items(task.run, planned.items, cache, workers=workers, progress=progress))
+        result = _result(task, planned, run)
     except MillisightError:
         raise
     except (LookupError, TypeError, ValueError, AttributeError):
         # Kept results may be whole, and yet no results of this task: what somebody wrote there.
-        if cache is None:
+        if cache is None or not run.cached:
             raise
         for part in (part for item in planned.items for part in item.parts):
             (cache / f"{part}.json").unlink(missing_ok=True)
