@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from functools import partial
+from itertools import islice
 
 import numpy as np
 import pytest
@@ -34,6 +35,7 @@ from millisight.rig.virtual import VirtualRig, World
 
 HERE = Engine("threads", 1, 1)
 JOBS = 4
+NAPPED = [(number, number**2, "") for number in range(12)]
 BALL = "058_golf_ball/robot_collected/0_0_0/exp1"
 
 
@@ -240,17 +242,40 @@ def test_a_cluster_makes_the_same_bytes_though_a_worker_is_killed(tmp_path, clus
 
 
 def test_a_lost_worker_costs_only_what_it_was_at(tmp_path, cluster):
-    found = {}
-    for outcome in engine_of(cluster.of(2)).run(partial(napping, tmp_path), range(12)):
-        found[outcome.number] = outcome
-        if len(found) == 3:
-            cluster.kill_one()
-    assert len(cluster.workers) == 1
-    assert {number: outcome.result for number, outcome in found.items()} == {n: n**2 for n in range(12)}
-    assert all(not outcome.failure for outcome in found.values())
-    begun = [int(path.name.split(".")[0]) for path in tmp_path.iterdir()]
-    assert set(begun) == set(range(12))
-    assert len(begun) <= 13
+    outcomes = engine_of(cluster.of(2)).run(partial(napping, tmp_path), range(12))
+    found = list(islice(outcomes, 3))
+    known, lost = {outcome.number for outcome in found}, cluster.workers[-1].pid
+    wait_for(lambda: any(int(path.stem) not in known for path in tmp_path.glob(f"*.{lost}")))
+    cluster.kill_one()
+    found.extend(outcomes)
+    assert sorted((outcome.number, outcome.result, outcome.failure) for outcome in found) == NAPPED
+    # Begun anew is what the lost worker was at or had done without our having its result, and nothing else.
+    begun = begun_by(tmp_path)
+    anew = {number for number, workers in begun.items() if len(workers) > 1}
+    assert anew
+    assert anew.isdisjoint(known)
+    assert all(lost in begun[number] for number in anew)
+
+
+def test_what_a_lost_worker_had_done_and_not_handed_over_is_done_again(tmp_path, cluster):
+    outcomes = engine_of(cluster.of(2)).run(partial(napping, tmp_path), range(12))
+    found = [next(outcomes)]
+    wait_for(lambda: len(begun_by(tmp_path)) == 12)
+    time.sleep(0.5)
+    cluster.kill_one()
+    # The other worker is at what was lost: the client knows that it has no longer what was done.
+    wait_for(lambda: any(len(workers) > 1 for workers in begun_by(tmp_path).values()))
+    found.extend(outcomes)
+    assert sorted((outcome.number, outcome.result, outcome.failure) for outcome in found) == NAPPED
+
+
+def begun_by(folder):
+    """By number, the processes that began a job."""
+    begun = {}
+    for path in folder.iterdir():
+        number, worker = path.name.split(".")
+        begun.setdefault(int(number), set()).add(int(worker))
+    return begun
 
 
 def test_engines_are_checked():

@@ -135,6 +135,9 @@ def _on_cluster(address: str, function: Callable[[T], Any], things: Sequence[T])
                     numbers[future] = number
                     done.add(future)
                 future = next(done)
+                if future.status in ("lost", "pending") and client.status == "running":
+                    done.add(future)  # its worker was lost with the result: the scheduler has it made again
+                    continue
                 number = numbers.pop(future)
                 if future.status == "finished":
                     yield Outcome(number, *future.result())
