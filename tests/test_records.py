@@ -237,11 +237,13 @@ def without_cache():
     return echoes_where("", f"print(frames.any())\n{kernel}\nprint(is_kept(surface_echoes))")
 
 
+@pytest.mark.slow
 def test_the_rig_runs_where_no_machine_code_can_be_kept(without_cache):
     """That all runs where none of any kernel can be: tests/core/test_compiled.py."""
     assert without_cache[1:] == ["True", "False"]
 
 
+@pytest.mark.slow
 def test_machine_code_is_looked_for_where_numba_keeps_it(tmp_path):
     code = "from millisight.cli.console import kernels_cached; print(kernels_cached())"
     settings = {"NUMBA_CACHE_DIR": str(tmp_path), "PATH": ""}

@@ -45,6 +45,7 @@ def test_the_camera_is_found_along():
     assert np.abs(error_of(found_in(told, corners_of(told), rough), told)[:3]).max() > 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fit", [False, True])
 def test_the_truth_lies_within_what_is_told(fit):
     """The square of the error in units of its covariance has a mean of 6; and the kinds of noise are told apart."""

@@ -108,6 +108,7 @@ def test_leakage_that_all_frames_share_changes_nothing():
     assert found.phase_error < 0.02
 
 
+@pytest.mark.slow
 def test_uncertainties_hold():
     """Rows that err as a whole, noise of 0 dB in a sample: errors are of the size that is told."""
     scores = []
@@ -137,6 +138,7 @@ def test_a_level_radar_knows_its_offset_to_the_targets_uncertainty():
     assert found.offset == (0, 0, 0)
 
 
+@pytest.mark.slow
 def test_a_calibrated_capture_has_its_image_where_the_target_is():
     capture, target = scan(seed=4)
     grid = ms.VoxelGrid.regular(PLACE - 0.005, PLACE + 0.005, 0.001)
@@ -160,6 +162,7 @@ def test_calibrations_are_kept_as_toml(tmp_path):
     assert np.array_equal(kept.gains, found.gains)
 
 
+@pytest.mark.slow
 def test_what_cannot_be_calibrated_is_refused():
     capture, target = scan()
     with pytest.raises(InputError, match="no signal where the target should be"):

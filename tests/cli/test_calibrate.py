@@ -67,6 +67,7 @@ def check_truth(text, told):
     assert tilt_sigma.max() < 0.1
 
 
+@pytest.mark.slow
 def test_the_camera_s_place_is_found_in_pictures(board, taken):
     code, out, err, error = run_here("calibrate", "camera", "board", *SQUARE, "-o", "camera.toml")
     assert (code, error) == (0, ""), out + err
@@ -80,6 +81,7 @@ def test_the_camera_s_place_is_found_in_pictures(board, taken):
     check_truth((board.parent / "camera.toml").read_text(encoding="utf-8"), taken[0])
 
 
+@pytest.mark.slow
 def test_without_intrinsics_they_are_found_too(board, taken):
     text = (board / "poses.toml").read_text()
     (board / "poses.toml").write_text(re.sub(r"\[intrinsics\][^\[]*", "", text))
@@ -91,6 +93,7 @@ def test_without_intrinsics_they_are_found_too(board, taken):
     check_truth(out, taken[0])
 
 
+@pytest.mark.slow
 def test_pictures_that_cannot_be_used_are_named(board, taken):
     Image.new("RGB", (320, 240)).save(board / "003.png")
     text = (board / "poses.toml").read_text()
@@ -104,6 +107,7 @@ def test_pictures_that_cannot_be_used_are_named(board, taken):
     check_truth(out, taken[0])
 
 
+@pytest.mark.slow
 def test_few_turns_are_told(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     rng = np.random.default_rng(1)
@@ -190,6 +194,7 @@ def rig_of(tmp_path, monkeypatch, arm):
     return lab
 
 
+@pytest.mark.slow
 def test_pictures_are_taken_where_the_arm_is(taken, tmp_path, monkeypatch):
     """The user turns the arm; the pictures and poses that are saved tell where the camera is."""
     told, pictures = taken

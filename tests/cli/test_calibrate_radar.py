@@ -55,6 +55,7 @@ def scan(tmp_path_factory):
     return folder / "scan.h5"
 
 
+@pytest.mark.slow
 def test_the_mount_is_found_by_other_physics_than_the_fits(scan, run, tmp_path):
     path = tmp_path / "ball.calibration.toml"
     result = run("calibrate", "radar", str(scan), *TARGET, "-o", str(path), "--json")

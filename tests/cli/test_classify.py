@@ -330,6 +330,7 @@ def test_the_help_teaches():
         assert text in shown
 
 
+@pytest.mark.slow
 def test_what_the_page_about_it_shows_is_run(mug, dataset, run, tmp_path):
     """On files of these names; the training apart, which is tested where it is."""
     ms.save(tmp_path / "mug_77.h5", image())

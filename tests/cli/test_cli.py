@@ -48,6 +48,7 @@ def test_what_another_run_is_to_write_is_refused_by_name(capture, tmp_path):
     assert run_here("image", str(capture), "-o", str(tmp_path / "taken.image.h5"))[0] == 0
 
 
+@pytest.mark.slow
 def test_from_a_mesh_file_to_an_image_and_pictures(tmp_path):
     trimesh.creation.box((0.06, 0.05, 0.04)).export(tmp_path / "part.stl")
     small = ("--aperture", "20x20cm", "--step", "5mm")
@@ -299,6 +300,7 @@ def started(*arguments, cwd):
 INTERRUPTED = "millisight: interrupted; unfinished files were discarded, earlier files are unchanged"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_interrupted_work_leaves_nothing_behind(tmp_path, number, code):
     (tmp_path / "c.h5").write_bytes(b"an older result")
@@ -495,6 +497,7 @@ def test_what_is_printed_into_a_closed_stream_goes_into_no_file(tmp_path, closed
     assert (done.stdout, done.stderr) == (b"" if closed == ">&-" else b"printed", b"" if "2" in closed else b"printed")
 
 
+@pytest.mark.slow
 def test_with_closed_standard_streams_it_works(capture):
     image = ["image", capture.name, "--grid", "2cm", "-o", "i.h5"]
     command = shlex.join([sys.executable, "-m", "millisight.cli.main", *image])
@@ -519,6 +522,7 @@ def test_an_empty_number_of_threads_gets_one_clear_line(capture):
     assert "NUMBA_NUM_THREADS is empty; expected a whole number of at least 1, and at most 1024" in line
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="such names exist where names are bytes")
 def test_file_names_in_another_encoding(tmp_path):
     name = os.fsdecode(b"M\xfchle.stl")
@@ -542,6 +546,7 @@ def test_absurd_coordinates_get_one_short_line(tmp_path):
     assert len(line) < 200
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("unjudged")
 def test_the_outline_of_the_mesh_is_drawn(tmp_path):
     trimesh.creation.box((6, 5, 4)).export(tmp_path / "part.stl")
@@ -582,6 +587,7 @@ def test_settings_without_which_nothing_is_computed_get_one_clear_line(name, val
     assert f"{name} is {value}; expected" in line
 
 
+@pytest.mark.slow
 def test_what_standard_output_has_no_letter_for_is_escaped(capture):
     """As in a pipe on Windows; it was a traceback, after the work."""
     named = capture.rename(capture.with_name("ünï💥.capture.h5"))

@@ -55,6 +55,7 @@ def collected(tmp_path_factory):
         return folder, command(folder, patch)("tiny.toml", "-o", "data", "--truth", "truth")
 
 
+@pytest.mark.slow
 def test_a_world_becomes_an_experiment(collected):
     tmp_path, done = collected
     assert done.exit_code == 0, done.output
@@ -79,6 +80,7 @@ def test_a_world_becomes_an_experiment(collected):
     assert World.from_toml(tmp_path / "truth/world.toml").objects[0].object == "golf_ball"
 
 
+@pytest.mark.slow
 def test_a_dry_run_draws_and_writes_no_data(run, tmp_path):
     done = run("tiny.toml", "--dry-run", "--plot", "world.png")
     assert done.exit_code == 0, done.output
@@ -139,6 +141,7 @@ def test_the_sampling_is_told_and_ghosts_are_warned_of(run, tmp_path):
     assert "warning" not in done.output
 
 
+@pytest.mark.slow
 def test_live_images_stand_beside_the_scan(run, collected, tmp_path):
     """And the same scan has the same truth, which may lie there already."""
     shutil.copytree(collected[0] / "truth", tmp_path / "truth")
@@ -152,6 +155,7 @@ def test_live_images_stand_beside_the_scan(run, collected, tmp_path):
     assert len(read_experiment(tmp_path / "data/058_golf_ball/robot_collected/0_0_0/exp1/los", "24_ghz").rows) == 4
 
 
+@pytest.mark.slow
 def test_a_folder_with_other_truth_is_refused_before_the_scan(run, tmp_path):
     """The world itself was overwritten by the truth's `world.toml`."""
     (tmp_path / "world.toml").write_text(TINY)

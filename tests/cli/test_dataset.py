@@ -168,6 +168,7 @@ def test_what_cannot_be_converted_is_listed_at_the_end(miniature, tmp_path):
     assert len(capture.trajectory) == 55
 
 
+@pytest.mark.slow
 def test_ctrl_c_ends_in_one_line_leaves_no_process_and_can_be_resumed(miniature, tmp_path):
     command = [sys.executable, "-m", "millisight.cli.main", "dataset", "convert", str(miniature.healthy)]
     process = subprocess.Popen(

@@ -94,6 +94,7 @@ def without_marks(work):
         path.write_text(json.dumps({key: value for key, value in INFO.items() if key not in ("simulated", "physics")}))
 
 
+@pytest.mark.slow
 def test_an_oracle_a_constant_and_a_coin(work):
     done = run(work, "--truth", "exact", "--mistakes", "2", weights=("oracle", "constant", "coin"))
     assert done.exit_code == 0, done.output
@@ -144,6 +145,7 @@ def test_an_oracle_a_constant_and_a_coin(work):
     assert "classical" in done.output
 
 
+@pytest.mark.slow
 def test_known_and_new_objects_stand_in_tables_of_their_own(work):
     done = run(work, "--truth", "exact", weights=("known", "oracle"))
     assert done.exit_code == 0, done.output
@@ -235,6 +237,7 @@ def test_unknown_physics_of_the_images_is_told(work, plain, physics):
     assert said in done.output
 
 
+@pytest.mark.slow
 def test_it_goes_on_where_it_stopped_and_a_damaged_scene_stops_no_other(work):
     image = work / "data/073-a_lego_duplo/robot_collected/0_0_0/exp1/los/processed/radars/77_ghz/processed_image.pkl"
     content = image.read_bytes()

@@ -60,6 +60,7 @@ def run(work, *options):
     return CliRunner().invoke(app, arguments)
 
 
+@pytest.mark.slow
 def test_tables_pictures_and_every_mask_are_written(work):
     info = work / "data/074-x_wide/robot_collected/0_0_0/exp1/experiment_info.json"
     info.write_text(json.dumps({**INFO, "class": "sphere"}))
@@ -99,6 +100,7 @@ def test_tables_pictures_and_every_mask_are_written(work):
     assert np.median([float(row["f1"]) for row in trials if row["input"] == "77 GHz" and row["sight"] == "los"]) > 0.8
 
 
+@pytest.mark.slow
 def test_it_goes_on_where_it_stopped(work, plain):
     assert run(work, "--method", "classical", "--seeds", "1", "--failures", "0").exit_code == 0
     again = run(work, "--method", "classical", "--seeds", "1", "--failures", "0")
@@ -111,6 +113,7 @@ def test_it_goes_on_where_it_stopped(work, plain):
     assert (work / "out/trials.csv").read_bytes() == table
 
 
+@pytest.mark.slow
 def test_a_damaged_scene_does_not_stop_the_rest(work):
     image = work / "data/073-a_lego_duplo/robot_collected/0_0_0/exp1/los/processed/radars/77_ghz/processed_image.pkl"
     image.write_bytes(b"no pickle")
@@ -130,6 +133,7 @@ def test_files_of_others_in_the_folder_stay(work):
     assert [path.name for path in (work / "out").iterdir()] == ["trials.csv"]
 
 
+@pytest.mark.slow
 def test_data_not_marked_as_simulated_are_not_called_so(work, plain):
     for path in (work / "data").rglob("experiment_info.json"):
         path.write_text(json.dumps({key: value for key, value in INFO.items() if key not in ("simulated", "physics")}))
@@ -168,6 +172,7 @@ def test_simulated_and_other_scenes_are_not_thrown_together(work):
     assert "evaluate them separately" in str(done.exception)
 
 
+@pytest.mark.slow
 def test_json_is_one_document_on_standard_output(work, plain):
     done = run(work, "--method", "classical", "--seeds", "1", "--failures", "0", "--json")
     assert done.exit_code == 0, done.output

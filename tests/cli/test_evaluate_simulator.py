@@ -69,6 +69,7 @@ def rows(path):
     return list(csv.DictReader(path.read_text().splitlines()))
 
 
+@pytest.mark.slow
 def test_the_table_finds_what_was_combined(tmp_path):
     out, fit = tmp_path / "out", tmp_path / "fit.toml"
     done = run(make(tmp_path / "data"), out, "--pictures", "1", "--fit", str(fit), "--clouds", "ply")
@@ -104,6 +105,7 @@ def test_the_table_finds_what_was_combined(tmp_path):
     assert page.index("Weights fitted on one image") < page.index('<section id="picture-1">')
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("extras", "said"),
     [(SIMULATED, "The reference is itself simulated"), ({}, "are not marked as simulated, nor")],
@@ -131,6 +133,7 @@ def test_images_without_points_are_named_and_score_nothing(tmp_path, plain):
     assert float(pair["F specular [%]"]) > 50
 
 
+@pytest.mark.slow
 def test_what_has_no_counterpart_or_is_damaged_is_said_and_stops_nothing(tmp_path):
     root = make(tmp_path / "data")
     make(tmp_path / "more", names=("036_wood_block",))
@@ -172,6 +175,7 @@ def test_options_that_cannot_be_right_are_refused(tmp_path, options, kind, said)
         raise run(make(tmp_path / "data", names=("025_mug",)), tmp_path / "out", *options).exception
 
 
+@pytest.mark.slow
 def test_sheets_are_taken_off_before_images_are_compared(tmp_path, plain, monkeypatch):
     asked = []
 

@@ -27,6 +27,7 @@ def here(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
+@pytest.mark.slow
 def test_an_experiment_of_the_published_layout(mug, tmp_path):
     los = next(mug.glob("robot_collected/*/exp1/los"))
     code, _, err = run("image", los, "--radar", "77_ghz", "--grid", "1cm", "-o", "i.h5", cwd=tmp_path)
@@ -59,6 +60,7 @@ def test_a_log_that_lacks_poses_while_the_arm_moved(mug, tmp_path):
     assert " frames are guessed; check the connection to the robot, and scan again" in out
 
 
+@pytest.mark.slow
 def test_a_whole_object_at_once(mug, tmp_path):
     """Both radars of four scans; what is imaged is passed over when resumed."""
     code, out, err, _ = run_here("image", mug, "--grid", "2cm", "-o", "images", "--plot", "pictures")
@@ -128,6 +130,7 @@ def test_what_is_odd_about_an_experiment_is_said(miniature, tmp_path):
     assert "warning: adc_data1700000001.bin: 1 of 14 frames lost, wholly or in part" in out
 
 
+@pytest.mark.slow
 def test_a_converted_dataset_is_imaged_too(mug, miniature, tmp_path):
     code, _, err, _ = run_here(
         "dataset", "convert", miniature.healthy, "--object", MUG, "--workers", "1", "-o", "converted"
@@ -216,6 +219,7 @@ def test_a_plain_folder_with_a_description(described, tmp_path):
     assert code == 0, err
 
 
+@pytest.mark.slow
 def test_a_lid_is_taken_off_where_it_is_asked_for(tmp_path):
     device, path = DEVICES["24 GHz"], raster(step=0.005)
     spot = points(device, path, [[0, 0, -0.25]], 0.02)

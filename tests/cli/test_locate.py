@@ -38,6 +38,7 @@ def here(stage, tmp_path, monkeypatch):
     return lambda *arguments: run_here("locate", *given, *arguments)
 
 
+@pytest.mark.slow
 def test_poses_are_told_written_and_drawn(stage, here, tmp_path, monkeypatch):
     # A fifth of the rotations: tests/geometry asks whether poses are found.
     monkeypatch.setattr("millisight.geometry.locate", partial(ms.locate, turns=600))

@@ -171,6 +171,7 @@ def test_worlds_with_absurd_numbers_are_refused_or_defined():
     assert sum(refused) > 0.8 * len(refused)
 
 
+@pytest.mark.slow
 def test_recipes_with_absurd_numbers_are_refused_or_defined(tmp_path):
     refused = []
     rig = {**small_recipe.table()["rig"], "conditions": ["los"]}
@@ -187,6 +188,7 @@ def test_recipes_with_absurd_numbers_are_refused_or_defined(tmp_path):
     assert sum(refused) > 0.8 * len(refused)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "words",
     [

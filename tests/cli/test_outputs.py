@@ -106,6 +106,7 @@ def test_images_of_an_experiment_are_not_read_with_it(tmp_path, monkeypatch):
     check_outputs(Path("mine.image.h5"), source=Path())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("typed", ["new/", "there", "./"])
 def test_a_folder_for_one_capture_or_image(tmp_path, typed):
     """It was a file where it was not there, and an error where it was."""

@@ -67,6 +67,7 @@ def test_the_arm_moves_without_radar(emulated):
     assert isinstance(done.exception, DeviceError)
 
 
+@pytest.mark.slow
 def test_collect_scans_with_real_devices_and_goes_on(emulated, tmp_path):
     done = run("collect", "rig.toml", "-o", "data", "--dry-run")
     assert done.exit_code == 0, done.output
@@ -102,6 +103,7 @@ image = { lower = [-0.02, -0.02, -0.28], upper = [0.02, 0.04, -0.22], spacing = 
 """
 
 
+@pytest.mark.slow
 def test_a_radar_of_any_name_is_written_as_captures(emulated, tmp_path):
     """A board that the published layout has not: its name, its antennas, the voxels of its images."""
     path = tmp_path / "rig.toml"
@@ -194,6 +196,7 @@ def test_emulate_keeps_files_of_others(tmp_path):
         assert run("rig", "emulate", "world.toml", "-o", "ours.toml", "--seconds", "0").exit_code == 0
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("world")
 def test_one_command_emulates_and_scans(tmp_path):
     done = run("rig", "emulate", "world.toml", "--loss", "0.001", "--disorder", "0.01", "--collect", "data")

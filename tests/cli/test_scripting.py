@@ -129,6 +129,7 @@ def test_two_inputs_share_no_result(folder):
     assert "two captures have the same name" in run_here("image", "one.image.h5", "sub/one.image.h5")[3]
 
 
+@pytest.mark.slow
 def test_completion_is_offered(tmp_path):
     """For the shell that the command is typed into, which is the process above."""
     typed = f"{shlex.quote(sys.executable)} -m millisight.cli.main --show-completion; exit $?"

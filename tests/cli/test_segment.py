@@ -62,6 +62,7 @@ def dataset(tmp_path):
     return publish(tmp_path / "data")
 
 
+@pytest.mark.slow
 def test_a_dataset_is_gone_through_and_what_failed_is_said_at_the_end(dataset, tmp_path):
     code, out, err = run_inside("segment", "data", "--method", "classical", "-o", "masks", cwd=tmp_path)
     assert code == 1

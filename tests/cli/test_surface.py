@@ -30,6 +30,7 @@ def here(tmp_path, monkeypatch):
     return lambda *arguments: run_here("surface", *arguments)
 
 
+@pytest.mark.slow
 def test_a_capture_gives_a_mesh_points_a_depth_map_and_a_picture(ball, tmp_path, here):
     asked = (str(ball), "--grid", VOXELS, "-o", "ball.ply", "--points", "points.ply", "--depth", "depth.npz", "--json")
     code, out, err, _ = here(*asked)
@@ -48,6 +49,7 @@ def test_a_capture_gives_a_mesh_points_a_depth_map_and_a_picture(ball, tmp_path,
     assert "oriented points" in err
 
 
+@pytest.mark.slow
 def test_a_depth_picture_states_its_levels(ball, tmp_path, here):
     code, out, err, _ = here(str(ball), "--grid", VOXELS, "-o", "b.ply", "--depth", "depth.png", "--no-picture")
     assert code == 0, err
@@ -59,6 +61,7 @@ def test_a_depth_picture_states_its_levels(ball, tmp_path, here):
     assert not (tmp_path / "b.surface.png").exists()
 
 
+@pytest.mark.slow
 def test_a_depth_picture_has_levels_for_all_heights(ball, tmp_path, here, monkeypatch):
     """Of 0.01 mm each they reach 65 cm: what lay higher was told as lower, without a word."""
     low, high = (posed.block([x, -0.02, z - 0.01], [x + 0.04, 0.02, z]) for x, z in ((-0.05, -0.4), (0.01, 0.4)))
@@ -74,6 +77,7 @@ def test_a_depth_picture_has_levels_for_all_heights(ball, tmp_path, here, monkey
     assert lowest + 1e-3 * unit * levels[levels > 0].min() == pytest.approx(-0.4, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_a_watertight_mesh_tells_what_was_not_seen(ball, tmp_path, here):
     code, _, err, _ = here(str(ball), "--grid", VOXELS, "-o", "b.ply", "--watertight", "--base=-32cm", "--no-picture")
     assert code == 0, err
@@ -84,6 +88,7 @@ def test_a_watertight_mesh_tells_what_was_not_seen(ball, tmp_path, here):
     assert (solid.visual.vertex_colors[floor, :3] == 128).all()
 
 
+@pytest.mark.slow
 def test_what_is_guessed_of_a_ball_is_told_from_what_was_seen(ball, tmp_path, here):
     code, out, err, _ = here(str(ball), "--grid", VOXELS, "-o", "b.ply", "--complete", "--no-picture", "--json")
     assert code == 0, err
@@ -105,6 +110,7 @@ def test_what_is_guessed_of_a_ball_is_told_from_what_was_seen(ball, tmp_path, he
     assert "guess in two ways" in refused
 
 
+@pytest.mark.slow
 def test_an_image_will_do(ball, tmp_path, here):
     grid = ms.VoxelGrid.regular((-0.04, -0.04, -0.32), (0.04, 0.04, -0.23), (0.002, 0.002, 0.005))
     ms.save(tmp_path / "ball.image.h5", ms.form_image(ms.load(ball), grid, window="taylor"))

@@ -35,6 +35,7 @@ def started(folder, *arguments):
     return process, re.search(r"viewer: (http://\S+)", "".join(lines))[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("number", "code", "last"), [(signal.SIGINT, 0, "viewer closed"), (signal.SIGTERM, 143, "")])
 def test_it_serves_on_this_machine_alone_until_it_is_asked_to_end(shown, number, code, last):
     process, url = started(shown)
@@ -53,6 +54,7 @@ def test_it_serves_on_this_machine_alone_until_it_is_asked_to_end(shown, number,
         process.kill()
 
 
+@pytest.mark.slow
 def test_a_taken_port_is_one_line_and_no_hang(shown):
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))

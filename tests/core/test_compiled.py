@@ -76,6 +76,7 @@ def damaged(path, how):
     path.write_bytes(content)
 
 
+@pytest.mark.slow
 def test_a_damaged_cache_is_made_anew(tmp_path):
     """The kernels lie in a folder for each damage, so that three processes see all of them."""
     whole = tmp_path / "whole"
@@ -97,6 +98,7 @@ def test_a_damaged_cache_is_made_anew(tmp_path):
     assert run(*kept) == [True] * 10
 
 
+@pytest.mark.slow
 def test_without_a_home_the_second_process_starts_at_once(tmp_path):
     (tmp_path / "small_kernels.py").write_text(KERNEL)
     (tmp_path / "__pycache__").write_text("no folder")
@@ -126,6 +128,7 @@ with install_recorder("numba:run_pass") as passes:
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="no locks there")
 def test_of_two_processes_that_start_together_one_compiles(tmp_path):
     (tmp_path / "small_kernels.py").write_text(KERNEL)
@@ -162,6 +165,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere processes are not forked")
 def test_a_process_that_is_forked_after_work_says_so(tmp_path):
     """OpenMP ended it, and a pool made new ones for ever."""

@@ -107,6 +107,7 @@ def test_copies_of_the_same_weights_share_results(data, tmp_path):
     assert Fake.runs == 8
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("untimed")
 def test_what_has_changed_or_was_damaged_is_done_again(data, tmp_path):
     run(data, tmp_path, "box")

@@ -36,6 +36,7 @@ def contents(folder):
     return {p.relative_to(folder).as_posix(): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
 
 
+@pytest.mark.slow
 def test_everything_is_converted_once(converted, miniature):
     out, done = converted
     assert (done.made, done.kept, done.failures, done.notes) == (53, 0, (), ())
@@ -104,6 +105,7 @@ def test_no_time_and_no_machine_is_in_the_files(converted):
     }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_killed_and_resumed_it_ends_with_the_same_bytes(converted, miniature, tmp_path):
     """Killed with no chance to clean up, twice; resumed by one process where the other run had two."""
     out, _ = converted
@@ -169,6 +171,7 @@ def test_what_is_there_and_right_is_kept_and_the_rest_made_anew(converted, minia
     assert len(capture.trajectory) == 56
 
 
+@pytest.mark.slow
 def test_some_objects_now_and_others_later(miniature, converted, tmp_path):
     for name in (MUG, EMPTY):
         convert(ms.datasets.open(miniature.healthy).only([name]), tmp_path, workers=1)
@@ -262,6 +265,7 @@ def test_a_damaged_output_of_the_same_size_is_made_anew(converted, miniature, tm
     assert path.read_bytes() == whole
 
 
+@pytest.mark.slow
 def test_two_conversions_into_one_folder_are_refused(miniature, tmp_path):
     """They deleted each other's partial files."""
     root, out = tmp_path / "root", tmp_path / "out"
@@ -276,6 +280,7 @@ def test_two_conversions_into_one_folder_are_refused(miniature, tmp_path):
     assert not [path.name for path in out.iterdir() if path.name in (".millisight.lock", ".millisight.partial")]
 
 
+@pytest.mark.slow
 def test_a_pipe_within_a_dataset_is_no_file(miniature, tmp_path):
     """Whoever opens one waits for ever."""
     root = tmp_path / "root"
@@ -317,6 +322,7 @@ def test_a_file_of_the_users_where_ours_would_go_stays(converted, miniature, tmp
     assert convert(root, out, workers=1).failures == ()
 
 
+@pytest.mark.slow
 def test_other_settings_overwrite_what_an_earlier_conversion_made(miniature, tmp_path):
     """Also where a run between the two was broken off at once."""
     root, out = ms.datasets.open(miniature.healthy).only([BOX]), tmp_path / "out"

@@ -95,6 +95,7 @@ def test_a_connection_that_breaks_is_taken_up_where_it_broke(hub, monkeypatch, t
     assert ranges[1] == "bytes=100000-"
 
 
+@pytest.mark.slow
 def test_a_file_that_cannot_be_fetched_stops_no_other_and_comes_later(hub, tmp_path):
     hub.refused[LARGE] = 500
     done = download(tmp_path, workers=2)

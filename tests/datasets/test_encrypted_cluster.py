@@ -24,6 +24,7 @@ print(json.dumps([[outcome.number, outcome.result] for outcome in sorted(done)])
 """
 
 
+@pytest.mark.slow
 def test_who_has_no_certificate_of_ones_own_authority_gets_no_answer(cluster, environment, tmp_path, monkeypatch):
     done = subprocess.run(
         [sys.executable, "-c", JOBS, cluster.address],

@@ -57,6 +57,7 @@ def contents(folder):
     return {p.relative_to(folder).as_posix(): hashlib.sha256(p.read_bytes()).hexdigest() for p in paths}
 
 
+@pytest.mark.slow
 def test_it_is_a_dataset_of_the_published_layout(made, tmp_path):
     out, _, _ = made
     found = ms.datasets.open(out)
@@ -161,6 +162,7 @@ def test_it_tells_of_its_progress(made):
     assert calls[-1][0] == calls[-1][1]
 
 
+@pytest.mark.slow
 def test_the_number_of_threads_changes_no_byte(tmp_path):
     rig = small_recipe.table()["rig"]
     scans = [{"radars": [{"preset": "iwr1443", "frame_period": 0.125}]}]
@@ -195,6 +197,7 @@ def test_a_damaged_line_of_the_journal_tells_nothing(tmp_path, change):
     assert [entry.path for entry in told] == ["a/b.h5"]
 
 
+@pytest.mark.slow
 def test_killed_with_no_chance_to_clean_up_it_goes_on_in_two_processes_with_the_same_bytes(made, tmp_path):
     """The bytes are those of one process that was not killed."""
     out, _, _ = made
@@ -224,6 +227,7 @@ def test_on_a_cluster_an_error_is_the_jobs_own(cluster):
     assert outcomes[2].failure == "no such thing"
 
 
+@pytest.mark.slow
 def test_a_cluster_makes_the_same_bytes_though_a_worker_is_killed(tmp_path, cluster):
     """Simulated images, which are quick; the rig's jobs go to a cluster in test_relay.py."""
     again, engine = tmp_path / "again", engine_of(cluster.of(2))
@@ -241,6 +245,7 @@ def test_a_cluster_makes_the_same_bytes_though_a_worker_is_killed(tmp_path, clus
     assert contents(again) == contents(tmp_path / "here")
 
 
+@pytest.mark.slow
 def test_a_lost_worker_costs_only_what_it_was_at(tmp_path, cluster):
     outcomes = engine_of(cluster.of(2)).run(partial(napping, tmp_path), range(12))
     found = list(islice(outcomes, 3))
@@ -257,6 +262,7 @@ def test_a_lost_worker_costs_only_what_it_was_at(tmp_path, cluster):
     assert all(lost in begun[number] for number in anew)
 
 
+@pytest.mark.slow
 def test_what_a_lost_worker_had_done_and_not_handed_over_is_done_again(tmp_path, cluster):
     outcomes = engine_of(cluster.of(2)).run(partial(napping, tmp_path), range(12))
     found = [next(outcomes)]
@@ -298,6 +304,7 @@ def simulated(names, **changes):
     return {"rig": None, "objects": {"names": names}, **changes}
 
 
+@pytest.mark.slow
 def test_a_job_that_fails_stops_no_other_and_is_done_the_next_time(tmp_path, monkeypatch):
     make_one = SimulatorJob.make
 
@@ -320,6 +327,7 @@ def test_a_job_that_fails_stops_no_other_and_is_done_the_next_time(tmp_path, mon
     assert contents(tmp_path / "out") == contents(tmp_path / "other")
 
 
+@pytest.mark.slow
 def test_what_is_changed_is_made_anew_and_the_rest_is_kept(tmp_path):
     names = ["golf_ball", "strawberry"]
     out = tmp_path / "out"
@@ -455,6 +463,7 @@ def test_the_estimated_bytes_are_about_right(made):
     assert 0.8 * expected < sum(entry.size for entry in done.manifest.entries.values()) < 1.25 * expected
 
 
+@pytest.mark.slow
 def test_raw_files_alone_can_be_kept_and_scans_may_hold_both_radars(tmp_path):
     rig = small_recipe.table()["rig"]
     radars = [{"preset": "position2go", "mount": [0, 0, 0]}, {"preset": "iwr1443", "frame_period": 0.125}]
@@ -608,6 +617,7 @@ def test_too_many_jobs_are_refused_at_once(tmp_path):
         plan_dataset(small_recipe.recipe(rig=None, objects={"names": quick}, poses=drawn, simulator={}), tmp_path)
 
 
+@pytest.mark.slow
 def test_minus_zero_is_zero():
     """NumPy draws from no range that ends at it."""
     recipe = small_recipe.recipe(**simulated(["golf_ball"], poses={"angles_deg": [[0, 0, 0]], "shift": -0.0}))

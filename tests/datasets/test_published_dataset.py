@@ -59,6 +59,7 @@ def numbers_of(folder):
     return {name: re.sub("MITO_Dataset|mito", "DATASET", text) for name, text in tables.items()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", FORMS)
 def test_nothing_of_the_layout_is_called_stray(form, roots):
     dataset = datasets.open(roots[form])
@@ -86,6 +87,7 @@ def test_a_conversion_keeps_every_item(roots):
     assert items("published") == items("converted")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", FORMS)
 def test_list_verify_and_info(form, roots):
     listed = run("dataset", "list", roots[form])
@@ -100,6 +102,7 @@ def test_list_verify_and_info(form, roots):
     assert out == [f"{TUNA}/robot_collected/0_0_0/exp2/los"]
 
 
+@pytest.mark.slow
 def test_evaluations_agree_before_and_after_conversion(roots, tmp_path, monkeypatch):
     """Segmentation reads every form of image; the other tasks, by the same function, one form each."""
     commands = {
@@ -127,6 +130,7 @@ def test_evaluations_agree_before_and_after_conversion(roots, tmp_path, monkeypa
     assert np.median([float(row["iou"]) for row in trials]) > 0.5  # truth and image show one disc
 
 
+@pytest.mark.slow
 def test_an_experiment_is_chosen_by_its_number(roots, tmp_path):
     run("evaluate", "segmentation", roots["published"], "-o", tmp_path, "--experiment", 2, "--method", "wave",
         "--seeds", 1, "--failures", 0, "--workers", 1, "--object", MUG)  # fmt: skip
@@ -174,6 +178,7 @@ def test_the_truth_of_experiment_1_lies_on_the_object_in_both_forms(name, roots)
     assert np.array_equal(found["published"], found["converted"])
 
 
+@pytest.mark.slow
 def test_images_masks_and_classes_are_the_same_before_and_after(roots, tmp_path):
     told = {}
     for form, root in roots.items():
@@ -319,6 +324,7 @@ def test_recipes_take_the_datasets_simulated_images_and_meshes(roots, tmp_path, 
                 assert np.array_equal(one.whole.levels["77_ghz"], other.whole.levels["77_ghz"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("radar", ["77_ghz", "24_ghz"])
 def test_raw_files_are_imaged_as_published_on_the_published_grid(radar, roots, tmp_path):
     """Linear poses, both receivers at 24 GHz, the nearest bin below; the published masks' pixels."""
@@ -381,6 +387,7 @@ def scene_truth(root):
     return scene.read(transform="published").truth[HIGH].inside
 
 
+@pytest.mark.slow
 def test_the_command_annotates_a_frame_of_the_dataset_in_both_forms(roots, tmp_path):
     """`millisight annotate` in a process of its own, asked as its page asks; of the other form what it serves, here."""
     found = {}

@@ -104,6 +104,7 @@ def test_the_card_says_what_is_simulated_how_and_by_what(hub, made):
     assert (made / "README.md").read_text() in card  # its own card, which is left as it is
 
 
+@pytest.mark.slow
 def test_measured_data_are_not_called_simulated(hub, miniature, tmp_path):
     convert(open_dataset(miniature.healthy).only([MUG]), tmp_path / "mito", workers=1)
     done = push(tmp_path / "mito", "someone/mito", dry_run=True)

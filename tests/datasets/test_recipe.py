@@ -38,6 +38,7 @@ def test_the_recipes_that_are_shipped_can_be_read():
         assert recipe.about
 
 
+@pytest.mark.slow
 def test_the_longest_object_fits_into_the_recipe_of_the_papers_size(monkeypatch):
     monkeypatch.setattr(_generate, "_slowness", lambda *_: _cost.Slowness())  # which no scan here is tried for
     whole = read_recipe(Path(__file__).parents[2] / "examples" / "recipes" / "paper.toml")
@@ -349,6 +350,7 @@ def spread(mesh):
     return lambda other: KDTree(other.vertices).query(mesh.vertices)[0].mean()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["power_drill", "banana"])
 def test_a_scan_is_turned_to_lie_as_the_catalogue_does(name):
     shape = build_object(name)
@@ -407,6 +409,7 @@ def test_real_scans_are_of_the_catalogues_sizes(name):
     assert not differ_in_size(box_of(scan)[1], box_of(build_object(name))[1])
 
 
+@pytest.mark.slow
 def test_real_scans_lie_as_the_catalogue_does():
     scans = find_scans(oracles.shared("ycb"))
     for name in ("cracker_box", "padlock"):

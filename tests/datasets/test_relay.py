@@ -59,6 +59,7 @@ def made(small_dataset):
     return out
 
 
+@pytest.mark.slow
 def test_the_same_bytes_come_out_and_nothing_stays_in_the_store(made, tmp_path):
     engine, url = Watched(tmp_path / "out"), f"memory://{tmp_path.name}/store"
     calls = []
@@ -80,6 +81,7 @@ def test_meshes_of_ones_own_travel_too(tmp_path):
     assert contents(tmp_path / "away") == contents(tmp_path / "here")
 
 
+@pytest.mark.slow
 def test_what_is_damaged_on_the_way_is_done_again_the_next_time(tmp_path):
     url, out = f"memory://{tmp_path.name}/store", tmp_path / "out"
     quick = {"rig": None, "objects": {"names": ["golf_ball", "strawberry"]}}
@@ -126,6 +128,7 @@ def test_names_from_workers_that_lead_out_of_the_folder_are_refused(tmp_path):
     assert not list(tmp_path.rglob("evil"))
 
 
+@pytest.mark.slow
 def test_a_store_that_cannot_be_used_is_told_before_the_work(s3, tmp_path, monkeypatch):
     engine = Watched(tmp_path / "out")
     with pytest.raises(FileError, match="there is no such bucket"):
@@ -147,6 +150,7 @@ def cluster(s3, tmp_path_factory):
     made.end()
 
 
+@pytest.mark.slow
 def test_a_cluster_makes_the_same_bytes_by_way_of_s3_though_a_worker_is_killed(made, cluster, s3, tmp_path):
     engine = engine_of(cluster.of(2))
 

@@ -70,6 +70,7 @@ def run(root, tmp_path, **options):
         return ms.evaluate("segmentation", root, **given)
 
 
+@pytest.mark.slow
 def test_a_second_run_takes_what_is_there(root, tmp_path):
     told = []
     first = run(root, tmp_path, progress=lambda *n: told.append(n))
@@ -85,6 +86,7 @@ def test_a_second_run_takes_what_is_there(root, tmp_path):
     ]
 
 
+@pytest.mark.slow
 def test_only_what_changed_is_done_again(root, tmp_path):
     def again(**options):
         return run(root, tmp_path, sight="los", **{"seeds": 1, **options})
@@ -155,6 +157,7 @@ def test_results_are_files_of_plain_json(root, tmp_path):
     assert all(0 <= value <= 1 for one in content["result"] for value in one["scores"].values())
 
 
+@pytest.mark.slow
 def test_python_writes_what_the_command_writes(root, tmp_path):
     shutil.rmtree(root / "074-x_wide")  # one object is enough
     result = ms.evaluate("segmentation", root, output=tmp_path / "python", workers=1, methods="bright", failures=2)

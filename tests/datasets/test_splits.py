@@ -27,6 +27,7 @@ def dataset(objects=FOLDERS, poses=4):
     ]
 
 
+@pytest.mark.slow
 @given(
     count=st.integers(0, 200),
     train=st.floats(0, 1),

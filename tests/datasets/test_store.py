@@ -104,6 +104,7 @@ def test_what_is_there_is_not_sent_again_and_what_changed_is(url, made, tmp_path
     assert files_of(tmp_path / "again") == files_of(made)
 
 
+@pytest.mark.slow
 def test_an_interrupted_push_continues_and_is_no_dataset_before(s3, made, tmp_path):
     s3.most_sent = 3
     with pytest.raises(FileError, match="the connection broke .*try again; what was transferred is kept"):
@@ -357,6 +358,7 @@ def test_options_of_the_hub_are_refused(made, tmp_path):
         download(tmp_path, repository="memory://small", revision="v1")
 
 
+@pytest.mark.slow
 def test_nothing_of_stores_is_loaded_before_one_is_named():
     code = (
         "import sys, millisight.cli.dataset, millisight.cli.generate; from millisight.datasets import download, push;"
@@ -402,6 +404,7 @@ def run(*words):
     return CliRunner().invoke(app, ["dataset", *map(str, words)])
 
 
+@pytest.mark.slow
 def test_the_commands_push_and_download(s3, tmp_path):
     made = tmp_path / "made"
     run_plan(plan_dataset(small_recipe.recipe(rig=None), made), Engine("threads", 1, 1))

@@ -29,6 +29,7 @@ def test_the_healthy_part_is_healthy(miniature):
     assert [one.path for one in results] == sorted(one.path for one in results)
 
 
+@pytest.mark.slow
 def test_each_fault_is_found_and_named(miniature):
     assert {*PROBLEMS, *NOTES, "stray_files"} == set(FAULTS)
     results = verify(miniature.faults, workers=2)

@@ -26,6 +26,7 @@ def test_failures_are_the_things_own(workers):
     }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_process_that_dies_takes_nothing_else_along():
     things = ["1", "__import__('os')._exit(7)", "3", "4", "5"]
     found = {outcome.number: (outcome.result, outcome.failure) for outcome in each(eval, things, workers=2)}
@@ -78,6 +79,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.slow
 def test_generating_here_imports_no_distributed(tmp_path):
     """It opens ports and starts threads, even where it is not used; neither here nor in a worker."""
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parents[1]), *sys.path])}

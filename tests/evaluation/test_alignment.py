@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from helpers.sampled_cases import one_in
 from helpers.sampled_clouds import rms_off_the_surface, sampled
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.evaluation import align
@@ -21,7 +20,8 @@ def far_away(rng):
     return turn, 0.03 * shift / np.linalg.norm(shift)
 
 
-@pytest.mark.parametrize("name", one_in(3, NAMES))
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES)
 def test_resampled_objects_are_found_from_3_cm_and_10_degrees(name):
     rng = np.random.default_rng(NAMES.index(name))
     mesh = build_object(name)

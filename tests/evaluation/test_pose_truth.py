@@ -34,6 +34,7 @@ def cube():
     return symmetries(CUBE)
 
 
+@pytest.mark.slow
 def test_a_shift_and_a_turn_are_scored_as_they_are(cube):
     exact = score_pose(pose(posed.turn(1), AT), CUBE, cube, posed.turn(1), AT)
     assert exact.add < 1e-9
@@ -108,6 +109,7 @@ class _Data:
         self.scenes = scenes
 
 
+@pytest.mark.slow
 def test_the_task_scores_poses_and_a_blind_guess(tmp_path, monkeypatch):
     # A fifth of the rotations: what is asked is whether poses that were found are scored as they are.
     monkeypatch.setattr("millisight.evaluation.tasks.pose.locate", partial(ms.locate, turns=600))

@@ -107,6 +107,7 @@ def scene():
     return _Scene(name="ball/los", object="ball", folder="1_ball", angles=(0, 0, 0), number=1, sight="los")
 
 
+@pytest.mark.slow
 def test_the_task_scores_points_and_baselines(scene, tmp_path):
     task = SurfaceTask(spacing=(0.003, 0.006))
     planned = task.plan(_Data(scene))

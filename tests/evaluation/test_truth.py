@@ -41,6 +41,7 @@ def seen(layout, settings=TILTED, seed=0):
     return camera_mask(frame, visible_pixels(layout, true)), radar_from_camera(frame.pose, BASE_ORIGIN), true
 
 
+@pytest.mark.slow
 def test_the_transform_is_right_to_half_a_voxel():
     # The tilted camera's pixels, by way of depth in millimetres and pose, against where its rays met the object.
     layout = layout_of("mug")

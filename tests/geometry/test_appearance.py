@@ -32,6 +32,7 @@ def right(scene, parts):
     return appearance(ms.combine(*parts, (0.5, 0.5)), scene.mesh)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("alpha", [(1, 0), (0.5, 0.5), (0.1, 0.9)])
 def test_weights_that_are_known_are_found(scene, parts, alpha):
     """By a mesh that is 2 mm off."""
@@ -43,6 +44,7 @@ def test_weights_that_are_known_are_found(scene, parts, alpha):
     assert found.agreement > 0.95
 
 
+@pytest.mark.slow
 def test_the_unit_of_the_frames_does_not_matter(scene, parts, right):
     capture = ms.combine(*parts, (0.5, 0.5))
     large = dataclasses.replace(capture, frames=capture.frames * np.float32(1e30))
@@ -50,6 +52,7 @@ def test_the_unit_of_the_frames_does_not_matter(scene, parts, right):
     np.testing.assert_allclose([*again.alpha, again.agreement], [*right.alpha, right.agreement], rtol=1e-3)
 
 
+@pytest.mark.slow
 def test_another_shape_or_pose_agrees_less(scene, parts, right):
     capture = ms.combine(*parts, (0.5, 0.5))
     turned = appearance(capture, scene.mesh.moved(rotation=rotation_from_euler_deg((0, 0, 90)))).agreement
@@ -58,6 +61,7 @@ def test_another_shape_or_pose_agrees_less(scene, parts, right):
     assert max(turned, other) < 0.9
 
 
+@pytest.mark.slow
 def test_of_several_meshes_the_right_one_looks_most_like_it(scene, parts):
     """On voxels that all share: a small thing at the brightest place does not explain the rest."""
     capture = ms.combine(*parts, (0.5, 0.5))
@@ -79,6 +83,7 @@ def test_of_several_meshes_the_right_one_looks_most_like_it(scene, parts):
     assert agreements(capture, {"padlock": scene.mesh}, [*scene.mesh.vertices, (5.0, 5.0, 0.0)]) == {}
 
 
+@pytest.mark.slow
 def test_where_nothing_echoes_there_are_no_weights(scene, parts):
     path = ms.Trajectory(times=PATH.times[:50], positions=PATH.positions[:50])
     silent = dataclasses.replace(parts[0], trajectory=path, frames=np.zeros_like(parts[0].frames[:50]))
@@ -96,6 +101,7 @@ def test_what_the_simulator_does_not_know_is_refused(scene, parts):
         appearance(parts[0], large)
 
 
+@pytest.mark.slow
 def test_waves_longer_than_the_scene_take_bounded_memory(scene, parts):
     """Blurred by a wavelength of 300 km, an image took 4 GB."""
     low = dataclasses.replace(parts[0].radar, waveform=ms.Waveform.stepped(1e3, 1.0, parts[0].frames.shape[-1]))

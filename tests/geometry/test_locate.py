@@ -62,6 +62,7 @@ def found(cloud, bracket):
     return located(cloud, bracket)
 
 
+@pytest.mark.slow
 def test_the_pose_is_found_in_all_six(bracket, cloud, found):
     assert len(cloud) > 120
     (pose,) = found.poses
@@ -78,6 +79,7 @@ def test_the_pose_is_found_in_all_six(bracket, cloud, found):
     np.testing.assert_allclose(pose.T_world_mesh[:3, :3] @ pose.middle + pose.T_world_mesh[:3, 3], pose.place)
 
 
+@pytest.mark.slow
 def test_another_object_beside_does_not_matter(bracket, cloud, found):
     other = posed.points_of(posed.block([-0.12, 0.04, -0.27], [-0.06, 0.10, -0.25]), count=75, rng=1)
     assert len(other) > 50
@@ -86,6 +88,7 @@ def test_another_object_beside_does_not_matter(bracket, cloud, found):
     assert pose.explained < found.poses[0].explained
 
 
+@pytest.mark.slow
 def test_a_box_is_found_by_its_edges_where_no_face_shines():
     placed = BOX.moved(rotation=posed.turn(9), translation=AT)
     pose = located(posed.edge_points_of(placed), BOX).poses[0]
@@ -94,6 +97,7 @@ def test_a_box_is_found_by_its_edges_where_no_face_shines():
     assert np.linalg.norm(pose.place - AT) < 0.006
 
 
+@pytest.mark.slow
 def test_a_floor_whose_height_is_told_is_left_out_and_stood_upon(bracket, cloud):
     true = bracket.moved(rotation=posed.turn(11), translation=AT)
     lowest = true.bounds[0, 2]
@@ -115,6 +119,7 @@ def test_a_floor_whose_height_is_told_is_left_out_and_stood_upon(bracket, cloud)
         located(cloud, bracket, support=float("nan"))
 
 
+@pytest.mark.slow
 def test_turns_that_show_nothing_are_told_and_left_open():
     can = build_object("tomato_soup_can")
     place = can.moved(rotation=posed.turn(2), translation=AT)
@@ -127,6 +132,7 @@ def test_turns_that_show_nothing_are_told_and_left_open():
     np.testing.assert_allclose(pose.place, place.bounds.mean(axis=0), atol=0.008)
 
 
+@pytest.mark.slow
 def test_which_of_several_and_none_of_them(bracket, cloud, found, monkeypatch):
     alone = found.poses[0]
     meshes = {
@@ -165,6 +171,7 @@ def test_which_of_several_and_none_of_them(bracket, cloud, found, monkeypatch):
     assert nothing.probabilities[NONE_OF_THEM] > 0.5
 
 
+@pytest.mark.slow
 def test_images_tell_which_of_several_it_is(bracket):
     """A plate with the bracket's outline has most of the bracket's points, but not its image."""
     lying = bracket.moved(translation=-bracket.bounds.mean(axis=0))
@@ -186,6 +193,7 @@ def test_images_tell_which_of_several_it_is(bracket):
         ms.locate(capture, bracket, points=3)
 
 
+@pytest.mark.slow
 def test_a_mesh_handed_over_moved_and_open_lies_where_it_did(bracket, cloud):
     """A scan in a frame of its own, without its underside, wound inside out, is no different."""
     kept = bracket.face_crosses[:, 2] > -1e-9
@@ -258,6 +266,7 @@ def test_a_capture_of_one_antenna_or_of_nothing_is_refused(bracket):
         ms.locate(silent, bracket, grid, antennas=posed.ANTENNAS)
 
 
+@pytest.mark.slow
 def test_a_crumpled_mesh_takes_bounded_memory():
     """All places lie within 4 mm of all others: their pairs took 12 GB, for 200 kB of triangles."""
     places = np.random.default_rng(0).normal(0, 0.003, (3000, 3))

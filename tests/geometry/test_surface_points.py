@@ -34,6 +34,7 @@ def shining(points, normals, within):
     return np.abs(meet[:, :2]).max(axis=1) < within
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("paths", "radius", "axes"),
     [
@@ -56,6 +57,7 @@ def test_round_mirrors_have_their_place_and_normals(paths, radius, axes):
     assert np.percentile(errors, 90) < 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("array", "window"), [(None, "taylor"), (PAIR, "hann")], ids=["one antenna, taylor", "TX and RX apart, hann"]
 )
@@ -69,12 +71,14 @@ def test_a_plane_has_its_place_and_normal(array, window):
     assert np.percentile(angle_deg(found.normals, truth)[seen], 95) < 1
 
 
+@pytest.mark.slow
 def test_a_phase_of_the_other_sign_has_no_such_plane():
     capture = solid_mirrors.capture_of(solid_mirrors.plane(), noise=0.1)
     found = unthresholded(replace(capture, frames=capture.frames.conj()))
     assert len(found) < 500
 
 
+@pytest.mark.slow
 def test_places_do_not_depend_on_where_the_world_begins():
     shift = np.array([100.0, -50.0, 20.0])
     here = unthresholded(solid_mirrors.capture_of(solid_mirrors.plane(), size=0.16))
@@ -180,6 +184,7 @@ def test_of_an_image_alone_the_top_of_an_echo_is_found_between_voxels(between):
     assert np.abs(found.points[:, 2] - top).max() < 2e-4
 
 
+@pytest.mark.slow
 def test_of_an_image_alone_a_ball_lies_in_front_of_its_maximum():
     """The loss that the docstring states: millimetres by the echo's delay, centimetres by the maximum."""
     capture = solid_mirrors.capture_of(solid_mirrors.ball(0.05), noise=0.1)

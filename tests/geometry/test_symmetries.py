@@ -30,6 +30,7 @@ def angle_deg(one, other):
     return np.degrees(Rotation.from_matrix(one.T @ other).magnitude())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("size", "count"), [((0.10, 0.06, 0.04), 4), ((0.06, 0.06, 0.10), 8), ((0.06, 0.06, 0.06), 24)]
 )
@@ -45,6 +46,7 @@ def test_blocks_have_the_turns_of_their_group(size, count):
         assert apart.max() < 3 * found.tolerance
 
 
+@pytest.mark.slow
 def test_a_cylinder_turns_about_its_axis_and_a_ball_about_any():
     found = symmetries(build_object("tomato_soup_can").moved(rotation=posed.turn(5)))
     can = of_object("tomato_soup_can")
@@ -56,6 +58,7 @@ def test_a_cylinder_turns_about_its_axis_and_a_ball_about_any():
     assert ball.about == "the same after any turn"
 
 
+@pytest.mark.slow
 def test_a_bracket_has_none_and_a_tolerance_decides():
     assert symmetries(posed.bracket()).about == "no symmetry"
     nearly = posed.block(np.zeros(3), np.array([0.06, 0.057, 0.10]))

@@ -113,6 +113,7 @@ def test_the_gradient_is_that_of_finite_differences():
         assert gradient[index] == pytest.approx(numeric, abs=1e-5 * abs(gradient).max())
 
 
+@pytest.mark.slow
 def test_rows_and_wander_are_recovered_and_the_image_with_them(right, right_peak):
     seed = 0
     moved = errors(right.trajectory, seed)
@@ -138,6 +139,7 @@ def test_rows_and_wander_are_recovered_and_the_image_with_them(right, right_peak
     np.testing.assert_allclose(found.capture.trajectory.positions, bad.trajectory.positions + found.displacements)
 
 
+@pytest.mark.slow
 def test_rows_alone(right):
     moved = errors(right.trajectory, 2, wander=0.0)
     found = ms.autofocus(astray(right, moved), GRID, focus="rows")
@@ -145,6 +147,7 @@ def test_rows_alone(right):
     assert distance_error(right, found.displacements - moved) < right.radar.waveform.wavelength / 18
 
 
+@pytest.mark.slow
 def test_a_path_that_is_right_stays_so(right, right_peak):
     found = ms.autofocus(right, GRID)
     assert peak(found.capture) == pytest.approx(right_peak, rel=0.005)
@@ -170,6 +173,7 @@ def test_the_unit_of_frames_does_not_matter(small, usual, unit):
     assert np.abs(found.capture.frames).max() == pytest.approx(np.abs(late.frames).max(), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_where_nothing_tells_the_path_stays_and_the_reason_is_said(right):
     rng = np.random.default_rng(0)
     noise = rng.normal(size=(*right.frames.shape, 2)).astype(np.float32).view(np.complex64)[..., 0]

@@ -112,6 +112,7 @@ def test_a_unit_reflector_images_to_one(name):
         assert abs(form_image(capture, grid, window=window).values[0, 0, 0] - 1) < 0.005
 
 
+@pytest.mark.slow
 def test_windows_lower_the_sidelobes():
     radar = ms.Radar.preset("mito-sim-77ghz")
     trajectory = ms.Trajectory.raster(size=(0.2, 0.2), step=0.004, center=(0, 0, 1.0))

@@ -86,6 +86,7 @@ def exact_at(capture, grid, picks):
     )
 
 
+@pytest.mark.slow
 def test_within_the_tolerance_of_exact_at_random_and_at_the_brightest_voxels(case):
     capture, grid, image = case
     assert image.metadata["history"][-1]["done_by"] == "factorised backprojection"

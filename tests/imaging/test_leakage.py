@@ -33,6 +33,7 @@ def test_the_leak_goes_and_the_rest_stays(path, spots):
     assert np.linalg.norm(unchanged - spots) < 0.02 * np.linalg.norm(spots)
 
 
+@pytest.mark.slow
 def test_weak_surfaces_stand_out_of_a_leak(path):
     frames = points(RADAR, path, strength=0.01)
     grid = ms.VoxelGrid.regular((-0.03, -0.03, -0.3), (0.03, 0.03, -0.2), (0.003, 0.003, 0.005))

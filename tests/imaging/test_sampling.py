@@ -78,6 +78,7 @@ def sampled(name):
     return ms.sampling(path, voxels, radar=of)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SCANS)
 def test_ghosts_are_where_and_as_strong_as_in_the_image(name):
     of, path, voxels = SCANS[name]
@@ -101,6 +102,7 @@ def test_what_takes_ghosts_away():
     assert loudest["24 GHz"] > loudest["coarse rows"]
 
 
+@pytest.mark.slow
 def test_receivers_that_fill_the_rows_leave_no_ghosts():
     quarter = C / 80.4e9 / 4
     filled = radar(receivers=[(-2 * quarter * n, 0, 0) for n in range(4)])
@@ -123,6 +125,7 @@ def test_the_needed_step_is_that_of_the_largest_angle():
     assert abs(found.across.direction) == pytest.approx([1, 0, 0])
 
 
+@pytest.mark.slow
 def test_ghosts_go_farther_with_the_depth():
     """About lambda z / (2 s) away."""
     of, path, voxels = SCANS["coarse rows"]

@@ -110,6 +110,7 @@ def test_two_sheets_are_taken_one_after_the_other(path, spots):
     assert len(remove_sheets(capture, most=1).sheets) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("device", DEVICES)
 def test_in_sight_nothing_changes(device):
     radar, path = DEVICES[device], raster(step=0.004)
@@ -125,6 +126,7 @@ def test_in_sight_nothing_changes(device):
         assert "nothing taken" in repr(again)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("strength", [0.014, 0.14])
 def test_a_flat_top_under_a_lid_keeps_its_peak(path, strength):
     """Like metal: ten and a hundred times as bright as the lid in the image."""
@@ -159,6 +161,7 @@ def test_a_known_lid_within_the_scan_goes_with_what_its_edges_send_beside_it(pat
     assert found.left == ()
 
 
+@pytest.mark.slow
 def test_a_wall_behind_the_grid_is_left(path, spots):
     """It hides nothing there; and where the band is too narrow to tell the two apart, its echo holds the object's."""
     slow = raster(step=0.004)
@@ -277,6 +280,7 @@ def test_one_slice_and_one_pose(path):
     assert remove_sheets(capture).reason == remove_sheets(capture, clutter="lid").reason == "the radar did not move"
 
 
+@pytest.mark.slow
 def test_what_ends_within_the_scene_is_left_and_told_unless_a_lid_is_known_to_be_there(path, spots):
     """A lid of 11 cm in an image of 20 cm may as well be an object's top; in an image of 12 cm it is a lid."""
     sides = [(axis, sign * -0.055, sign) for axis in (0, 1) for sign in (1, -1)]
@@ -315,6 +319,7 @@ def test_a_known_lid_goes_before_what_its_edges_add_up_to(path):
     assert left_of(found.result.values, under, lid) < 0.15
 
 
+@pytest.mark.slow
 def test_history_files_and_precision(path, spots, tmp_path):
     capture = capture_of(RADAR, path, spots + mirror(RADAR, path, -0.2))
     cleaned = remove_sheets(capture).result

@@ -72,6 +72,7 @@ def test_the_image_in_slabs_is_the_image_at_once(capture, tmp_path, method):
     assert os.listdir(tmp_path) == ["large.h5"]
 
 
+@pytest.mark.slow
 def test_an_interrupted_image_goes_on_with_the_slabs_that_are_done(capture, tmp_path, monkeypatch):
     path, memory, formed = tmp_path / "large.h5", memory_for(capture, 0.3), []
 

@@ -94,6 +94,7 @@ def test_the_norm_bounds_the_operator(few):
         assert 0.7 * size < grown <= size
 
 
+@pytest.mark.slow
 def test_it_converges_to_the_optimum(few):
     """At the optimum |A* (s - A q)| is the weight where q is not zero, and no more than that elsewhere."""
     model = Operator(few, GRID)
@@ -126,6 +127,7 @@ def psnr(values, reference):
     return 10 * np.log10(np.abs(reference).max() ** 2 / error)
 
 
+@pytest.mark.slow
 def test_half_and_a_third_of_the_rows_make_the_image_of_all():
     """Rows 4.8 mm apart are enough here: without every second one ghosts come, which q takes away again."""
     whole = ms.form_image(seen_from(raster(0.0048), noise=0), GRID, method="exact").values
@@ -212,6 +214,7 @@ def test_what_it_cannot_do_is_refused(few):
             _sparse.sparse(few, GRID, **settings)
 
 
+@pytest.mark.slow
 def test_the_command_line(few, tmp_path):
     ms.save(tmp_path / "few.h5", few)
     box = "--grid=-24mm:24mm:2mm,-24mm:24mm:2mm,0mm:20mm:20mm"

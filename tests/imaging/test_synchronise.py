@@ -20,6 +20,7 @@ def likeness(a, b):
     return abs(np.vdot(a.values, b.values)) / np.linalg.norm(a.values) / np.linalg.norm(b.values)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("offset", "drift", "seed"), [(-0.05, -80e-6, 1)])
 def test_offset_and_drift_are_recovered_together_and_the_image_with_them(offset, drift, seed):
     capture, log, middle = scan(offset, drift, count=51, period=0.012)
@@ -69,6 +70,7 @@ def heard(snr_db):
     return estimate_clock(nominal(noisy, log), log, GRID)
 
 
+@pytest.mark.slow
 def test_noise_is_borne_up_to_a_level_and_beyond_it_no_clock_is_guessed():
     noisy = heard(0)
     assert noisy.clock is not None

@@ -64,6 +64,7 @@ def eager(monkeypatch):
     monkeypatch.setattr(_plan, "_COST_TOP", 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("first", range(0, COUNT, PART))
 def test_geometries_drawn_at_random(first, eager):
     """`fast` and `backprojection` keep the tolerance, at random voxels and at the brightest, and say so."""
@@ -101,6 +102,7 @@ def test_images_that_erred_by_more_than_they_stated(seed, eager):
         assert max(made) <= 1.5 * stated
 
 
+@pytest.mark.slow
 def test_nothing_is_extrapolated_from_axes_of_smaller_sub_apertures(eager):
     """Their fields are wanted where the axes of larger ones lie, which reach beyond the grid: at most a step of theirs
     beyond their own, the outermost point of all."""
@@ -162,6 +164,7 @@ def test_every_kind_of_scan_is_factorised_somewhere(eager):
     assert kinds == set(SCANS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "file", "box"),
     [
@@ -205,6 +208,7 @@ def test_distance_costs_no_phase(distance, eager):
         assert step_of(images[0])["done_by"] == "factorised backprojection"
 
 
+@pytest.mark.slow
 def test_a_grid_of_many_waves_is_done_in_boxes(eager):
     """100 m and 26 000 waves: voxels' own coordinates would lose their phase."""
     capture = far_capture(1e3)
@@ -271,6 +275,7 @@ def many_receivers():
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["fast", "backprojection"])
 def test_a_thousand_receivers_take_no_more_memory_than_a_few(method):
     """The range profiles of all poses that measure their error were made at once: 1.4 GB for half a megabyte."""
@@ -316,6 +321,7 @@ def usual_oversampling(seed, method):
     return step_of(ms.form_image(problem.capture, problem.grid, method=method))["oversampling"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tolerance", [0.001, 0.02])
 def test_the_tolerance_is_kept_and_pays(tolerance, eager):
     seeds = (8, 51, 69)
@@ -331,6 +337,7 @@ def test_the_tolerance_is_kept_and_pays(tolerance, eager):
             assert (told["oversampling"] > usual_oversampling(seed, method)) == (tolerance < TOLERANCE)
 
 
+@pytest.mark.slow
 def test_the_error_that_is_stated_is_the_one_that_is_made():
     problem = draw(8)
     for oversampling in (3, 8):

@@ -93,6 +93,7 @@ def test_npz(tmp_path, save):
     assert array_shapes(tmp_path / "a.npz")["frames"] == (3, 4, 5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("compressed", [False, True])
 def test_matlab_5(tmp_path, compressed):
     import scipy.io
@@ -203,6 +204,7 @@ def npy_header(shape):
     return b"\x93NUMPY\1\0" + struct.pack("<H", len(text)) + text
 
 
+@pytest.mark.slow
 def test_what_unpacks_to_too_much_is_refused(tmp_path):
     import scipy.io
 
@@ -255,6 +257,7 @@ def test_a_crash_of_the_hdf5_library_is_an_error(tmp_path, monkeypatch):
             read_arrays(tmp_path / "a.mat")
 
 
+@pytest.mark.slow
 def test_a_small_file_is_read_once_where_several_of_its_arrays_are_wanted(tmp_path, monkeypatch):
     """A process takes longer to start than to read it. What is damaged or too much beside them does not matter."""
     from scipy.io import savemat
@@ -330,6 +333,7 @@ print(json.dumps(told))
 """What becomes of every file in a folder; whatever is no error of ours ends it."""
 
 
+@pytest.mark.slow
 def test_mutated_files_end_in_arrays_or_in_an_error_of_ours(tmp_path):
     import scipy.io
 

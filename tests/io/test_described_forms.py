@@ -184,6 +184,7 @@ def test_what_is_wrong_with_a_circle_is_told(tmp_path, circle, message):
 # Antennas at each pose, and measured pairs
 
 
+@pytest.mark.slow
 def test_antennas_for_each_pose(tmp_path):
     rng = np.random.default_rng(1)
     tx, rx = (rng.uniform(-0.1, 0.1, (30, count, 3)) + np.array([0, 0, 0.3]) for count in (2, 3))
@@ -242,6 +243,7 @@ count_from = 1
 """
 
 
+@pytest.mark.slow
 def test_measured_pairs_in_texts(tmp_path):
     antennas, pairs, tx, rx = ring_of_pairs()
     frames = frames_at(tx, rx)
@@ -450,6 +452,7 @@ def test_touchstone_files_one_a_pose(tmp_path):
             read_capture(written(tmp_path, text))
 
 
+@pytest.mark.slow
 def test_the_page_on_network_analysers_shows_what_works(tmp_path):
     page = (EXAMPLES.parents[1] / "docs" / "how-to" / "vna.md").read_text(encoding="utf-8")
     many, text, calibration = re.findall(r"```toml\n(.*?)```", page, flags=re.DOTALL)
@@ -537,6 +540,7 @@ def test_a_homogeneous_medium(tmp_path):
             read_capture(written(tmp_path, text + f"[medium]\n{medium}\n"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("layers", "index"),
     [
@@ -799,6 +803,7 @@ def test_the_aeroplane_has_fuselage_and_wings():
     assert np.allclose(turned.peak, [0.177, 0.078, 0], atol=0.0031)
 
 
+@pytest.mark.slow
 def test_the_tumour_in_the_phantom_is_where_it_is_stated():
     data = shared("captures", "merit", "B0_P3_p000.csv").parent
     capture = read_capture(EXAMPLES / "phantom.toml", data=data)

@@ -576,6 +576,7 @@ def conjugated(capture):
     return ms.Capture(radar=capture.radar, trajectory=capture.trajectory, frames=capture.frames.conj())
 
 
+@pytest.mark.slow
 def test_the_letter_r_is_readable():
     """Real waves: the strokes of the measured letter stand out from its ground, only in focus and with our sign."""
     data = shared("captures", "letter_r_22ghz.npy").parent
@@ -608,6 +609,7 @@ def test_the_letter_r_is_readable():
     assert not right[:, height // 4 : height // 2 - 3].any(axis=0).all()
 
 
+@pytest.mark.slow
 def test_the_flaw_in_the_foam_is_sharp_at_its_depth():
     """The edges of a square of 8 cm stand out at z = -0.08 to -0.12 m, where it is, and at no other depth."""
     data = shared("captures", "foam_22_26ghz.npy").parent

@@ -175,6 +175,7 @@ def test_the_kind_of_record_can_be_asked_for(tmp_path):
             ms.load(tmp_path / "radar.h5", wrong)
 
 
+@pytest.mark.slow
 def test_every_flipped_byte_is_noticed_or_harmless(tmp_path):
     capture = small_capture("mito-sim-24ghz")
     path = tmp_path / "c.h5"

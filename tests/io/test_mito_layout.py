@@ -131,6 +131,7 @@ def test_published_grids():
 # Pickles
 
 
+@pytest.mark.slow
 def test_every_pickle_comes_back_bit_for_bit(miniature, tmp_path):
     paths = [p for p in miniature.healthy.rglob("*.pkl") if p.name != "continuous.pkl"]
     kinds = {}

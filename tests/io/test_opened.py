@@ -288,6 +288,7 @@ def test_a_chunk_larger_than_the_file_is_refused(saved):
         ms.load(saved)
 
 
+@pytest.mark.slow
 def test_files_without_a_seal_are_read_by_way_of_a_copy(tmp_path, monkeypatch):
     """All of them: record, extras, provenance, frames on disk; and nothing of the copy stays."""
     capture = small_capture()
@@ -346,6 +347,7 @@ runpy.run_module(sys.argv[0], run_name="__main__")
 """A Python whose processes that read are given a second of processor time, not five: `python -P -m module path ...`."""
 
 
+@pytest.mark.slow
 def test_a_file_that_the_library_walks_for_ever_ends_within_seconds_of_processor_time(saved, monkeypatch):
     """The heap that holds its texts ends with free space of no bytes: found by `tests/fuzz/parsers.py`."""
     import millisight.io._children as children
@@ -367,6 +369,7 @@ def test_a_file_that_the_library_walks_for_ever_ends_within_seconds_of_processor
     assert 1 < sum(os.times()[:4]) - began < 5
 
 
+@pytest.mark.slow
 def test_hdf5_never_opens_a_file_without_a_seal_here(saved, tmp_path, monkeypatch):
     """A damaged file of schema 1 is an error, or the record; this process opens sealed copies alone."""
     as_schema_1(saved)

@@ -300,6 +300,7 @@ def test_copies_that_calls_make_are_counted(tmp_path):
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 200_000  # kB
 
 
+@pytest.mark.slow
 def test_a_long_list_is_looked_into_once(tmp_path):
     """However often it is held: 100 000 times 100 000 items took over a minute."""
     data = b"\x80\x02]q\x00(" + b"K\x01" * 100_000 + b"e0](" + b"h\x00" * 100_000 + b"e."

@@ -10,7 +10,6 @@ import pytest
 
 from helpers import oracles
 from helpers.closed_meshes import volume
-from helpers.sampled_cases import one_in
 from millisight.core.errors import FileError, InputError, MeshError, UnknownNameError
 from millisight.data import MATERIALS, Scene, TriangleMesh
 from millisight.meshes import CATALOGUE, ObjectPart, build_object, build_parts, find_scans, load_mesh, object_name
@@ -147,6 +146,7 @@ def test_entries_copy_and_pickle():
         assert all(getattr(twin, field) == getattr(mug, field) for field in mug.__dataclass_fields__)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_mesh_is_one_closed_piece_of_its_declared_size_with_the_right_holes(meshes, name):
     from scipy.sparse import coo_array
@@ -165,7 +165,8 @@ def test_mesh_is_one_closed_piece_of_its_declared_size_with_the_right_holes(mesh
     assert genus == HOLES.get(name, 0) or (name in HEAPS and genus > 30)
 
 
-@pytest.mark.parametrize("name", one_in(3, SCANNED))
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SCANNED)
 def test_size_agrees_with_the_scan(meshes, name):
     import trimesh
 

@@ -100,6 +100,7 @@ def test_low_poly_shapes_become_even(shape, count):
     np.testing.assert_allclose(result.bounds, mesh.bounds, atol=0.1 * result.edge_lengths.mean())
 
 
+@pytest.mark.slow
 def test_twelve_thousand_vertices():
     check(LOW_POLY["cylinder"](), 12_000)
 
@@ -235,6 +236,7 @@ def test_many_faces_around_one_vertex_are_refused_before_the_work():
         resample(fan, 500)
 
 
+@pytest.mark.slow
 def test_a_stray_vertex_asks_for_no_finer_mesh_than_sensible(monkeypatch):
     """Slivers never meet the number of vertices asked for: the second attempt asked for 48 times as many."""
     from millisight.meshes import _remesh

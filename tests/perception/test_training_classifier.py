@@ -117,6 +117,7 @@ def test_recipes_that_cannot_be(wrong, kind, told):
         ClassifierRecipe(**wrong)
 
 
+@pytest.mark.slow
 def test_some_scenes_of_each_object_are_held_back(examples):
     assert {side: [(one.name, one.label) for one in some] for side, some in examples.items()} == {
         side: [("dice", 0), ("golf_ball", 1)] for side in ("training", "validation")
@@ -132,6 +133,7 @@ def test_an_example_follows_from_its_generator_and_from_the_parts(examples, reci
     assert 10 < sum(shown) < 30  # of some there is no other band
 
 
+@pytest.mark.slow
 def test_masks_that_the_segmenter_finds_are_learned_from(recipe, examples):
     pytest.importorskip("onnxruntime")
     asked = []
@@ -408,6 +410,7 @@ def test_an_object_that_was_seen_often_counts_once():
     assert best_threshold(logits[:25], labels[:25], objects[:25]) == pytest.approx(0.99)  # too few
 
 
+@pytest.mark.slow
 def test_neither_the_rig_nor_torch_is_loaded_where_it_is_not_used():
     code = (
         "import sys, numpy as np\n"

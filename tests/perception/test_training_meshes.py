@@ -41,6 +41,7 @@ def test_meshes_of_a_folder_go_by_the_names_of_files_and_folders(folder):
         find_meshes(folder / "none")
 
 
+@pytest.mark.slow
 def test_a_scene_shows_the_mesh_of_the_file(folder):
     settings = SceneSettings(**COARSE, meshes=str(folder), widest=0.4)
     for name, longest in (("bar", 0.16), ("900_globe", 0.08)):
@@ -53,6 +54,7 @@ def test_a_scene_shows_the_mesh_of_the_file(folder):
         assert seen[0] == pytest.approx(expected, rel=0.15)
 
 
+@pytest.mark.slow
 def test_a_classifier_learns_classes_of_own_meshes_beside_the_catalogues(folder, tmp_path):
     classes = {"long": ("bar", "fork"), "round": ("900_globe", "golf_ball")}
     recipe = ClassifierRecipe(classes=classes, meshes=str(folder), scenes=4, stretch={"long": 0.0}, **PLAINLY)

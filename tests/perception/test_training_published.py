@@ -89,6 +89,7 @@ def test_examples_of_one_band_and_of_two_are_made(root):
         assert any(one.channels[10].any() for one in examples) == both
 
 
+@pytest.mark.slow
 def test_a_classifier_recipe_takes_them_beside_made_scenes_or_alone(root, tmp_path):
     classes = {"box": ("003_cracker_box", "sugar_box"), "tool": ("042_wrench", "wine_glass")}
     recipe = ClassifierRecipe(classes=classes, published=str(root), scenes=0, whole=PLAIN)
@@ -125,6 +126,7 @@ def test_a_segmenter_recipe_takes_them_and_leaves_out_an_object_by_any_spelling(
     assert (mesh.side, mesh.source) == ("validation", None)
 
 
+@pytest.mark.slow
 def test_scenes_composed_of_other_masks_are_not_taken(root, tmp_path):
     """In a folder that is kept: the specular image is the same."""
     scenes = SceneSettings(published=str(root), poses=0, validation=("sugar_box",))

@@ -227,6 +227,7 @@ def test_onnx_runtime_and_torch_agree(wave):
         np.testing.assert_allclose(by_onnx, by_torch, atol=1e-5, rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_a_scene_follows_from_its_seed_and_holds_all_parts(scene):
     first, again, other = (object_parts("dice", seed=seed) for seed in (3, 3, 4))
     for band in BANDS:

@@ -19,6 +19,7 @@ def dice():
     return object_parts("dice")
 
 
+@pytest.mark.slow
 def test_an_object_lies_somewhere_in_a_larger_scene_and_shines_there(dice):
     places, contrasts = [], []
     for seed in range(6):
@@ -58,6 +59,7 @@ def test_an_empty_scene_has_no_object_and_an_image_all_the_same(dice):
     assert scene.power("24_ghz").max() == 1
 
 
+@pytest.mark.slow
 def test_a_bright_lid_is_taken_off(dice):
     taken = [
         scene.taken_db["77_ghz"] for scene in (whole_scene(dice, seed=seed, covered=1.0, sheets=2) for seed in range(7))
@@ -109,6 +111,7 @@ def test_settings_that_cannot_be(wrong, kind, told):
         WholeSettings(**wrong)
 
 
+@pytest.mark.slow
 def test_a_simulated_sheet_is_one_that_is_found(tmp_path):
     sheet = cached_sheet(1, seed=18, folder=tmp_path)
     again = cached_sheet(1, seed=18, folder=tmp_path)
@@ -122,6 +125,7 @@ def test_a_simulated_sheet_is_one_that_is_found(tmp_path):
     assert np.linalg.norm(found.result.values) < 0.35 * np.linalg.norm(values)
 
 
+@pytest.mark.slow
 def test_a_stand_is_small_and_level(tmp_path):
     stand = cached_sheet(1, seed=18, folder=tmp_path, kind="stand")
     assert (abs(stand.reach) < 0.0176).all()

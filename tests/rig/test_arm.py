@@ -51,6 +51,7 @@ def test_a_sweep_keeps_to_speed_and_acceleration_and_covers_its_way(length):
     assert np.abs(np.diff(acceleration)).max() < 0.02  # no jump
 
 
+@pytest.mark.slow
 def test_the_path_error_has_its_rms_and_its_correlation_length():
     arm, end = swept(rows=60, path_error=0.3e-3, correlation_length=0.04)
     times = np.linspace(0, end, 200_001)
@@ -68,6 +69,7 @@ def test_the_path_error_has_its_rms_and_its_correlation_length():
     assert covariance == pytest.approx(np.exp(-0.5), abs=0.08)
 
 
+@pytest.mark.slow
 def test_the_true_path_is_smooth_also_where_sweeps_meet():
     arm, end = swept(rows=4, acceleration=1.0)
     times = np.linspace(0, end, 100_001)

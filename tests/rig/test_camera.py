@@ -93,6 +93,7 @@ def test_hand_eye_moves_and_tilts_the_camera():
     assert np.linalg.det(pose[:3, :3]) == pytest.approx(1)
 
 
+@pytest.mark.slow
 def test_the_depth_has_the_noise_of_its_pair_and_one_seed_gives_one_picture():
     layout = layout_of()
     pose = EXACT.pose(ABOVE)
@@ -120,6 +121,7 @@ def test_holes_are_where_things_shine_or_are_clear(material, least, most):
     assert least <= (frame.depth[mask] == 0).mean() <= most
 
 
+@pytest.mark.slow
 def test_one_eye_is_covered_beside_a_step():
     layout = layout_of()
     depth = shot(layout, CameraSettings(offset=(0, 0, 0), depth_noise=0)).depth
@@ -187,6 +189,7 @@ def test_the_published_mask_has_points_on_the_object():
     assert not mask.depth[~mask.pixels].any()
 
 
+@pytest.mark.slow
 def test_it_is_a_camera_and_shoots_in_two_seconds():
     layout = build_layout(World(objects=(WorldObject(object="mug"),), scan=SCAN))
     camera = VirtualCamera(CameraSettings(), layout, lambda: ABOVE + BASE_ORIGIN, np.random.default_rng(0))

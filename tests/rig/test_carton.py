@@ -46,6 +46,7 @@ def match(images, band, name):
     return abs(np.vdot(one, other)) / np.linalg.norm(one) / np.linalg.norm(other)
 
 
+@pytest.mark.slow
 def test_at_24_ghz_the_image_is_that_of_the_open_scene_and_more_so_than_at_77(images):
     assert match(images, "24 GHz", "3 mm") >= 0.95
     for name in ("2.5 mm", "3 mm", "3.5 mm"):

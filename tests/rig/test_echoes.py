@@ -116,6 +116,7 @@ def test_a_wall_rings_across_the_band():
     assert abs(wall / metal - expected).max() < 0.02
 
 
+@pytest.mark.slow
 def test_swapping_transmitter_and_receiver_changes_nothing():
     """With shadows, antennas, and roughness; double bounces are found from the transmitter's side and left out."""
     ring = mesh_of(trimesh.creation.torus(0.04, 0.015)).moved(rotation=rotation_from_euler_deg((50, 20, 0)))
@@ -144,6 +145,7 @@ def test_echoes_of_things_apart_add_up():
     assert relative(both, sum(single)) < 1e-5
 
 
+@pytest.mark.slow
 def test_shadows():
     """A ball behind a plate is silent, one beside it is not."""
     ball = Part(mesh=mesh_of(BALL), material=METAL)
@@ -177,6 +179,7 @@ def test_shared_views_agree_with_casting_every_ray(monkeypatch):
     assert relative(shared_view, exhaustive) < 0.15
 
 
+@pytest.mark.slow
 def test_row_by_row_is_all_at_once():
     """A scan's rows asked for one after the other, off their plan by less than a millimetre."""
     ring = mesh_of(trimesh.creation.torus(0.04, 0.012))

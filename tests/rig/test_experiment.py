@@ -101,6 +101,7 @@ def sharpness_and_match(values, truth):
     return sharpness, match
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("band", "strayed_by"), [("77_ghz", 0.3e-3), ("24_ghz", 1.5e-3)])
 def test_the_log_and_the_frames_alone_give_the_image_of_the_true_path(band, strayed_by, request):
     rig, capture, log = request.getfixturevalue(f"at_{band[:2]}")

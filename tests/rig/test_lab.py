@@ -63,6 +63,7 @@ def correlation(a, b):
     return abs(np.vdot(a, b)) / np.sqrt(np.vdot(a, a).real * np.vdot(b, b).real)
 
 
+@pytest.mark.slow
 def test_a_scan_through_sockets_images_to_the_virtual_rig_s(tmp_path):
     """With losses, disorder and a radar that is 20 ms late."""
     faults = PacketFaults(loss=0.001, disorder=0.01, duplicates=0.001, seed=1)
@@ -80,6 +81,7 @@ def test_a_scan_through_sockets_images_to_the_virtual_rig_s(tmp_path):
     assert correlation(real, virtual) > 0.999
 
 
+@pytest.mark.slow
 def test_a_ball_in_a_carton_is_seen_through_sockets_as_by_the_virtual_rig(tmp_path):
     """Echoes of the rig's own physics, computed while the emulated arm moves; too few rows to find the clocks by."""
     world = replace(
@@ -151,6 +153,7 @@ def cut_robot(emulated):
     emulated.robot.cut()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("breaks", "heals", "words"),
     [
@@ -252,6 +255,7 @@ def test_rig_files_that_cannot_be_right(tmp_path, old, new, error, words):
         Lab.from_toml(path)
 
 
+@pytest.mark.slow
 def test_a_gantry_scans_as_well(tmp_path):
     world = world_of(rows=3, frame_period=0.01, length=0.04)
     world = replace(world, arm=replace(world.arm, speed=0.05))

@@ -52,6 +52,7 @@ def scan(folder, *, world=WORLD, stop_after=None, **settings):
     return rig, out, live, statuses, rows
 
 
+@pytest.mark.slow
 def test_the_last_image_is_that_of_the_recorded_scan(tmp_path):
     rig, out, live, statuses, _ = scan(tmp_path)
     assert {status.radar for status in statuses} == {"77_ghz", "24_ghz"}

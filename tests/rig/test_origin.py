@@ -49,6 +49,7 @@ def recorded(tmp_path_factory):
     return rig, out
 
 
+@pytest.mark.slow
 def test_the_log_holds_the_aperture_in_the_base_frame(recorded):
     _, out = recorded
     with np.load(radar_folder(out, "24_ghz", processed=False) / "antenna.npz") as log:

@@ -71,6 +71,7 @@ def quiet(tmp_path_factory):
     return recorded(world_of(radars=(radar,)), tmp_path_factory.mktemp("quiet"))
 
 
+@pytest.mark.slow
 def test_what_is_read_back_is_what_was_there(quiet):
     rig, out = quiet
     scan = read_experiment(out, "77_ghz")
@@ -120,6 +121,7 @@ def test_our_own_files_hold_the_same(quiet):
     assert np.array_equal(log.positions, scan.log.positions)
 
 
+@pytest.mark.slow
 def test_both_radars_and_the_camera_in_one_scan(tmp_path):
     radars = (RadarSettings(frame_period=0.01), RadarSettings(preset="position2go", frame_period=0.02))
     world = world_of(radars=radars, scan=ScanSettings(size=(0.1, 0.1), row_spacing=0.05))
@@ -144,6 +146,7 @@ def test_both_radars_and_the_camera_in_one_scan(tmp_path):
         assert len(rig.truth(folder)) == 3 * rig.plan.frames({"77_ghz": 0.01, "24_ghz": 0.02}[folder])
 
 
+@pytest.mark.slow
 def test_one_seed_gives_the_same_bytes(tmp_path):
     world = world_of(
         seed=5, scan=ScanSettings(size=(0.1, 0.1), row_spacing=0.05), arm=ArmSettings(speed=0.5, acceleration=5.0),

@@ -103,6 +103,7 @@ def test_a_tool_that_holds_the_radar_off_its_point_and_turned(bench):
         arm.close()
 
 
+@pytest.mark.slow
 def test_a_thousand_random_plans_never_leave_the_workspace(monkeypatch):
     """What is sent is run by the controller in a time that jumps, and its whole path is looked at."""
     rng = np.random.default_rng(7)

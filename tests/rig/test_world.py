@@ -285,6 +285,7 @@ TABLES = st.recursive(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=400, deadline=None)
 @given(TABLES)
 def test_whatever_stands_in_a_world_is_a_world_or_an_error_that_names_it(table):

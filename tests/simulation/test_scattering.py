@@ -142,6 +142,7 @@ def test_half_the_power_is_left_at_the_stated_angle():
     assert RoughModel(lobe_deg=47.0).exponent == pytest.approx(4.0, abs=0.01)
 
 
+@pytest.mark.slow
 def test_a_wide_lobe_is_diffuse_and_a_narrow_one_specular():
     diffuse = ms.simulate(BOX, RADAR, RASTER, model="diffuse")
     assert relative(ms.simulate(BOX, RADAR, RASTER, model="rough", lobe_deg=180).frames, diffuse.frames) < 1e-6

@@ -111,6 +111,7 @@ def test_antennas_anywhere_light_what_their_bisector_meets():
     assert np.array_equal(lit, expected)
 
 
+@pytest.mark.slow
 def test_swapping_transmitter_and_receiver_changes_nothing():
     rng = np.random.default_rng(3)
     tx, rx = rng.uniform([-0.2, -0.2, 0.1], [0.2, 0.2, 0.3], (2, 20, 1, 3))
@@ -161,6 +162,7 @@ def test_diffuse_lights_the_facing_half_of_a_sphere():
     assert not lit[z < horizon - 0.002].any()
 
 
+@pytest.mark.slow
 def test_sharing_views_agrees_with_casting_every_ray():
     """A mug: hollow, with a handle, so that shadows abound."""
     scene = ms.Scene.from_mesh("mug", vertices=3000, rotate_deg=(20, 30, 0))
@@ -177,6 +179,7 @@ def test_sharing_views_agrees_with_casting_every_ray():
         assert (shared_view == every_ray).mean() > 0.999
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ["edge", "diffuse"])
 def test_images_from_shared_views_agree_with_those_from_every_ray(model, monkeypatch):
     """The images within 2 % of those from exhaustive casting."""
@@ -211,6 +214,7 @@ def test_few_samples_over_a_wide_band_are_summed_as_they_are(start, step, count)
     assert relative(capture.frames, expected) < 1e-5
 
 
+@pytest.mark.slow
 def test_noise_is_added_once_to_a_combined_capture():
     radar, trajectory = ms.Radar.preset("mito-sim-24ghz"), ms.Trajectory.raster(size=(0.1, 0.1), step=0.005)
     clean = ms.combine(
@@ -265,6 +269,7 @@ def test_combining_captures_equals_combining_images():
     assert relative(whole.values, parts.values) < 1e-4
 
 
+@pytest.mark.slow
 def test_images_peak_where_the_surface_answers():
     """A box on its upper face. A ball's echo is that of its top in range but of its centre in curvature (the wave
     comes back as if from the centre): its image peaks in between, on the axis."""

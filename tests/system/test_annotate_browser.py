@@ -201,6 +201,7 @@ def command(tmp_path):
         yield lambda *words, **settings: stack.enter_context(served("annotate", *words, cwd=tmp_path, **settings))
 
 
+@pytest.mark.slow
 def test_the_command_ends_with_its_page(driver, command, tmp_path):
     photo(tmp_path / "cup.png")
     process, address = command("cup.png", "--method", "classical", BROWSER="true")
@@ -217,6 +218,7 @@ def test_the_command_ends_with_its_page(driver, command, tmp_path):
     assert json.loads((tmp_path / "cup.prompts.json").read_text())["points"] == [[30, 40], [5, 5]]
 
 
+@pytest.mark.slow
 def test_ctrl_c_ends_it_and_says_what_was_not_saved(driver, command, tmp_path):
     ms.save(tmp_path / "mug.image.h5", radar_image())
     process, address = command("mug.image.h5", "--method", "classical", "--no-browser")
@@ -230,6 +232,7 @@ def test_ctrl_c_ends_it_and_says_what_was_not_saved(driver, command, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["mug.image.h5"]
 
 
+@pytest.mark.slow
 def test_more_tabs_than_a_browser_has_connections(driver, tmp_path):
     """Each held one of six; with six tabs none could ask or save any more."""
     ms.save(tmp_path / "mug.image.h5", radar_image())

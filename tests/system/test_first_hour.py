@@ -157,6 +157,7 @@ def arms_of(x, y):
     return upright, lying, (x > 0) & (y > 0)
 
 
+@pytest.mark.slow
 def test_a_mesh_of_ones_own_is_seen_in_its_shape(bracket):
     image = ms.load(bracket / "bracket.image.h5", ms.SarImage)
     above, *others = pictures.panels(bracket / "bracket.png")
@@ -285,6 +286,7 @@ def lit(driver, folder):
     return np.ptp(shown, axis=-1) > 60
 
 
+@pytest.mark.slow
 def test_the_viewer_shows_the_shape_turns_cuts_slices_and_tells_values(bracket, driver, tmp_path):
     from selenium.webdriver.common.action_chains import ActionChains
 
@@ -343,6 +345,7 @@ def test_the_viewer_shows_the_shape_turns_cuts_slices_and_tells_values(bracket, 
         driver.get("about:blank")
 
 
+@pytest.mark.slow
 def test_the_annotator_marks_the_object_where_it_is_clicked(bracket, driver, tmp_path):
     pytest.importorskip("onnxruntime", reason='needs onnxruntime: pip install "millisight[perception]"')
     shutil.copy(bracket / "bracket.image.h5", tmp_path)

@@ -33,6 +33,7 @@ def driver():
         yield driver
 
 
+@pytest.mark.slow
 def test_the_image_grows_and_the_button_ends_the_scan(driver, tmp_path):
     (tmp_path / "world.toml").write_text(WORLD)
     command = [

@@ -13,7 +13,6 @@ import pytest
 
 import millisight as ms
 from helpers.oracles import scans, shared
-from helpers.sampled_cases import one_in
 from helpers.small_demo import SMALL_DEMO
 from millisight.meshes import build_object
 
@@ -65,6 +64,7 @@ def test_the_demo_does_the_main_job(tmp_path):
     assert all((folder / name).stat().st_size > 20_000 for name in Pictures.found)
 
 
+@pytest.mark.slow
 def test_a_wrench_looks_like_a_wrench():
     """The specular image of a flat wrench correlates with its silhouette, at 77 GHz more than at 24 GHz."""
     scene = ms.Scene.from_mesh("adjustable_wrench", vertices=5000)
@@ -82,7 +82,8 @@ def test_a_wrench_looks_like_a_wrench():
     assert scores["mito-sim-77ghz"] > scores["mito-sim-24ghz"] + 0.1
 
 
-@pytest.mark.parametrize("scan", one_in(3, [s.name for s in scans()]) or ["none"])
+@pytest.mark.slow
+@pytest.mark.parametrize("scan", [s.name for s in scans()] or ["none"])
 def test_real_scans_run_through_the_main_job(scan):
     """Over a reduced aperture, 10.5 cm wide and 35 cm above the object's centre.
 

@@ -93,6 +93,7 @@ def wheel(tmp_path_factory):
     return next(folder.glob("millisight-*.whl"))
 
 
+@pytest.mark.slow
 def test_the_wheel_holds_what_the_code_reads(wheel):
     names = zipfile.ZipFile(wheel).namelist()
     assert "millisight/py.typed" in names
@@ -140,6 +141,7 @@ def pip_of(folder):
     return [sys.executable, "-m", "pip", "--disable-pip-version-check", "--python", str(folder / "bin" / "python")]
 
 
+@pytest.mark.slow
 def test_the_wheel_works_in_a_clean_environment(clean, tmp_path):
     """Away from the source."""
     python = clean / "bin" / "python"
@@ -175,6 +177,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.slow
 def test_kernels_are_compiled_and_kept_in_a_clean_environment(clean, tmp_path):
     (tmp_path / "kernels.py").write_text(COMPILED)
     done = subprocess.run(

@@ -58,6 +58,7 @@ def run(installed, folder, *command):
     )
 
 
+@pytest.mark.slow
 def test_what_it_adds_is_used_by_name(installed, tmp_path):
     done = run(installed, tmp_path, sys.executable, "-c", CODE)
     assert done.returncode == 0, done.stderr
@@ -71,6 +72,7 @@ def test_what_it_adds_is_used_by_name(installed, tmp_path):
     assert (tmp_path / "cube.png").stat().st_size > 5000
 
 
+@pytest.mark.slow
 def test_the_command_line_offers_it(installed, tmp_path):
     command = [sys.executable, "-m", "millisight.cli.main", "simulate", "rubiks_cube", "--vertices", "500"]
     command += ["--aperture", "8x8cm", "--step", "4mm", "--radar", "example-60ghz", "--model", "lambert", "-o", "c.h5"]

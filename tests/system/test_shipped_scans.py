@@ -13,6 +13,7 @@ from millisight.simulation import aperture_over
 WORLDS = sorted((Path(__file__).parents[2] / "examples" / "worlds").glob("*.toml"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("world", WORLDS, ids=lambda path: path.stem)
 def test_shipped_worlds_give_no_ghosts(world, tmp_path, monkeypatch):
     from millisight.rig.virtual import VirtualRig

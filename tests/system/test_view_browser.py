@@ -126,6 +126,7 @@ def check(driver, label):
     labelled(driver, label).find_element("css selector", "input[type=checkbox]").click()
 
 
+@pytest.mark.slow
 def test_a_shared_page_opens_from_the_disk_without_network(files, driver, tmp_path):
     paths, square, ring = files
     found = gather([paths["specular"], paths["other"]])

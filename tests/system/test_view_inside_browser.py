@@ -161,6 +161,7 @@ def test_value_and_place_are_told_under_the_pointer_and_keys_are_listed(carton, 
         assert browser.complaints(driver) == []
 
 
+@pytest.mark.slow
 def test_a_shared_page_opens_under_the_lid(carton, driver, tmp_path):
     found = gather([carton])
     settings = first_settings(found, box=False)

@@ -14,6 +14,7 @@ SOURCES = Path(ms.__file__).parent
 COMMAND = [sys.executable, "-P", "-m", "millisight.cli.main"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("config", ["cache_dir: kept\nnum_threads: 99999\ndisable_jit: 1\n", "{"])
 def test_settings_of_libraries_there_are_not_obeyed(config, tmp_path):
     """Numba would run the compiled code that it finds in a folder named there."""
@@ -32,6 +33,7 @@ def test_settings_of_libraries_there_are_not_obeyed(config, tmp_path):
     assert not (tmp_path / "kept").exists()
 
 
+@pytest.mark.slow
 def test_settings_that_come_later_are_not_obeyed_either(tmp_path):
     """Numba reads them anew whenever it compiles."""
     program = (

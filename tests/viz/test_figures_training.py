@@ -14,6 +14,7 @@ def pictures(figure):
     return {axes.get_title(): axes.images[0].get_array() for axes in figure.axes if axes.images}
 
 
+@pytest.mark.slow
 def test_each_augmentation_is_seen():
     scene = object_parts("dice")
     figure = plot_augmentations(scene, seed=1)
@@ -38,6 +39,7 @@ def test_each_augmentation_is_seen():
         plot_augmentations(scene, band="60_ghz")
 
 
+@pytest.mark.slow
 def test_random_shapes_are_shown_class_by_class():
     figure = plot_random_shapes(count=3, seed=2)
     assert len(figure.axes) == 3 * len(RANDOM_SHAPES)

@@ -681,6 +681,7 @@ def test_a_change_draws_what_it_changes_and_nothing_else(tmp_path):
         server.stop()
 
 
+@pytest.mark.slow
 def test_the_page_about_it_is_right(tmp_path, monkeypatch, capsys):
     text = (Path(__file__).parents[2] / "docs" / "how-to" / "view.md").read_text(encoding="utf-8")
     known = set(re.findall(r"--[a-z-]+", CliRunner().invoke(app, ["view", "--help"]).output))

@@ -78,6 +78,7 @@ class TestAccuracy:
         assert PAPER[parts]["overall"][1] == PAPER[parts]["los"][1] + PAPER[parts]["nlos"][1]
 
 
+@pytest.mark.slow
 def test_known_and_new_objects_are_never_in_one_table():
     tables = all_tables(ANSWERS, data=DATA)
     kinds = ("", "-true-masks", "-pairs", "-shapes", "-objects", "-mistakes", "-calibration")
