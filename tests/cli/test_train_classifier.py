@@ -49,6 +49,7 @@ def written(folder, *, extra="", classes=TWO, tests="plum"):
     return path
 
 
+@pytest.mark.slow
 def test_one_command_makes_weights_that_the_options_change(tmp_path, capsys):
     pytest.importorskip("torch")
     pytest.importorskip("onnxruntime")

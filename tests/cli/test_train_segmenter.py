@@ -41,6 +41,7 @@ def written(folder, *, extra="", keep=("dice", "golf_ball")):
     return path
 
 
+@pytest.mark.slow
 def test_one_command_makes_the_weights_and_again_the_same_ones_even_when_resumed(tmp_path, capsys):
     pytest.importorskip("torch")
     pytest.importorskip("onnxruntime")

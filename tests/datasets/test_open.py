@@ -71,6 +71,7 @@ def test_nothing_is_imported_from_torch_without_being_asked():
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
+@pytest.mark.slow
 def test_torch_loads_images_and_masks(dataset):
     torch = pytest.importorskip("torch", reason="torch is not installed: make setup-train")
     view = dataset.torch(mask=True)

@@ -232,6 +232,7 @@ def weights(trained):
     return trained[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("masks", ["published", "own"])
 def test_the_papers_third_table_beside_ours(masks, roots, weights, tmp_path):
     shipped = Path(CLASSIFIER_WEIGHTS)
@@ -255,6 +256,7 @@ def test_the_papers_third_table_beside_ours(masks, roots, weights, tmp_path):
     assert tables["published"] == tables["converted"]
 
 
+@pytest.mark.slow
 def test_the_released_network_classifies_and_asks_for_its_split(roots, weights, tmp_path):
     images = roots["published"] / WRENCH / "robot_collected"
     line = run("classify", images, "--radar", "77_ghz", "--weights", weights, "--json", "--mask", roots["published"])
@@ -264,6 +266,7 @@ def test_the_released_network_classifies_and_asks_for_its_split(roots, weights, 
         ms.evaluate("classification", roots["published"], weights=(weights,), objects=[WRENCH])
 
 
+@pytest.mark.slow
 def test_the_released_network_is_trained_on_the_simulated_images_of_the_split(roots, trained):
     seen = {form: released_examples(datasets.open(root)) for form, root in roots.items()}
     names = [RELEASED_CLASSES[one.label] for one in seen["published"]]

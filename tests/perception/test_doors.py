@@ -181,6 +181,7 @@ class CoverLesson:
         return {"error": -self.score(network)}
 
 
+@pytest.mark.slow
 def test_a_third_network_is_trained_by_a_recipe_and_a_lesson(tmp_path):
     pytest.importorskip("torch")
     pytest.importorskip("onnxruntime")
@@ -203,6 +204,7 @@ def test_a_third_network_is_trained_by_a_recipe_and_a_lesson(tmp_path):
     assert abs(outputs - covers).mean() == pytest.approx(held["error"], abs=1e-6)
 
 
+@pytest.mark.slow
 def test_the_command_trains_what_a_plug_in_adds(plugin, tmp_path, monkeypatch):
     pytest.importorskip("torch")
     from millisight.cli import train as command

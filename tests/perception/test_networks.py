@@ -307,6 +307,7 @@ def long_network(onnx):
     return helper.make_model(graph, ir_version=8, opset_imports=opset).SerializeToString()
 
 
+@pytest.mark.slow
 def test_a_network_that_takes_too_long_is_ended(written, monkeypatch):
     onnx = pytest.importorskip("onnx")
     session = open_network(*written(long_network(onnx)), needed_by="this")

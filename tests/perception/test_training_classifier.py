@@ -184,6 +184,7 @@ def test_every_class_has_its_turn_and_so_has_every_scene():
     assert set(counts[:3]) == {6, 7}
 
 
+@pytest.mark.slow
 def test_shapes_drawn_at_random_are_scenes_of_their_own_and_no_objects(recipe, folder, tmp_path):
     pytest.importorskip("torch")
     drawn = dataclasses.replace(recipe, drawn=2)
@@ -197,6 +198,7 @@ def test_shapes_drawn_at_random_are_scenes_of_their_own_and_no_objects(recipe, f
     assert (told["scenes"], told["drawn"]) == ({"training": 4, "validation": 4}, {"training": 2, "validation": 2})
 
 
+@pytest.mark.slow
 def test_what_is_of_no_class_is_learned_as_one_class_more(recipe, folder, tmp_path):
     pytest.importorskip("torch")
     novel = dataclasses.replace(recipe, novel=8)
@@ -318,6 +320,7 @@ def test_an_image_whose_lid_was_brightest_has_the_calibration_of_such(monkeypatc
     assert by.classify(frames, mask).threshold == thresholds["covered"]
 
 
+@pytest.mark.slow
 def test_weights_are_the_same_again_and_resumed_and_run_without_torch(examples, recipe, tmp_path):
     pytest.importorskip("torch")
     pytest.importorskip("onnxruntime")
