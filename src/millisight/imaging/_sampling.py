@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from millisight.core import SPEED_OF_LIGHT, checked_array, checked_number, checked_record, put, record
+from millisight.core import SPEED_OF_LIGHT, checked_array, checked_items, checked_number, checked_record, put, record
 from millisight.core.errors import InputError
 from millisight.data import Capture, Radar, Trajectory, VoxelGrid
 from millisight.imaging._around import grid_around, scene_bounds
@@ -73,7 +73,7 @@ class StepSampling:
         put(self, direction=checked_array(self.direction, name="direction", shape=(3,)))
         if self.needed is not None:
             put(self, needed=checked_number(self.needed, name="needed", unit="m", above=0))
-        put(self, ghosts=tuple(checked_record(ghost, Ghost, name="ghost") for ghost in self.ghosts))
+        put(self, ghosts=checked_items(self.ghosts, Ghost, name="a ghost"))
 
     def __repr__(self) -> str:
         return f"StepSampling({self.step * 1e3:.3g} mm, {len(self.ghosts)} ghosts)"

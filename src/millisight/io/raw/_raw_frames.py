@@ -4,7 +4,16 @@ from dataclasses import field
 
 import numpy as np
 
-from millisight.core import Metadata, checked_array, checked_integer, checked_metadata, checked_record, put, record
+from millisight.core import (
+    Metadata,
+    checked_array,
+    checked_integer,
+    checked_items,
+    checked_metadata,
+    checked_record,
+    put,
+    record,
+)
 from millisight.core.errors import InputError
 
 
@@ -62,7 +71,7 @@ class RawFrames:
             self,
             samples=samples,
             lost=checked_array(self.lost, name="lost", shape=(len(samples),), dtype=np.bool_),
-            gaps=tuple(checked_record(gap, Gap, name="a gap") for gap in self.gaps),
+            gaps=checked_items(self.gaps, Gap, name="a gap"),
             metadata=checked_metadata(self.metadata),
         )
         if self.order is not None and not isinstance(self.order, str):

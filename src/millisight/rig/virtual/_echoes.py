@@ -27,7 +27,15 @@ from typing import Any
 
 import numpy as np
 
-from millisight.core import checked_integer, checked_number, checked_record, put, record, rotation_from_quaternion
+from millisight.core import (
+    checked_integer,
+    checked_items,
+    checked_number,
+    checked_record,
+    put,
+    record,
+    rotation_from_quaternion,
+)
 from millisight.core.errors import InputError
 from millisight.data import Material, Radar, Trajectory, TriangleMesh
 from millisight.rig.virtual._occluders import Sheet
@@ -104,8 +112,8 @@ class EchoModel:
         antenna: Antenna | None = None,
         rng: int | np.random.Generator | None = None,
     ):
-        parts = tuple(checked_record(part, Part, name="a part") for part in parts)
-        sheets = tuple(checked_record(sheet, Sheet, name="an occluder") for sheet in occluders)
+        parts = checked_items(parts, Part, name="a part")
+        sheets = checked_items(occluders, Sheet, name="an occluder")
         self._radar = checked_record(radar, Radar, name="radar")
         checked_record(plan, Trajectory, name="the trajectory")
         if checked_integer(bounces, name="bounces") > 2:

@@ -15,6 +15,7 @@ import numpy as np
 from millisight.core import (
     check_known,
     checked_integer,
+    checked_items,
     checked_number,
     checked_numbers,
     checked_record,
@@ -280,7 +281,7 @@ class World:
     folder: str = field(default=".", metadata={"key": None})
 
     def __post_init__(self) -> None:
-        radars = tuple(checked_record(r, RadarSettings, name="a radar") for r in self.radars)
+        radars = checked_items(self.radars, RadarSettings, name="a radar")
         for name in ("objects", "walls"):
             if len(getattr(self, name)) > _MOST:
                 raise InputError(f"{name} has {len(getattr(self, name))} entries; expected {_MOST} at most")
@@ -290,8 +291,8 @@ class World:
         put(
             self,
             seed=checked_integer(self.seed, name="seed", minimum=0),
-            objects=tuple(checked_record(o, WorldObject, name="an object") for o in self.objects),
-            walls=tuple(checked_record(w, Wall, name="a wall") for w in self.walls),
+            objects=checked_items(self.objects, WorldObject, name="an object"),
+            walls=checked_items(self.walls, Wall, name="a wall"),
             radars=radars,
         )
         for name, kind in (
