@@ -1,8 +1,8 @@
 """What holds for every run of pytest here: slow tests take turns, modules that need an extra are skipped without it,
 and skips are told.
 
-Where the whole suite is run, a quarter of the tests marked `slow` is, another with every commit: all of them would take
-longer than anybody waits for. MILLISIGHT_EVERY=1 runs all, MILLISIGHT_PART=2 the second quarter. Tests that are asked
+Where the whole suite is run, a sixth of the tests marked `slow` is, another with every commit: all of them would take
+longer than anybody waits for. MILLISIGHT_EVERY=1 runs all, MILLISIGHT_PART=2 the second sixth. Tests that are asked
 for by path, name or mark are all run.
 
 MILLISIGHT_NO_SKIP=1 makes every skip a failure. MILLISIGHT_SKIPPED=FILE writes down what was skipped, a line each, so
@@ -21,7 +21,7 @@ from _pytest.doctest import DoctestModule
 _EXTRAS = {"torch": "train"}
 """What modules of the package import at their top, and the extra that brings it."""
 
-_PARTS = 4  # of the slow tests
+_PARTS = 6  # of the slow tests
 _PART = pytest.StashKey[int]()
 
 

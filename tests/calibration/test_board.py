@@ -31,6 +31,7 @@ def shown():
     return list(pictures_of(told, np.random.default_rng(1))), corners_of(told)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turns", range(4))
 def test_corners_are_found_in_the_order_of_the_board(shown, turns):
     """However the camera is turned: a picture turned by quarters shows the same corners in the same order."""

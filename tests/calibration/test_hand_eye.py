@@ -34,6 +34,7 @@ def test_without_noise_the_truth_is_found(count):
     assert found.offset == pytest.approx([0.012, 0.068, 0.024], abs=1e-9)
 
 
+@pytest.mark.slow
 def test_the_camera_is_found_along():
     told = setup(np.random.default_rng(0))
     rough = Intrinsics(fx=600, fy=640, cx=320, cy=240, width=640, height=480)
@@ -67,6 +68,7 @@ def test_the_truth_lies_within_what_is_told(fit):
     assert np.median(sigmas, axis=0)[0] == pytest.approx(0.1, rel=0.02)
 
 
+@pytest.mark.slow
 def test_uncertainties_that_leave_the_arm_out_would_be_wrong():
     """Taking each corner for independent, as plain least squares does, tells less than a third of the error."""
     rng = np.random.default_rng(1)
@@ -148,6 +150,7 @@ def test_boards_that_look_the_same_upside_down_are_refused():
     assert BOARD.points[[0, 1, 9, -1]].tolist() == [[0, 0, 0], [0.02, 0, 0], [0, 0.02, 0], [0.16, 0.1, 0]]
 
 
+@pytest.mark.slow
 def test_what_does_not_fit_is_refused():
     told = setup(np.random.default_rng(8), 5)
     corners = corners_of(told)

@@ -82,6 +82,7 @@ def test_a_sphere_seen_by_one_radar_has_its_true_way():
     assert abs(target.paths(tx, rx).lengths.item() - way("sphere", tx[0, 0], rx[0, 0], PLACE, 0.02)) < 2e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "radius"), [("point", 0.0), ("corner", 0.0), ("sphere", 0.02)])
 def test_without_noise_the_mount_is_exact(kind, radius):
     capture, target = scan(kind=kind, radius=radius)
@@ -97,6 +98,7 @@ def test_without_noise_the_mount_is_exact(kind, radius):
     assert found.phase_error < 0.02
 
 
+@pytest.mark.slow
 def test_leakage_that_all_frames_share_changes_nothing():
     """Five times as strong as the target, in the profile 20 cm above it."""
     capture, target = scan(seed=2)
@@ -128,6 +130,7 @@ def test_uncertainties_hold():
     assert np.abs(scores).max() < 6
 
 
+@pytest.mark.slow
 def test_a_level_radar_knows_its_offset_to_the_targets_uncertainty():
     capture, exact = scan(tilt=0.0)
     found = calibrate_radar(capture, replace(exact, position=PLACE + np.array([1e-3, -2e-3, 1e-3]), uncertainty=2e-3))
@@ -152,6 +155,7 @@ def test_a_calibrated_capture_has_its_image_where_the_target_is():
     assert steps == ["set_antennas", "set_path_offset", "divide_gains"]
 
 
+@pytest.mark.slow
 def test_calibrations_are_kept_as_toml(tmp_path):
     capture, target = scan()
     found = calibrate_radar(capture, target)

@@ -80,6 +80,7 @@ def test_the_mount_is_found_by_other_physics_than_the_fits(scan, run, tmp_path):
     assert np.abs(places[0][:2] - (0.05, 0.04)).max() > 0.0035
 
 
+@pytest.mark.slow
 def test_what_is_asked_wrongly_is_told(scan, run, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for words, message in (

@@ -174,6 +174,7 @@ def test_a_mask_beside_the_image_is_taken_unless_another_or_a_segmenter_is_named
     assert json.loads(run("mug.image.h5", "--method", "classical", "--json")[1])["mask"]["file"] is None
 
 
+@pytest.mark.slow
 def test_a_dataset_is_gone_through_and_what_failed_is_said_at_the_end(dataset, run, tmp_path):
     code, out, err, _ = run("MITO_Dataset", "--method", "classical", "-o", "named")
     assert code == 1

@@ -116,6 +116,7 @@ def test_the_seed_makes_the_noise(tmp_path):
     assert not np.array_equal(files[0], files[2])
 
 
+@pytest.mark.slow
 def test_grids_windows_and_methods(capture):
     extent = np.diff(ms.load(capture).metadata["scene_bounds"], axis=0)[0]
     around = tuple(int((e + 0.04) / 0.005) + 1 for e in extent)
@@ -271,6 +272,7 @@ main.run()
 """
 
 
+@pytest.mark.slow
 def test_too_few_processes_are_said_before_the_work():
     """With four, Embree ends the process; with five, workers are waited for without end."""
     done = subprocess.run(
@@ -601,6 +603,7 @@ def test_what_standard_output_has_no_letter_for_is_escaped(capture):
     assert (capture.parent / "p.png").exists()
 
 
+@pytest.mark.slow
 def test_a_working_folder_that_is_gone_is_said(capture, tmp_path):
     (tmp_path / "gone").mkdir()
     image = shlex.join([sys.executable, "-m", "millisight.cli.main", "image", str(capture), "--grid", "2cm"])

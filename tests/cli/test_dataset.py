@@ -111,6 +111,7 @@ def test_info_tells_what_is_wrong_and_goes_on(miniature):
     assert any("note: adc_data1700000001.bin: the sample order is two-lane interleaved" in line for line in lines)
 
 
+@pytest.mark.slow
 def test_verify_exits_with_1_where_there_are_problems(miniature):
     code, lines, _ = run("verify", miniature.healthy, "--object", "mug", "--workers", "1")
     assert (code, lines) == (0, ["verified 30 items: 0 with problems"])
@@ -137,6 +138,7 @@ def test_what_is_wrong_is_said_with_quiet_too(miniature):
         assert {line.partition(":")[0] for line in out.splitlines()} == {start}
 
 
+@pytest.mark.slow
 def test_a_dataset_is_converted_once(miniature, tmp_path):
     for made, kept in ((19, 0), (0, 19)):
         code, lines, err = run("convert", miniature.healthy, "-o", tmp_path, "--object", "004", "--workers", "1")
@@ -192,6 +194,7 @@ def test_ctrl_c_ends_in_one_line_leaves_no_process_and_can_be_resumed(miniature,
     assert lines[-1].startswith("converted ")
 
 
+@pytest.mark.slow
 def test_a_dataset_is_downloaded(monkeypatch, tmp_path):
     pytest.importorskip("huggingface_hub")
     files = {f"{MUG}/simulation/0_0_0/x.pkl": b"0" * 2_000_000, f"{BOX}/a.stl": b"solid", "README.md": b"#"}
@@ -218,6 +221,7 @@ def test_without_the_hubs_library_it_says_what_to_install(monkeypatch, tmp_path)
         run("download", tmp_path)
 
 
+@pytest.mark.slow
 def test_errors_are_one_line(tmp_path):
     done = subprocess.run(
         [sys.executable, "-m", "millisight.cli.main", "dataset", "list", str(tmp_path)],

@@ -223,6 +223,7 @@ def test_the_class_of_an_own_object_is_the_datasets(work, plain):
     assert done.exit_code == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("physics", [" ", None, "rays"])
 def test_unknown_physics_of_the_images_is_told(work, plain, physics):
     for path in (work / "data").rglob("experiment_info.json"):
@@ -256,6 +257,7 @@ def test_it_goes_on_where_it_stopped_and_a_damaged_scene_stops_no_other(work):
     assert {row["object"] for row in rows(work, "answers")} == {"a_lego_duplo"}
 
 
+@pytest.mark.slow
 def test_data_not_marked_as_simulated_are_not_called_so(work, plain):
     without_marks(work)
     done = run(work, "--transform", "file", "--mistakes", "0")

@@ -121,6 +121,7 @@ def test_the_table_says_whether_the_yardstick_is_simulated(tmp_path, plain, extr
     assert "out of sight" not in text
 
 
+@pytest.mark.slow
 def test_images_without_points_are_named_and_score_nothing(tmp_path, plain):
     root = make(tmp_path / "data", names=("025_mug",))
     nothing = blob((9, 9, 9), (9, 9, 9))

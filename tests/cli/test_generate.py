@@ -41,6 +41,7 @@ def run(*arguments):
     return CliRunner().invoke(app, [*map(str, arguments), "--workers", "1"])
 
 
+@pytest.mark.slow
 def test_it_tells_the_cost_makes_the_dataset_and_goes_on(recipe, tmp_path):
     out = tmp_path / "out"
     first = run(recipe, "-o", out)

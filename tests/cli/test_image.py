@@ -39,6 +39,7 @@ def test_an_experiment_of_the_published_layout(mug, tmp_path):
     np.testing.assert_array_equal(image.values, direct.values)
 
 
+@pytest.mark.slow
 def test_a_log_that_lacks_poses_while_the_arm_moved(mug, tmp_path):
     los = next(mug.glob("robot_collected/*/exp1/los"))
     code, out, err, _ = run_here("image", los, "--radar", "77_ghz", "--grid", "2cm", "-o", "whole.h5")
@@ -198,6 +199,7 @@ def described(tmp_path):
     return folder, capture
 
 
+@pytest.mark.slow
 def test_a_plain_folder_with_a_description(described, tmp_path):
     folder, capture = described
     code, out, err, _ = run_here("image", "scan", "--plot", "i.png")

@@ -73,6 +73,7 @@ def test_poses_are_told_written_and_drawn(stage, here, tmp_path, monkeypatch):
     assert "oriented points" in err
 
 
+@pytest.mark.slow
 def test_a_wrong_unit_is_an_error_with_advice(stage, here, tmp_path):
     code, _, _, error = here("--mesh", str(stage / "bracket.stl"), "--unit", "in")
     assert code == 1

@@ -162,6 +162,7 @@ def refused_or_done(make):
     return bool(told)
 
 
+@pytest.mark.slow
 def test_worlds_with_absurd_numbers_are_refused_or_defined():
     refused = []
     for _, tables in with_each_number(WORLD):

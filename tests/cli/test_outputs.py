@@ -181,6 +181,7 @@ def test_the_other_band_of_a_dataset_is_an_input(tmp_path):
     assert "is an input, too, and would be overwritten" in err
 
 
+@pytest.mark.slow
 def test_two_outputs_of_one_command_are_not_one_file(tmp_path):
     for name in ("a", "a.slices"):
         save(tmp_path / f"{name}.capture.h5", small_capture())

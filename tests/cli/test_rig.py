@@ -181,6 +181,7 @@ def test_emulate_writes_a_rig_file_that_works():
     assert isinstance(run("rig", "emulate", "world.toml", "--collect", "d", "--seconds", "1").exception, InputError)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("world")
 def test_emulate_keeps_files_of_others(tmp_path):
     for name, own in (("rig.cfg", "rig.toml"), ("mine.toml", "mine.toml")):

@@ -29,6 +29,7 @@ def found(path):
     return mask, load_extras(path)["segmentation"]
 
 
+@pytest.mark.slow
 def test_one_image_gives_a_mask_and_a_picture(tmp_path, here):
     ms.save(tmp_path / "mug.image.h5", image())
     ms.save(tmp_path / "mug24.h5", image(1))

@@ -100,6 +100,7 @@ def test_what_segmenters_look_at_does_not_change(setting):
     np.testing.assert_array_equal(project(image()).rgb, before)
 
 
+@pytest.mark.slow
 def test_the_environment_sets_it_for_a_command():
     code = "from millisight.core import checked_colormap; print(checked_colormap().name)"
     settings = {**os.environ, "MILLISIGHT_COLORMAP": "cividis"}

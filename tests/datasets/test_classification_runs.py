@@ -71,6 +71,7 @@ def sources(data, *weights):
     return [item.source for item in task.plan(DatasetFiles(dataset=dataset, scenes=find_scenes(dataset))).items]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("untimed")
 def test_every_classifier_is_run_on_every_scene_that_tests_it_in_both_masks(data, tmp_path):
     steps = []
@@ -89,6 +90,7 @@ def test_every_classifier_is_run_on_every_scene_that_tests_it_in_both_masks(data
     assert steps == [(1, 4), (2, 4), (3, 4), (4, 4)]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("untimed")
 def test_what_is_done_is_cached_to_the_last_bit(data, tmp_path):
     first = run(data, tmp_path, "box")
@@ -130,6 +132,7 @@ def test_a_scene_that_cannot_be_read_stops_no_other(data, tmp_path):
     assert "no image at 77 GHz" in found.failures[0][1]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("untimed")
 def test_where_no_mask_is_found_only_the_true_one_is_classified(data, tmp_path, monkeypatch):
     def none(*_, **__):

@@ -51,6 +51,7 @@ def test_everything_is_converted_once(converted, miniature):
     assert not (out / ".millisight.partial").exists()
 
 
+@pytest.mark.slow
 def test_pickles_come_back_from_the_converted_files_bit_for_bit(converted, miniature, tmp_path):
     out, _ = converted
     paths = [p for p in miniature.healthy.rglob("*.pkl") if p.name != "continuous.pkl"]
@@ -133,6 +134,7 @@ def finished(folder):
     return sum(".millisight.partial" not in path.parts for path in folder.rglob("*.h5"))
 
 
+@pytest.mark.slow
 def test_what_is_there_and_right_is_kept_and_the_rest_made_anew(converted, miniature, tmp_path):
     root, out = tmp_path / "root", tmp_path / "out"
     shutil.copytree(miniature.healthy / BOX, root / BOX)
@@ -181,6 +183,7 @@ def test_some_objects_now_and_others_later(miniature, converted, tmp_path):
     assert set(read_manifest(tmp_path).entries) == set(expected)
 
 
+@pytest.mark.slow
 def test_one_bad_item_does_not_stop_the_rest(miniature, tmp_path):
     done = convert(miniature.faults, tmp_path, workers=1)
     failed = sorted({path.split("/")[0][4:] for path, _ in done.failures})

@@ -503,6 +503,7 @@ def cluster(tmp_path_factory):
     made.end()
 
 
+@pytest.mark.slow
 def test_files_of_the_users_beside_ours_stay(tmp_path):
     """They were removed or overwritten when a job was done again."""
     out = tmp_path / "out"
@@ -542,6 +543,7 @@ def test_a_mesh_of_the_users_in_the_place_of_an_objects_stays(tmp_path):
     assert read_manifest(out).entries
 
 
+@pytest.mark.slow
 def test_a_file_of_the_users_where_ours_would_go_stays(tmp_path):
     make(tmp_path / "whole", **simulated(["golf_ball"]))
     image = next((tmp_path / "whole").rglob("processed_image_edges.pkl")).relative_to(tmp_path / "whole")
@@ -558,6 +560,7 @@ def test_a_file_of_the_users_where_ours_would_go_stays(tmp_path):
     assert make(out, **simulated(["golf_ball"])).failures == ()
 
 
+@pytest.mark.slow
 def test_what_a_changed_recipe_makes_no_more_goes_unless_it_was_changed(tmp_path):
     out = tmp_path / "out"
     make(out, **simulated(["golf_ball"]))
@@ -571,6 +574,7 @@ def test_what_a_changed_recipe_makes_no_more_goes_unless_it_was_changed(tmp_path
     assert gone.read_bytes() == b"changed by hand"
 
 
+@pytest.mark.slow
 def test_hidden_files_of_others_stay(tmp_path):
     out = tmp_path / "out"
     (out / ".partial").mkdir(parents=True)

@@ -106,6 +106,7 @@ def test_raw_experiments_are_found_at_and_under_any_folder(miniature, monkeypatc
     assert len(experiments_under(".")) == 2
 
 
+@pytest.mark.slow
 def test_500_experiments_are_listed_in_under_two_seconds_and_no_file_is_opened(tmp_path):
     """Every file is a link to nowhere: who opens one fails."""
 

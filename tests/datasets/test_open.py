@@ -66,6 +66,7 @@ def test_raw_files_become_captures(dataset):
     assert len(capture.trajectory) > 1
 
 
+@pytest.mark.slow
 def test_nothing_is_imported_from_torch_without_being_asked():
     code = "import sys, millisight as ms; ms.datasets.open; ms.datasets.Dataset; sys.exit('torch' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

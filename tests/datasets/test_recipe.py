@@ -403,6 +403,7 @@ def test_sizes_are_compared_by_the_longest_edge():
     assert all(differ_in_size(sizes[a], sizes[b]) for a, b in unlike)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["a_toy_airplane", "hammer", "mug"])
 def test_real_scans_are_of_the_catalogues_sizes(name):
     scan = load_mesh(find_scans(oracles.shared("ycb"))[name], unit="m")

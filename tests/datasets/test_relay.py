@@ -70,6 +70,7 @@ def test_the_same_bytes_come_out_and_nothing_stays_in_the_store(made, tmp_path):
     assert left_in(url) == []
 
 
+@pytest.mark.slow
 def test_meshes_of_ones_own_travel_too(tmp_path):
     write_mesh(tmp_path / "mine.stl", vertices=300)
     table = small_recipe.table(rig=None, objects=None, files=[{"path": str(tmp_path / "mine.stl"), "unit": "mm"}])

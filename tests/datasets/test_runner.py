@@ -133,6 +133,7 @@ def test_a_result_of_a_folder_is_that_of_its_files(tmp_path):
     assert _cache_key([raw.parent]) != before
 
 
+@pytest.mark.slow
 def test_a_damaged_scene_fails_alone_and_is_tried_again(root, tmp_path):
     image = root / "073-a_lego_duplo/robot_collected/0_0_0/exp1/nlos/processed/radars/77_ghz/processed_image.pkl"
     whole = image.read_bytes()
@@ -148,6 +149,7 @@ def test_a_damaged_scene_fails_alone_and_is_tried_again(root, tmp_path):
     assert len({one.scene for one in mended.rows}) == 4
 
 
+@pytest.mark.slow
 def test_results_are_files_of_plain_json(root, tmp_path):
     run(root, tmp_path, seeds=2)
     files = sorted((tmp_path / "out" / "trials").iterdir())
@@ -176,6 +178,7 @@ def test_python_writes_what_the_command_writes(root, tmp_path):
         assert table.markdown() in done.output
 
 
+@pytest.mark.slow
 def test_a_result_is_for_notebooks_and_for_json(root, tmp_path):
     result = run(root, tmp_path, output=None, seeds=1, sight="los")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["data"]

@@ -107,6 +107,7 @@ def test_crops_and_names_are_checked(dataset):
         files.read(transform="guess")
 
 
+@pytest.mark.slow
 def test_an_empty_carton_is_a_scene_where_nothing_is_to_be_found(own):
     add(
         experiment_folder(own, "tripod-carton_EMPTY", (0, 0, 0), 1, "nlos"),

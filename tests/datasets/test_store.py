@@ -140,6 +140,7 @@ def test_a_copy_that_broke_leaves_no_half_of_a_file(made, monkeypatch, tmp_path)
     assert files_of(tmp_path / "store") == files_of(made)
 
 
+@pytest.mark.slow
 def test_large_objects_are_read_back_since_their_parts_have_no_checksum_of_the_whole(s3, monkeypatch, tmp_path):
     monkeypatch.setattr("s3fs.core.calculate_chunksize", lambda *_, **__: 5 * 2**20)
     large = {f"{MUG}/raw.bin": np.random.default_rng(0).bytes(11 * 2**20)}
@@ -194,6 +195,7 @@ def test_damaged_objects_are_named_and_stop_no_others(url, made, tmp_path):
     assert files_of(tmp_path / "again") == files_of(made)
 
 
+@pytest.mark.slow
 def test_files_damaged_on_the_way_are_refused(s3, made, tmp_path):
     push(made, "s3://bucket/small")
     s3.damaged = {f"small/{PATHS[2]}", "small/README.md"}
@@ -293,6 +295,7 @@ def test_a_dataset_that_has_more_there_is_not_orphaned(url, made, tmp_path):
     assert stored(url) == before
 
 
+@pytest.mark.slow
 def test_a_damaged_manifest_is_sent_again_and_one_of_something_else_is_not_overwritten(url, made):
     push(made, url)
     with in_store(url, "manifest.jsonl") as file:
@@ -305,6 +308,7 @@ def test_a_damaged_manifest_is_sent_again_and_one_of_something_else_is_not_overw
         push(made, url)
 
 
+@pytest.mark.slow
 def test_a_store_that_refuses_is_explained(s3, made, tmp_path, monkeypatch):
     place = "s3://nosuchbucket/small"
     with pytest.raises(FileError, match=f"{place}: there is no such bucket .*buckets are not made here"):
@@ -434,6 +438,7 @@ def test_the_commands_push_and_download(s3, tmp_path):
     assert failed.exit_code == 1
 
 
+@pytest.mark.slow
 def test_files_of_others_stay_on_both_sides(url, made, tmp_path):
     """They were overwritten where no manifest said whose they were."""
     with in_store(url, "README.md") as file:

@@ -59,6 +59,7 @@ def test_an_open_dataset_names_them(shut, caplog):
     assert dataset.filter(objects="mug", sight="los").unreadable == HIDDEN[:1]
 
 
+@pytest.mark.slow
 def test_verify_finds_them(shut):
     found = {one.path: one for one in verify(shut, workers=1)}
     assert len(found) > 2

@@ -21,6 +21,7 @@ PROBLEMS = {
 NOTES = {"row_unlisted": "not listed", "two_lane": "two-lane interleaved", "unequal_log": "the first 250 are used"}
 
 
+@pytest.mark.slow
 def test_the_healthy_part_is_healthy(miniature):
     seen = []
     results = verify(miniature.healthy, workers=1, progress=lambda *done: seen.append(done))

@@ -50,6 +50,7 @@ def test_impossible_numbers_of_workers_are_refused():
     assert list(each(eval, [], workers=3)) == []
 
 
+@pytest.mark.slow
 def test_work_beside_ends_with_the_block_and_is_done_here_if_its_process_dies():
     with beside(eval, "6 * 7") as result:
         assert result() == 42

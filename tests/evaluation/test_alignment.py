@@ -38,6 +38,7 @@ def test_there_are_thirty_objects():
     assert {CATALOGUE[name].shape_class for name in NAMES} == {"can", "handle", "box", "sphere", "other"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["gelatin_box", "banana", "padlock", "adjustable_wrench", "medium_clamp"])
 def test_of_what_is_not_round_every_point_returns_to_its_place(name):
     rng = np.random.default_rng(5)

@@ -69,6 +69,7 @@ class TestPairs:
         sums = [abs(np.dot(signs, differences)) for signs in product((-1, 1), repeat=len(differences))]
         assert sign_flip(differences) == np.mean([one >= abs(sum(differences)) for one in sums])
 
+    @pytest.mark.slow
     def test_sign_flip_of_thousands_of_objects_and_of_odd_ones(self):
         """It took half a minute."""
         from scipy.stats import binom

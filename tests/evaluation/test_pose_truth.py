@@ -49,6 +49,7 @@ def test_a_shift_and_a_turn_are_scored_as_they_are(cube):
     assert score_pose(pose(turned, AT), CUBE, cube, posed.turn(1), AT).degrees == pytest.approx(20)
 
 
+@pytest.mark.slow
 def test_turns_that_look_alike_are_no_error(cube):
     """A quarter turn of a cube, of which only the corners' names tell."""
     quarter = posed.turn(1) @ rotation_from_euler_deg((0, 0, 90))

@@ -56,6 +56,7 @@ def test_the_transform_is_right_to_half_a_voxel():
     assert (np.sqrt((error**2).mean(axis=0)) < [2e-4, 2e-4, 7e-4]).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "material", "least"), [("rubiks_cube", None, 0.97), ("mug", None, 0.94), ("spoon", "metal", 0.90)]
 )

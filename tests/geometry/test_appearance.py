@@ -90,6 +90,7 @@ def test_where_nothing_echoes_there_are_no_weights(scene, parts):
     assert appearance(silent, scene.mesh) == (0.0, (0.0, 0.0), 0.0)
 
 
+@pytest.mark.slow
 def test_what_the_simulator_does_not_know_is_refused(scene, parts):
     layers = Layers(thicknesses=[0.01], indices=[1.2], normal=[0, 0, -1], moved=0.0, offset=0.0, error=0.0)
     with pytest.raises(InputError, match="expects a radar carried along a trajectory"):

@@ -25,6 +25,7 @@ def guess_of(made):
     return made.mesh.vertices[made.metadata["seen_vertices"] :]
 
 
+@pytest.mark.slow
 def test_a_ball_is_carried_on_to_where_no_antenna_sees_it():
     radius = 0.04
     ball = trimesh.creation.icosphere(4, radius)

@@ -144,6 +144,7 @@ def test_a_floor_lies_below_what_was_seen():
         closed(ms.surface(cap()), base=0.1)
 
 
+@pytest.mark.slow
 def test_heaps_of_points_and_odd_lengths_take_little_time_and_are_told():
     """Half of the points in a micrometre: pairs of them would fill ten gigabytes."""
     rng = np.random.default_rng(0)

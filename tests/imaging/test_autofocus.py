@@ -164,6 +164,7 @@ def usual(small):
     return ms.autofocus(small, GRID, focus="rows")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unit", [1e30, 1e-30])
 def test_the_unit_of_frames_does_not_matter(small, usual, unit):
     late = replace(small, frames=small.frames * np.float32(unit))
@@ -207,6 +208,7 @@ def test_a_turntable_has_no_rows_and_its_circle_stays():
     assert found.row_offsets.size == 0
 
 
+@pytest.mark.slow
 def test_the_band_of_light_takes_no_memory():
     """A lattice over a cell of a scene 100 000 waves wide had 50 million points, seen from 48 places: 19 GB."""
     path = ms.Trajectory.raster(size=(0.016, 0.012), step=0.004, center=(0, 0, 0.2), serpentine=True)
@@ -220,6 +222,7 @@ def test_the_band_of_light_takes_no_memory():
         tracemalloc.stop()
 
 
+@pytest.mark.slow
 def test_what_cannot_be_right_is_refused(right):
     points = right.tx_positions
     slab = Layers(thicknesses=[0.01], indices=[1.4], normal=[0, 0, -1], moved=0.0, offset=0.0, error=0.0)
@@ -237,6 +240,7 @@ def test_what_cannot_be_right_is_refused(right):
         ms.autofocus(right, GRID, smoothness=1e-8)
 
 
+@pytest.mark.slow
 def test_on_the_command_line(small, tmp_path):
     moved = errors(small.trajectory, 4, wander=0.0)
     ms.save(tmp_path / "bad.capture.h5", astray(small, moved))

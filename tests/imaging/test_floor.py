@@ -51,6 +51,7 @@ def test_a_voxel_takes_the_bin_below_and_the_first_frequency():
         assert found.metadata["history"][-1]["step"] == "form_as_published"
 
 
+@pytest.mark.slow
 def test_it_is_roughly_the_right_image():
     trajectory = ms.Trajectory.raster(size=(0.06, 0.06), step=0.002, center=(0, 0, 0))
     capture = capture_of(trajectory)

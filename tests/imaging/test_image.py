@@ -195,6 +195,7 @@ METADATA = {
 }
 
 
+@pytest.mark.slow
 def test_xarray_carries_coordinates_and_flat_attributes():
     pytest.importorskip("xarray", reason="xarray is an extra")
     given = image(4)

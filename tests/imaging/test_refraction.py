@@ -68,6 +68,7 @@ def test_a_reflector_behind_layers_is_one_at_its_place(method, towards):
     assert straight.magnitude.max() < 0.6
 
 
+@pytest.mark.slow
 def test_factorised_backprojection_bends_paths_too():
     through = see_through(seen(80, 0.007)[0], LAYERS)
     grid = ms.VoxelGrid.regular(POINT[0] - [0.15, 0.15, 0], POINT[0] + [0.15, 0.15, 0], 0.0015)

@@ -145,6 +145,7 @@ def test_nothing_is_said_where_nothing_is_wrong():
     assert small.warnings == ()
 
 
+@pytest.mark.slow
 def test_the_text_and_the_warning():
     of, path, voxels = SCANS["coarse rows"]
     found = ms.sampling(path, voxels, radar=of)
@@ -186,6 +187,7 @@ def test_other_paths_tell_their_step_alone():
     assert len(single.along.ghosts) > 0
 
 
+@pytest.mark.slow
 def test_turned_rows_give_turned_ghosts():
     """A rotation about the vertical turns all, and changes no strength."""
     of, path, _ = SCANS["coarse rows"]
@@ -198,6 +200,7 @@ def test_turned_rows_give_turned_ghosts():
     assert "along y" in other.warnings[0]
 
 
+@pytest.mark.slow
 def test_rows_at_an_angle():
     of, path, voxels = SCANS["coarse rows"]
     c = np.sqrt(0.5)

@@ -90,6 +90,7 @@ def test_every_radar(device):
     assert left_of(found.result.frames, spots, sheet) < 0.05
 
 
+@pytest.mark.slow
 def test_nothing_but_a_lid_leaves_next_to_nothing(path):
     sheet = mirror(RADAR, path, -0.2, tilt_deg=(1, 0))
     noise = np.random.default_rng(0).normal(size=(*sheet.shape, 2)).astype(np.float32).view(np.complex64)[..., 0]
@@ -305,6 +306,7 @@ def test_what_ends_within_the_scene_is_left_and_told_unless_a_lid_is_known_to_be
     assert one.border > 0.3
 
 
+@pytest.mark.slow
 def test_a_known_lid_goes_before_what_its_edges_add_up_to(path):
     """Beside a lid of 14 cm, its ripples pass for a sheet of their own that reaches the image's border."""
     sides = [(axis, sign * -0.07, sign) for axis in (0, 1) for sign in (1, -1)]

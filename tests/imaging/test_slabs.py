@@ -53,6 +53,7 @@ def test_too_little_memory_for_one_layer_is_refused(capture):
         image_slabs(capture, GRID, memory=-1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["fast", "exact"])
 def test_the_image_in_slabs_is_the_image_at_once(capture, tmp_path, method):
     path, reports = tmp_path / "large.h5", []
@@ -125,6 +126,7 @@ def test_names_of_other_formats_are_refused_before_anything_is_made(capture, tmp
     assert os.listdir(tmp_path) == []
 
 
+@pytest.mark.slow
 def test_the_command_forms_slabs_where_the_memory_does_not_suffice(capture, tmp_path):
     source = tmp_path / "ball.capture.h5"
     ms.save(source, capture)

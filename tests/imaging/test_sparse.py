@@ -157,6 +157,7 @@ def test_the_metadata_say_how():
     assert len(calls) >= _sparse.ITERATIONS
 
 
+@pytest.mark.slow
 def test_oversampling_is_used():
     capture = seen_from(raster(0.0112))
     coarse, fine = (ms.form_image(capture, GRID, method="sparse", oversampling=n) for n in (2, 16))

@@ -155,6 +155,7 @@ def test_a_tenth_of_the_check_is_at_the_ends_of_axes():
     assert outer @ check.weights[:240] / 240 == pytest.approx(share, abs=0.02)
 
 
+@pytest.mark.slow
 def test_every_kind_of_scan_is_factorised_somewhere(eager):
     kinds = set()
     for seed in range(120):
@@ -358,6 +359,7 @@ def test_tolerances_that_cannot_be():
         ms.form_image(problem.capture, problem.grid, tolerance=0.01, oversampling=8)
 
 
+@pytest.mark.slow
 def test_an_image_of_nothing_has_no_error():
     problem = draw(8)
     nothing = ms.Capture(

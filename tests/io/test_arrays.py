@@ -137,6 +137,7 @@ def test_matlab_73(tmp_path, options):
     assert array_shapes(tmp_path / "a.mat")["frames"] == (3, 4, 5)
 
 
+@pytest.mark.slow
 def test_hdf5_of_any_origin(tmp_path):
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file["scan/frames"] = np.arange(6).reshape(2, 3) * 1j

@@ -232,6 +232,7 @@ def test_a_gigabyte_is_identified_in_seconds(tmp_path):
     assert time.process_time() - started < 4
 
 
+@pytest.mark.slow
 def test_mutations_end_in_our_errors(small):
     path, _ = small
     good = path.read_bytes()

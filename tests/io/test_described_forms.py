@@ -73,6 +73,7 @@ def save_plane(folder, **settings):
 CIRCLE = '[frames]\nfile = "f.npy"\naxes = ["angle", "sample"]\nphase_sign = -1\n[positions]\ncircle = {CIRCLE}\n'
 
 
+@pytest.mark.slow
 def test_circle_by_step_and_by_angles_in_degrees_and_radians(tmp_path):
     angles = np.radians(10 + 6.0 * np.arange(60))
     tx = ring(angles)
@@ -719,6 +720,7 @@ def test_transmitters_that_take_turns_many_times_a_frame(tmp_path):
             read_capture(written(tmp_path, text.replace(old, new)))
 
 
+@pytest.mark.slow
 def test_packets_of_a_dca1000(tmp_path):
     tx, _ = save_plane(tmp_path, count=9, step=0.02)
     frames = point_frames(POINTS, AMPLITUDES, tx, tx, FREQUENCIES[:32])
@@ -790,6 +792,7 @@ def test_a_new_raw_format_is_one_function(tmp_path, monkeypatch):
 # Other people's captures
 
 
+@pytest.mark.slow
 def test_the_aeroplane_has_fuselage_and_wings():
     data = shared("captures", "aeroplane_215_228ghz.mat").parent
     capture = read_capture(EXAMPLES / "aeroplane.toml", data=data)

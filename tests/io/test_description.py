@@ -264,6 +264,7 @@ def swept(folder):
     return times, positions, raw.conj().astype(np.complex64)
 
 
+@pytest.mark.slow
 def test_a_robots_log_places_the_frames(tmp_path):
     times, positions, frames = swept(tmp_path)
     scan = read_scan(described(tmp_path, SWEEP))
@@ -508,6 +509,7 @@ def tutorial_sample(folder, dtype):
     return path, points, (positions[:, None], receivers, frequencies)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dtype", [np.complex64, np.complex128])
 def test_the_tutorials_sample_opens_by_its_arrays(tmp_path, dtype):
     path, points, setup = tutorial_sample(tmp_path, dtype)
@@ -548,6 +550,7 @@ def pages_blocks(page):
     return [tomllib.loads(block) for block in re.findall(r"```toml\n(.*?)```", text, flags=re.DOTALL)]
 
 
+@pytest.mark.slow
 def test_the_pages_show_what_works(tmp_path):
     """The first example of the page on your own scanner, on the file it speaks of; the others are the examples' own."""
     import scipy.io

@@ -495,6 +495,7 @@ def test_what_no_recorder_could_have_written_is_refused(tmp_path):
     assert json.loads((folder.parent / "experiment_info.json").read_text()) == info
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [3, 110, 115])
 def test_a_24_ghz_file_has_the_110_frames_that_the_published_code_asks_for(count, tmp_path):
     """Short ones are filled with empty frames, which are left out when they are read; long ones become several."""

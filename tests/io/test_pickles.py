@@ -267,6 +267,7 @@ def test_mutated_pickles_end_in_values_or_in_an_error_of_ours(tmp_path):
     assert beyond > MUTATIONS / 2
 
 
+@pytest.mark.slow
 def test_a_large_file_may_hold_as_many_arrays_as_an_aperture_has_positions(tmp_path, monkeypatch):
     """As raw simulations do, whose channels are a list of arrays: more steps, by the size of the file.
 

@@ -80,6 +80,7 @@ def test_what_cannot_be_written_is_refused(tmp_path):
     assert not (tmp_path / "a.txt").exists()
 
 
+@pytest.mark.slow
 def test_a_published_file_is_read_in_a_second(tmp_path):
     frame = np.random.default_rng(0).random((1, 16, 2, 256)) * (1 + 1j)
     write_position2go(tmp_path / "a.txt", frame)

@@ -130,6 +130,7 @@ def test_a_sphere_has_no_sharp_vertices():
     assert not result.sharp_vertices(20).any()
 
 
+@pytest.mark.slow
 def test_a_thin_plate_keeps_its_two_sides():
     thickness = 0.0005
     plate = load_mesh(trimesh.creation.box((0.2, 0.15, thickness)))

@@ -10,6 +10,7 @@ from millisight.meshes import PAPER_CLASSES, PUBLISHED_CLASSES, RANDOM_SHAPES, S
 SEEDS = 15
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape_class", RANDOM_SHAPES)
 def test_shapes_are_closed_centred_and_of_a_households_size(shape_class):
     extents = []
@@ -31,6 +32,7 @@ def test_shapes_are_closed_centred_and_of_a_households_size(shape_class):
     assert slender.max() < most
 
 
+@pytest.mark.slow
 def test_cups_are_hollow_and_clamps_are_open():
     def filled(shape_class):
         meshes = [random_shape(shape_class, np.random.default_rng(seed)) for seed in range(8)]

@@ -54,6 +54,7 @@ def test_erasing_takes_a_part_of_the_object_and_no_more():
     assert augmentation.erased(empty, np.random.default_rng(0)) is empty
 
 
+@pytest.mark.slow
 def test_weights_are_the_papers(scene):
     drawn = [augmentation.drawn_gains(np.random.default_rng(seed)) for seed in range(200)]
     assert {"specular", "edge", "plate"} == set(drawn[0])

@@ -24,6 +24,7 @@ def carton():
     return ms.form_image(capture_of(RADAR, path, frames), GRID, tolerance=0.02)
 
 
+@pytest.mark.slow
 def test_a_mask_of_a_lid_is_doubted_unless_the_lid_was_known(carton):
     whole = mask_of(carton.grid, (-0.055, -0.055), (0.055, 0.055))
     (doubt,) = doubts_of(whole, carton)

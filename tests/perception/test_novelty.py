@@ -91,6 +91,7 @@ def square(grid, half):
     return ms.Mask(grid_xy=grid.xy, inside=inside)
 
 
+@pytest.mark.slow
 def test_a_mask_of_a_lid_is_like_a_lid_until_the_lid_is_known(carton):
     assert carton.steps == pytest.approx((0.0025, 0.0025), abs=2e-6)
     whole = square(carton.grid, 0.055)

@@ -78,6 +78,7 @@ def test_24_ghz_is_used_where_it_shows_the_object_at_the_same_place(root):
     assert list(bands.values()) == [("77_ghz",), ("77_ghz", "24_ghz"), ("77_ghz",)]
 
 
+@pytest.mark.slow
 def test_examples_of_one_band_and_of_two_are_made(root):
     for folder, both in (("003_cracker_box", False), ("004_sugar_box", True)):
         scene = read_simulation(root / folder / "simulation" / "0_0_0", widest=0.3)
@@ -113,6 +114,7 @@ def test_a_classifier_recipe_takes_them_beside_made_scenes_or_alone(root, tmp_pa
         ClassifierRecipe(scenes=0)
 
 
+@pytest.mark.slow
 def test_a_segmenter_recipe_takes_them_and_leaves_out_an_object_by_any_spelling(root, tmp_path):
     settings = SceneSettings(published=str(root), poses=0, validation=("sugar_box",), without=("042_wrench",))
     recipe = SegmenterRecipe(scenes=settings, whole=PLAIN)

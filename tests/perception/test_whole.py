@@ -38,6 +38,7 @@ def test_an_object_lies_somewhere_in_a_larger_scene_and_shines_there(dice):
     assert np.std(places, axis=0).min() > 0.1
 
 
+@pytest.mark.slow
 def test_one_seed_makes_one_scene(dice):
     first, again, other = (whole_scene(dice, seed=seed) for seed in (3, 3, 4))
     for band in BANDS:
@@ -74,6 +75,7 @@ def test_without_one_band_the_other_is_there_still(dice):
     assert set(scene.levels) == {"77_ghz"}
 
 
+@pytest.mark.slow
 def test_scenes_are_kept_in_files(dice, tmp_path):
     asked = []
 

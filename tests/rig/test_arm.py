@@ -77,6 +77,7 @@ def test_the_true_path_is_smooth_also_where_sweeps_meet():
     assert np.abs(np.diff(speed, axis=0)).max() < 2 * 1.0 * (times[1] - times[0])  # 2 m/s² of 1 asked for
 
 
+@pytest.mark.slow
 def test_the_log_tells_the_true_path_with_noise_by_its_own_clock():
     arm, end = swept(encoder_noise=0.03e-3, clock_offset=0.02, clock_drift=50e-6, log_rate=125)
     log = arm.log()

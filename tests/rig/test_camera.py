@@ -49,6 +49,7 @@ def world_points(frame):
     return frame.points @ frame.pose[:3, :3].T + frame.pose[:3, 3] - BASE_ORIGIN
 
 
+@pytest.mark.slow
 def test_depth_is_where_things_are():
     layout = layout_of()
     points = world_points(shot(layout))
@@ -64,6 +65,7 @@ def test_depth_is_where_things_are():
     assert np.abs(points[~mask & ~block][:, 2] - FLOOR).max() < 0.3 + 1e-3
 
 
+@pytest.mark.slow
 def test_depth_beyond_what_a_file_holds_is_not_known():
     """It wrapped round: a wall at 68 m was at 2.4 m."""
     layout = layout_of()
@@ -109,6 +111,7 @@ def test_the_depth_has_the_noise_of_its_pair_and_one_seed_gives_one_picture():
     assert not np.array_equal(noisy[0].depth, noisy[2].depth)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("material", "least", "most"), [("metal", 0.1, 0.95), ("glass", 0.7, 1.0), ("wood", 0.0, 0.05)]
 )
@@ -133,6 +136,7 @@ def test_one_eye_is_covered_beside_a_step():
     assert (depth[middle, right + 3 : right + 9] > 0).all()
 
 
+@pytest.mark.slow
 def test_the_carton_hides_the_object_from_the_camera_alone():
     open_stage, layout = layout_of(), layout_of(carton=Carton(clearance=0.02))
     pose = EXACT.pose(ABOVE)
@@ -178,6 +182,7 @@ def test_the_footprint_is_what_lies_over_a_pixel():
     assert not footprint(build_layout(World(scan=SCAN)), grid).inside.any()
 
 
+@pytest.mark.slow
 def test_the_published_mask_has_points_on_the_object():
     layout = layout_of()
     frame = shot(layout)

@@ -134,6 +134,7 @@ def test_swapping_transmitter_and_receiver_changes_nothing():
         assert relative(forth, back) < 1e-5
 
 
+@pytest.mark.slow
 def test_echoes_of_things_apart_add_up():
     ball = mesh_of(BALL).moved(translation=np.array([0.1, 0.0, 0.0]))
     wall = plate(0.05, 0.05, shift=(-0.08, 0.03))
@@ -159,6 +160,7 @@ def test_shadows():
         assert abs(both - without - seen * alone).max() < 1e-5 * max(abs(without).max(), abs(alone).max())
 
 
+@pytest.mark.slow
 def test_shared_views_agree_with_casting_every_ray(monkeypatch):
     """A hollow ring on a plate; every antenna's own rays instead of those of a cell's corners."""
     from millisight.rig.virtual._shadows import ShadowCells
@@ -213,6 +215,7 @@ def test_rough_plates_scatter_what_they_do_not_mirror():
     assert np.array_equal(draws[3], echoes([rough], device, over, rng=3, **PLAIN).ravel())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("incidence_deg", [0, 40, 75])
 def test_scattered_power_is_not_created(incidence_deg):
     """Into the whole half-space, from a rough plate: less than the mirror loses."""

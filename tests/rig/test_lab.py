@@ -271,7 +271,9 @@ def test_a_gantry_scans_as_well(tmp_path):
             record_scan(lab.arm, lab.radars, None, lab.plan, writer)
     capture = read_experiment(writer.path, "77_ghz").to_capture()
     low, high = capture.trajectory.positions.min(axis=0), capture.trajectory.positions.max(axis=0)
-    assert np.stack([low, high]) == pytest.approx(np.array([[0.03, 0, 0], [0.038, 0.04, 0]]), abs=2e-3)
+    # Along its rows it overshoots more on a machine that is busy with other things.
+    off = abs(np.stack([low, high]) - [[0.03, 0, 0], [0.038, 0.04, 0]])
+    assert (off < [2e-3, 8e-3, 2e-3]).all(), off
     assert len(capture.trajectory) > 60
 
 

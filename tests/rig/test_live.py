@@ -98,6 +98,7 @@ def test_an_arm_that_turns_the_radar_turns_its_antennas(tmp_path, name):
     assert np.linalg.norm(form_image(straight, GRID).values - whole) > 0.3 * np.linalg.norm(whole)
 
 
+@pytest.mark.slow
 def test_a_scan_ends_when_its_image_is_good_enough(tmp_path):
     _, out, live, _, rows = scan(tmp_path, stop_after=4, **ONE)
     assert len(rows) == 4
@@ -106,6 +107,7 @@ def test_a_scan_ends_when_its_image_is_good_enough(tmp_path):
     assert live.images["77_ghz"].metadata["poses"] == len(held.to_capture().trajectory)
 
 
+@pytest.mark.slow
 def test_trouble_of_the_images_does_not_end_the_scan(tmp_path):
     def full(status):
         raise OSError("no space left on device")

@@ -89,6 +89,7 @@ def test_a_picture_has_depth_colour_and_its_camera():
     assert picture.points[30, 32, 2] == pytest.approx(0.4)
 
 
+@pytest.mark.slow
 def test_a_board_is_found_in_a_picture_of_its():
     """As `millisight rig photo` saves it, with the intrinsics that the library tells."""
     told = boards.setup(np.random.default_rng(0), 1)

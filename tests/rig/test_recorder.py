@@ -88,6 +88,7 @@ def test_what_is_read_back_is_what_was_there(quiet):
     assert np.abs(capture.frames / counts - expected).max() / REFERENCE < 0.008
 
 
+@pytest.mark.slow
 def test_it_images_to_the_points(quiet):
     _, out = quiet
     capture = read_experiment(out, "77_ghz").to_capture()
@@ -112,6 +113,7 @@ def test_the_folder_is_the_published_layout(quiet):
     assert {p.name for p in raw.iterdir()} == {"radar_data", "antenna.npz", "continuous.pkl"} | own
 
 
+@pytest.mark.slow
 def test_our_own_files_hold_the_same(quiet):
     _, out = quiet
     raw = radar_folder(out, "77_ghz", processed=False)

@@ -90,6 +90,7 @@ def test_normal_incidence_knows_no_polarisation_and_the_horizon_is_finite():
         assert np.isfinite(t).all()
 
 
+@pytest.mark.slow
 @settings(max_examples=150, deadline=None)
 @given(stacks, bands, angles)
 def test_energy_is_never_created(layers, frequency, cosine):
@@ -100,6 +101,7 @@ def test_energy_is_never_created(layers, frequency, cosine):
     assert abs(abs(r) ** 2 + abs(t) ** 2 - 1).max() < 1e-9
 
 
+@pytest.mark.slow
 @settings(max_examples=100, deadline=None)
 @given(stacks, bands, angles)
 def test_transmission_is_reciprocal(layers, frequency, cosine):

@@ -243,6 +243,7 @@ def test_two_sided_sees_flipped_faces():
     assert np.array_equal(lit_from(flipped, antenna, model="specular", two_sided=True), expected)
 
 
+@pytest.mark.slow
 def test_noise_has_the_stated_power_and_follows_its_seed():
     radar, trajectory = ms.Radar.preset("mito-sim-24ghz"), ms.Trajectory.raster(size=(0.1, 0.1), step=0.005)
     clean = ms.simulate(SPHERE, radar, trajectory)

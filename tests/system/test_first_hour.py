@@ -235,6 +235,7 @@ NONSENSE = {
 }
 
 
+@pytest.mark.slow
 def test_nonsense_is_answered_in_one_clear_message(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for name in ("broken.stl", "notes.txt", "words.capture.h5"):

@@ -81,6 +81,7 @@ def test_what_a_release_is_given_is_made_by_a_command_and_not_kept():
     assert "build/" in (ROOT / ".gitignore").read_text(encoding="utf-8").splitlines()
 
 
+@pytest.mark.slow
 def test_slow_tests_take_turns_where_the_whole_suite_runs_and_only_there(tmp_path):
     (tmp_path / "conftest.py").write_bytes((ROOT / "conftest.py").read_bytes())
     (tmp_path / "pytest.ini").write_text("[pytest]\ntestpaths = there\nmarkers = slow\n")
@@ -99,18 +100,18 @@ def test_slow_tests_take_turns_where_the_whole_suite_runs_and_only_there(tmp_pat
         return done.returncode, set(re.findall(r"::(test_\w+(?:\[\d+\])?)", done.stdout)), done.stdout + done.stderr
 
     every = {"test_quick", *(f"test_slow[{n}]" for n in range(20))}
-    parts = [run(MILLISIGHT_PART=f"{part}") for part in (1, 2, 3, 4)]
-    assert [code for code, _, _ in parts] == [0] * 4
+    parts = [run(MILLISIGHT_PART=f"{part}") for part in range(1, 7)]
+    assert [code for code, _, _ in parts] == [0] * 6
     assert set.union(*(names for _, names, _ in parts)) == every
-    assert sum(len(names) for _, names, _ in parts) == len(every) + 3  # the quick one is run each time
-    assert "slow tests: part 3 of 4" in parts[2][2]
+    assert sum(len(names) for _, names, _ in parts) == len(every) + 5  # the quick one is run each time
+    assert "slow tests: part 3 of 6" in parts[2][2]
     assert run("-n", "2", MILLISIGHT_PART="2")[1] == parts[1][1]
     assert run()[1] in [names for _, names, _ in parts]
     assert run(MILLISIGHT_EVERY="1")[1] == every
     assert run("there", MILLISIGHT_PART="2")[1] == every
     code, names, said = run(MILLISIGHT_PART="some")
     assert (code, names) == (4, set())
-    assert "MILLISIGHT_PART is some; expected 1 to 4" in said
+    assert "MILLISIGHT_PART is some; expected 1 to 6" in said
 
 
 @pytest.fixture

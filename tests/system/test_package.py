@@ -51,6 +51,7 @@ def test_records_are_usable_without_anything_heavy():
     assert not loaded & set(HEAVY)
 
 
+@pytest.mark.slow
 def test_help_brings_in_nothing_heavy():
     code = "import sys; sys.argv = ['millisight', '--help']\nfrom millisight.cli.main import run\n"
     code += "try: run()\nexcept SystemExit: pass"

@@ -34,6 +34,7 @@ def driver():
         yield driver
 
 
+@pytest.mark.slow
 def test_the_viewer_draws_and_follows_its_controls(files, driver, tmp_path):
     paths, square, ring = files
     found = gather([paths["specular"], paths["edge"], paths["other"]])

@@ -104,6 +104,7 @@ def test_it_is_drawn_into_axes_that_are_given_and_comes_out_the_same():
     figure.savefig(io.BytesIO())
 
 
+@pytest.mark.slow
 def test_the_same_prediction_gives_the_same_bytes(tmp_path):
     for name in ("a.png", "b.png"):
         save_figure(plot_prediction(image(), mask(), prediction(0.1, 0.05, 0.8, 0.05))[0].figure, tmp_path / name)

@@ -128,6 +128,7 @@ def segmented(inside, prompts=PROMPTS):
 
 
 class TestMasks:
+    @pytest.mark.slow
     def test_what_is_found_missed_and_too_much_has_its_colour(self):
         truth, found = mask(slice(3, 7), slice(2, 5)), mask(slice(4, 8), slice(2, 5))
         attempt = MaskAttempt(score_mask(found, truth), found, segmented(found.inside), "")

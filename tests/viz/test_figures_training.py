@@ -50,6 +50,7 @@ def test_random_shapes_are_shown_class_by_class():
         plot_random_shapes(count=0)
 
 
+@pytest.mark.slow
 def test_examples_are_shown_channel_by_channel():
     examples = np.random.default_rng(0).random((2, len(CHANNELS), 80, 80))
     figure = plot_examples(examples, ["one", "two"], channels=("mask", "level"))

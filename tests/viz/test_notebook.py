@@ -182,6 +182,7 @@ class TestCards:
             assert re.findall(r'src="([^":]*:)', card) == ["data:"]
             assert not re.search(r"https?:|href|url\(|<script|<link", card)
 
+    @pytest.mark.slow
     def test_large_records_are_looked_at_in_part(self):
         """Every second voxel along x and y of 36 million, and no peak."""
         large = ms.VoxelGrid(x=np.arange(300.0), y=np.arange(300.0), z=np.arange(400.0))

@@ -117,6 +117,7 @@ class TestProjections:
             assert (picture.get_array() == picture.get_clim()[0]).all()
         viz.save_figure(figure, tmp_path / "empty.png")
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("single", ["x", "y", "z", "xyz"])
     def test_a_single_voxel_along_an_axis_is_as_wide_as_the_others(self, single, tmp_path):
         grid = ms.VoxelGrid(**{n: getattr(GRID, n)[:1] if n in single else getattr(GRID, n) for n in "xyz"})
@@ -367,6 +368,7 @@ class TestSaving:
         viz.save_figure(figure, tmp_path / f"cup{suffix}")
         assert (tmp_path / f"cup{suffix}").stat().st_size > 1000
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("suffix", [".png", ".svg", ".pdf", ".PNG"])
     def test_the_same_figure_gives_the_same_bytes(self, suffix, tmp_path):
         for name in ("a", "b"):
@@ -386,6 +388,7 @@ class TestSaving:
         with pytest.raises(FileError):
             viz.save_figure(Figure(), tmp_path / "missing" / "figure.png")
 
+    @pytest.mark.slow
     def test_pyplot_is_never_imported(self):
         names = "plot_capture, plot_image, plot_mesh, plot_samples, write_page"
         code = f"import sys; from millisight.viz import {names}; sys.exit('matplotlib.pyplot' in sys.modules)"
