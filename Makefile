@@ -17,7 +17,7 @@ help:
 	@echo "make setup-train  setup, and torch"
 	@echo "make hooks        setup, and lint before every commit (pre-commit)"
 	@echo "make demo         the main job: image three objects, and scissors in a carton, into demo/index.html"
-	@echo "make test         tests and doctests, of slow ones a sixth (MILLISIGHT_EVERY=1: all; TESTS=path or -k name, WORKERS=2)"
+	@echo "make test         all tests and doctests (TESTS=path or -k name for some, WORKERS=2 processes)"
 	@echo "make coverage     make test, and how much of the code it ran: build/coverage/index.html"
 	@echo "make fuzz         100 000 damaged files against every reader (COUNT=, SEED=)"
 	@echo "make faults       every command that writes, broken off at every step: killed, disk full, no rights, two at once"
@@ -59,7 +59,6 @@ test: setup
 	$(TEST) -n $(WORKERS) --dist worksteal $(TESTS)
 
 # Reported, and no bar: kernels that Numba compiles are not seen to run.
-coverage: export MILLISIGHT_EVERY := 1
 coverage: setup
 	$(TEST) -n $(WORKERS) --dist worksteal --cov --cov-report=term:skip-covered --cov-report=html $(TESTS)
 

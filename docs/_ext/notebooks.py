@@ -62,6 +62,7 @@ def _run_ahead(app: Any, _env: Any, pages: list[str]) -> None:
     folder = app.env.mystnb_config.execution_cache_path
     shutil.rmtree(folder, ignore_errors=True)
     paths = [path for page in pages if (path := Path(app.env.doc2path(page))).suffix == ".ipynb"]
+    paths = [path for path in paths if not any(map(path.match, app.config.nb_execution_excludepatterns))]
     # The longest first, so that none of them is left alone at the end.
     paths.sort(key=lambda path: not path.name.startswith(("01", "04", "07")))
     cache = get_cache(folder)
