@@ -33,7 +33,7 @@ def pytest_collection_modifyitems(config, items):
         in_turn = not part or zlib.crc32(item.nodeid.encode()) % _PARTS + 1 == part
         (kept if in_turn or not item.get_closest_marker("slow") else others).append(item)
     config.hook.pytest_deselected(items=others)
-    items[:] = kept
+    items[:] = sorted(kept, key=lambda item: not item.get_closest_marker("first"))
 
 
 def _part() -> int | None:

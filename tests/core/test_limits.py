@@ -41,10 +41,10 @@ def test_limits_follow_the_size_of_the_file():
 def test_a_deep_key_is_refused_before_it_is_parsed(text):
     """80 kB took 6 GB and a minute."""
     tracemalloc.start()
-    began = time.perf_counter()
+    began = time.process_time()
     with pytest.raises(ValueError, match="a key of more than 100 parts"):
         parsed_toml(text)
-    assert time.perf_counter() - began < 1
+    assert time.process_time() - began < 1
     assert tracemalloc.get_traced_memory()[1] < 10e6
     tracemalloc.stop()
 
@@ -63,14 +63,14 @@ def test_a_deep_key_is_refused_before_it_is_parsed(text):
     ],
 )
 def test_the_search_for_deep_keys_takes_no_time_of_its_own(text):
-    began = time.perf_counter()
+    began = time.process_time()
     try:
         parsed_toml(text)
     except ValueError as error:
         assert "100 parts" not in str(error)  # noqa: PT017
     else:
         pytest.fail("this is no TOML")
-    assert time.perf_counter() - began < 2
+    assert time.process_time() - began < 2
 
 
 def test_keys_of_some_parts_are_read():

@@ -20,6 +20,7 @@ SECOND = re.compile(rf"{CRACKERS}/robot_collected/.*/exp2/")  # of which the pag
 ON_REQUEST = re.compile(r"robot_collected/.*/unprocessed/radars/")
 
 
+@pytest.mark.first
 def test_what_the_page_shows_is_run(published_root, tmp_path, monkeypatch, capsys):
     pytest.importorskip("huggingface_hub")
     root = published_root

@@ -119,6 +119,7 @@ def of_second_kind(folder, names):
 RUN = [page for page, lines in PRINTS.items() if any(why_not(x) is None for x in lines) and page != README.name]
 
 
+@pytest.mark.first
 @pytest.mark.parametrize("page", RUN)
 def test_what_is_printed_runs_in_its_order(page, stage, miniature, tmp_path, monkeypatch):
     for path in stage.iterdir():

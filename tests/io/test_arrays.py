@@ -377,10 +377,10 @@ def test_members_that_share_their_bytes_are_refused(tmp_path):
         directory += struct.pack("<HHHHII", 0, 0, 0, 0, 0, head * i) + name
     end = struct.pack("<HHHHIIH", 0, 0, count, count, len(directory), len(heads) + len(data), 0)
     (tmp_path / "a.npz").write_bytes(heads + data + directory + b"PK\5\6" + end)
-    began = time.perf_counter()
+    began = time.process_time()
     with pytest.raises(DamagedFileError, match="its members overlap: it claims more than it holds"):
         read_arrays(tmp_path / "a.npz")
-    assert time.perf_counter() - began < 2
+    assert time.process_time() - began < 2
 
 
 def test_an_archive_is_opened_once_however_many_arrays_it_holds(tmp_path, monkeypatch):

@@ -659,9 +659,9 @@ def test_patterns_that_run_through_folders_again_and_again_are_refused(tmp_path,
     for i in range(20):
         (tmp_path / f"{i}").mkdir()
     text = f'[radar]\npreset = "iwr1443"\n[frames]\nfile = "{pattern}"\nsamples = 512\n[positions]\nraster = {{}}\n'
-    began = time.perf_counter()
+    began = time.process_time()
     with pytest.raises(FileError, match="could run through folders again and again; expected at most 32 names"):
         read_capture(described(tmp_path, text))
-    assert time.perf_counter() - began < 1
+    assert time.process_time() - began < 1
     with pytest.raises(FileError, match=r"no file in .* matches '\.\./\*\*/\*\.none'"):
         read_capture(described(tmp_path, text.replace(pattern, "../**/*.none")))

@@ -113,7 +113,7 @@ def test_the_end_of_a_row_may_be_lost(bench):
     one.radar.start(100)  # 140.7 packets
     began = time.monotonic()
     recording = one.radar.stop()
-    assert time.monotonic() - began < 2
+    assert time.monotonic() - began < 10
     assert list(np.flatnonzero(recording.lost)) == [98, 99]
     assert np.array_equal(recording.samples[:98], one.frames[:98])
 

@@ -66,6 +66,7 @@ def silhouette(mesh, grid_xy, middle=(0.0, 0.0)):
 # The README.
 
 
+@pytest.mark.first
 def test_the_readme_from_top_to_bottom(tmp_path, miniature, monkeypatch):
     pytest.importorskip("onnxruntime", reason='needs onnxruntime: pip install "millisight[perception]"')
     pytest.importorskip("huggingface_hub", reason='needs huggingface_hub: pip install "millisight[hub]"')
@@ -287,6 +288,7 @@ def lit(driver, folder):
     return np.ptp(shown, axis=-1) > 60
 
 
+@pytest.mark.first
 @pytest.mark.slow
 def test_the_viewer_shows_the_shape_turns_cuts_slices_and_tells_values(bracket, driver, tmp_path):
     from selenium.webdriver.common.action_chains import ActionChains

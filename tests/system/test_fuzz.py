@@ -21,6 +21,7 @@ def tried(*arguments):
     return tuple(map(int, told.groups()))
 
 
+@pytest.mark.first
 def test_no_reader_crashes_hangs_or_takes_all_memory():
     """In processes of their own, which a crash would end."""
     files, formats, past = tried("--each", "2000")

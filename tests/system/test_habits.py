@@ -84,7 +84,7 @@ def test_what_a_release_is_given_is_made_by_a_command_and_not_kept():
 @pytest.mark.slow
 def test_slow_tests_take_turns_where_a_part_is_named(tmp_path):
     (tmp_path / "conftest.py").write_bytes((ROOT / "conftest.py").read_bytes())
-    (tmp_path / "pytest.ini").write_text("[pytest]\nmarkers = slow\n")
+    (tmp_path / "pytest.ini").write_text("[pytest]\nmarkers =\n  slow\n  first\n")
     (tmp_path / "test_there.py").write_text(
         "import pytest\n\n\ndef test_quick():\n    pass\n\n\n"
         "@pytest.mark.slow\n@pytest.mark.parametrize('n', range(20))\ndef test_slow(n):\n    pass\n"

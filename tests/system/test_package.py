@@ -189,6 +189,7 @@ def test_kernels_are_compiled_and_kept_in_a_clean_environment(clean, tmp_path):
     assert list((tmp_path / "__pycache__").glob("kernels.total-*.nbc"))
 
 
+@pytest.mark.first
 def test_the_wheel_runs_the_demo_without_extras(clean, tmp_path):
     """With one of its three objects: `make demo` images all three."""
     done = subprocess.run(

@@ -91,7 +91,7 @@ def test_a_browser_that_cannot_be_started_or_stays_is_no_hang(tmp_path, monkeypa
     monkeypatch.setattr("millisight.viz._local_page._PATIENCE", 0.1)
     monkeypatch.setattr("webbrowser.open", lambda url: False)
     assert not open_browser("http://127.0.0.1:1/")
-    monkeypatch.setattr("webbrowser.open", lambda url: time.sleep(0.5))
+    monkeypatch.setattr("webbrowser.open", lambda url: time.sleep(4))
     before = time.monotonic()
     assert open_browser("http://127.0.0.1:1/")
-    assert time.monotonic() - before < 0.4
+    assert time.monotonic() - before < 3
