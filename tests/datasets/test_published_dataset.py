@@ -294,6 +294,7 @@ other = ["025_mug"]
 """
 
 
+@pytest.mark.slow
 def test_recipes_take_the_datasets_simulated_images_and_meshes(roots, tmp_path, monkeypatch):
     """Beside scenes made of the meshes from the command line; alone, the same before and after conversion."""
     pytest.importorskip("torch", reason="torch is not installed: make setup-train")

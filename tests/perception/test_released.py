@@ -58,6 +58,7 @@ def published(image, place):
     return ms.SarImage(grid=image.grid, values=image.values, metadata={"history": [step]})
 
 
+@pytest.mark.slow
 def test_the_network_has_the_papers_68_million_weights():
     from millisight.perception.training.networks import ReleasedNetwork
 
@@ -67,6 +68,7 @@ def test_the_network_has_the_papers_68_million_weights():
     assert ReleasedNetwork(4, channels=2).conv1.weight.shape == (16, 2, 3, 3)
 
 
+@pytest.mark.slow
 def test_the_imported_network_gives_what_plain_layers_give(state, weights):
     from torch.nn import functional
 
@@ -96,6 +98,7 @@ class Calls:
         return os.mkdir, (str(self.mark),)
 
 
+@pytest.mark.slow
 def test_nothing_in_weights_is_run(state, tmp_path):
     torch.save({**state, "conv1.bias": Calls(tmp_path / "ran")}, tmp_path / "hostile.h5")
     with pytest.raises(FormatError, match="a state dict of tensors is expected, and nothing else"):
@@ -103,6 +106,7 @@ def test_nothing_in_weights_is_run(state, tmp_path):
     assert not (tmp_path / "ran").exists()
 
 
+@pytest.mark.slow
 def test_weights_that_are_none_are_refused(state, tmp_path):
     for change, message in (
         ({"fc4.weight": torch.zeros(6, 256)}, r"fc4.weight is (6, 256), expected (4, 256)"),
@@ -144,6 +148,7 @@ def small(tmp_path, monkeypatch):
     return saved, read
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("zipped", [True, False])
 def test_any_damage_to_weights_is_an_error_of_ours_or_none(small, zipped):
     """IndexError, TypeError, AttributeError, AssertionError and struct.error came of torch's reader."""

@@ -70,6 +70,7 @@ def counted(by):
     return by, calls
 
 
+@pytest.mark.slow
 def test_three_masks_of_the_picture_s_shape_by_falling_score(folder):
     by = segmenter("sam", model=folder)
     for shape in ((30, 50), (200, 3), (1, 1)):
@@ -79,6 +80,7 @@ def test_three_masks_of_the_picture_s_shape_by_falling_score(folder):
     assert len(set(found.scores)) == 3
 
 
+@pytest.mark.slow
 def test_masks_and_scores_stay_together(folder):
     torch = pytest.importorskip("torch")
     by = segmenter("sam", model=folder)
@@ -96,6 +98,7 @@ def test_masks_and_scores_stay_together(folder):
     )
 
 
+@pytest.mark.slow
 def test_an_embedding_is_computed_once_a_picture(folder):
     by, calls = counted(segmenter("sam", model=folder))
     first = by.segment(picture(), PROMPTS)
@@ -109,6 +112,7 @@ def test_an_embedding_is_computed_once_a_picture(folder):
     np.testing.assert_array_equal(again.scores, first.scores)
 
 
+@pytest.mark.slow
 def test_embeddings_are_not_kept_for_ever(folders):
     by, calls = counted(segmenter("sam", model=folders / "sam"))
     for seed in (*range(9), 0, 8):
@@ -116,6 +120,7 @@ def test_embeddings_are_not_kept_for_ever(folders):
     assert len(calls) == 10  # the first was forgotten, the ninth was not
 
 
+@pytest.mark.slow
 def test_what_transformers_makes_of_the_same_picture(folders):
     """Pixels and points as its own processor prepares them, for the picture that needs no resizing."""
     transformers = pytest.importorskip("transformers")
@@ -128,6 +133,7 @@ def test_what_transformers_makes_of_the_same_picture(folders):
     np.testing.assert_allclose(by._pixels(one.rgb).numpy(), theirs, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_points_go_in_as_column_and_row(folders):
     """Turning the picture and the points over turns what the network is asked."""
     by, asked = segmenter("sam", model=folders / "sam"), []
@@ -139,6 +145,7 @@ def test_points_go_in_as_column_and_row(folders):
     np.testing.assert_array_equal(asked[0]["input_labels"][0, 0].numpy(), [1, 0])
 
 
+@pytest.mark.slow
 def test_the_rule_of_masks_applies(folder):
     by = segmenter("sam", model=folder)
     found = by.segment(picture(), PROMPTS)
@@ -151,6 +158,7 @@ def test_the_rule_of_masks_applies(folder):
     assert best.score == found.scores[0]
 
 
+@pytest.mark.slow
 def test_it_needs_prompts_on_the_picture(folders):
     by = segmenter("sam", model=folders / "sam")
     with pytest.raises(InputError, match="needs prompts"):
@@ -159,6 +167,7 @@ def test_it_needs_prompts_on_the_picture(folders):
         by.segment(picture(), Prompts(points=[[30, 0]], positive=[True]))
 
 
+@pytest.mark.slow
 def test_models_that_cannot_be_loaded_are_told(folders, tmp_path):
     with pytest.raises(FileError, match=r"not a folder with a model.*facebook/sam-vit-base"):
         segmenter("sam", model="vit-x")
@@ -177,6 +186,7 @@ def test_models_that_cannot_be_loaded_are_told(folders, tmp_path):
         segmenter("sam", model=tmp_path)
 
 
+@pytest.mark.slow
 def test_a_model_without_some_weights_is_refused(folders, tmp_path):
     safetensors = pytest.importorskip("safetensors.numpy")
     weights = safetensors.load_file(folders / "sam" / "model.safetensors")
@@ -188,6 +198,7 @@ def test_a_model_without_some_weights_is_refused(folders, tmp_path):
         segmenter("sam", model=tmp_path)
 
 
+@pytest.mark.slow
 def test_devices(folders):
     torch = pytest.importorskip("torch")
     with pytest.raises(UnknownNameError, match="device 'gpu'"):

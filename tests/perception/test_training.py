@@ -52,6 +52,7 @@ def same(a, b):
     return a.keys() == b.keys() and all(torch.equal(a[name], b[name]) for name in a)
 
 
+@pytest.mark.slow
 def test_two_runs_with_one_seed_give_the_same_weights_and_learn(tmp_path):
     first, told = trained(tmp_path / "a")
     second, again = trained(tmp_path / "b")

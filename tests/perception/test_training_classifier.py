@@ -344,6 +344,7 @@ def test_weights_are_the_same_again_and_resumed_and_run_without_torch(examples, 
     assert (by.class_names, by.bands) == (("box", "sphere"), ("77_ghz", "24_ghz"))
 
 
+@pytest.mark.slow
 def test_the_papers_network_looks_at_one_projection_alone(examples, tmp_path):
     torch = pytest.importorskip("torch")
     from millisight.perception.training.networks import PaperNetwork, SmallNetwork

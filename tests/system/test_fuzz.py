@@ -30,6 +30,7 @@ def test_no_reader_crashes_hangs_or_takes_all_memory():
     assert past >= files / 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["network", "checkpoint", "released", "released before"])
 def test_no_reader_of_weights_does(name):
     """Those formats need onnx and torch, without which the test above leaves them out."""
