@@ -1,7 +1,7 @@
 """What holds for every run of pytest here: slow tests may take turns, modules that need an extra are skipped without
 it, and skips are told.
 
-MILLISIGHT_PART=2 runs the second sixth of the tests marked `slow`, and all others: CI takes another with every commit,
+MILLISIGHT_PART=2 runs the second eighth of the tests marked `slow`, and all others: CI takes another with every commit,
 since all of them would take longer than anybody waits for.
 
 MILLISIGHT_NO_SKIP=1 makes every skip a failure. MILLISIGHT_SKIPPED=FILE writes down what was skipped, a line each, so
@@ -19,7 +19,7 @@ from _pytest.doctest import DoctestModule
 _EXTRAS = {"torch": "train"}
 """What modules of the package import at their top, and the extra that brings it."""
 
-_PARTS = 6  # of the slow tests
+_PARTS = 8  # of the slow tests
 
 
 def pytest_report_header():

@@ -97,16 +97,16 @@ def test_slow_tests_take_turns_where_a_part_is_named(tmp_path):
         return done.returncode, set(re.findall(r"::(test_\w+(?:\[\d+\])?)", done.stdout)), done.stdout + done.stderr
 
     every = {"test_quick", *(f"test_slow[{n}]" for n in range(20))}
-    parts = [run(f"{part}") for part in range(1, 7)]
-    assert [code for code, _, _ in parts] == [0] * 6
+    parts = [run(f"{part}") for part in range(1, 9)]
+    assert [code for code, _, _ in parts] == [0] * 8
     assert set.union(*(names for _, names, _ in parts)) == every
-    assert sum(len(names) for _, names, _ in parts) == len(every) + 5  # the quick one is run each time
-    assert "slow tests: part 3 of 6" in parts[2][2]
+    assert sum(len(names) for _, names, _ in parts) == len(every) + 7  # the quick one is run each time
+    assert "slow tests: part 3 of 8" in parts[2][2]
     assert run("2", "-n", "2")[1] == parts[1][1]
     assert run("")[1] == every
     code, names, said = run("some")
     assert (code, names) == (4, set())
-    assert "MILLISIGHT_PART is some; expected 1 to 6" in said
+    assert "MILLISIGHT_PART is some; expected 1 to 8" in said
 
 
 @pytest.fixture
