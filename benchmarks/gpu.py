@@ -1,9 +1,8 @@
 """A GPU's correctness and speed: `python benchmarks/gpu.py`. Without a GPU it says so and exits 1.
 
 First small random problems: images against `ms.image_at` (float64) and the CPU's, signals against a sum in float64
-and the CPU's. Then problem R (issue 4: 220 x 240 x 22 voxels, 10 900 poses, 4 RX, 512 samples; noise for frames, the
-work is the same), and the signals of problem S (10 000 vertices, 3 % of them lit). Kernels are timed with everything
-on the GPU, whole calls from NumPy to NumPy; medians of 5, after one that compiles.
+and the CPU's. Then the problems R and S of `problems.py`: kernels with everything on the GPU, and whole calls from
+NumPy to NumPy, the CPU's beside them; medians of 5 and of 3, after one that compiles. The rig has no kernels for a GPU.
 
 `--tiny` shrinks all of it to try this script itself, with NUMBA_ENABLE_CUDASIM=1 without a GPU (figures mean nothing).
 """
@@ -13,11 +12,12 @@ import sys
 import time
 
 import numpy as np
+from problems import real_size, simulated_object
 
 import millisight as ms
 from millisight.core import SPEED_OF_LIGHT, check_device
 from millisight.core.errors import DeviceError
-from millisight.imaging import path_bounds, range_steering
+from millisight.imaging import _plan, path_bounds, range_steering
 from millisight.simulation._simulate import _add_signals, _kernels_on
 
 TINY = "--tiny" in sys.argv[1:]
@@ -75,6 +75,10 @@ def correctness(rng):
         frames, capture.tx_positions, capture.rx_positions, capture.radar.waveform.frequencies, grid.points[some],
         capture.radar.path_offset,
     )  # fmt: skip
+    # Problems of this size are factorised too, by the same plan on both.
+    _plan._LEAST_PAIRS = 0
+    costs = dict(_plan.COSTS)
+    _plan.COSTS["cuda"] = _plan.COSTS["cpu"] = _plan.COSTS["cpu"]._replace(top=0)
     for method, most_exact, most_cpu in (("backprojection", 0.01, 1e-3), ("fast", 0.02, 3e-3)):
         images = [ms.form_image(capture, grid, method=method, device=d) for d in ("cuda", "cpu")]
         gpu, cpu = (image.values.ravel() for image in images)
@@ -84,6 +88,7 @@ def correctness(rng):
         print(f"  {done_by:25} {to_exact:.1e} from image_at on {len(some)} voxels, {to_cpu:.1e} from the CPU")
         assert to_exact < most_exact
         assert to_cpu < most_cpu
+    _plan.COSTS.update(costs)
 
     args = signals(30 if TINY else 1000, 0.3, 3 if TINY else 50, rng)
     lit, antennas, _, points, strengths, radar, *_, frames = args
@@ -158,17 +163,40 @@ def speed(rng):
             f"  direct backprojection, kernel    {seconds:8.4f} s (first {first:.2f}): {pairs / seconds:.2e} pairs/s, "
             f"{100 * pairs / seconds / floor:.0f} % of the most; {name}"
         )
-    for method in ("backprojection", "fast"):
-        work = lambda method=method: ms.form_image(capture, grid, method=method, device="cuda")  # noqa: E731
-        first, seconds = median_time(work, cuda.synchronize)
-        print(f"  form_image, {method:20} {seconds:8.4f} s (first {first:.2f}): {pairs / seconds:.2e} pairs/s")
+    del profiles, sums, frames
+    whole_calls()
 
-    args = signals(50 if TINY else 10_000, 0.03, 4 if TINY else 300, rng)
-    for device in ("cuda", "cpu"):
-        first, seconds = median_time(lambda device=device: _add_signals(_kernels_on(device), *args), cuda.synchronize)
-        print(
-            f"Problem S, signals on {device:4} {1e6 * seconds / len(args[0]):8.1f} us a position (first {first:.2f} s)"
-        )
+
+def whole_calls():
+    """R, S and the rig as a user calls them."""
+    rounds = 1 if TINY else 3
+    capture, grid = real_size(1 / 4096 if TINY else 1)
+    some = np.random.default_rng(1).choice(grid.size, min(grid.size, 500), replace=False)
+    exact = ms.image_at(
+        capture.frames, capture.tx_positions, capture.rx_positions, capture.radar.waveform.frequencies,
+        grid.points[some], capture.radar.path_offset,
+    )  # fmt: skip
+    pairs = grid.size * capture.channels
+    for device, method in (("cuda", "backprojection"), ("cuda", "fast"), ("cpu", "fast")):
+        kept = []
+        work = lambda d=device, m=method, k=kept: k.append(ms.form_image(capture, grid, method=m, device=d))  # noqa: E731
+        first, seconds = median_time(work, lambda: None, rounds)
+        image = kept[-1]
+        by = image.metadata["history"][-1].get("done_by", method)
+        error = relative(image.values.ravel()[some], exact)
+        print(f"R on {device}, {method} (by {by}): {seconds:.3f} s (first {first:.2f}), {pairs / seconds:.2e} pairs/s, "
+              f"error {error:.2%}")  # fmt: skip
+    scene, radar, trajectory, grid = simulated_object(1 / 2000 if TINY else 1)
+    for model in ("specular", "edge"):
+        for device in ("cuda", "cpu"):
+            kept = []
+            work = lambda d=device, m=model, k=kept: k.append(  # noqa: E731
+                ms.simulate(scene, radar, trajectory, model=m, device=d)
+            )
+            simulated = median_time(work, lambda: None, rounds)[1]
+            work = lambda d=device, k=kept: ms.form_image(k[-1], grid, device=d)  # noqa: E731
+            formed = median_time(work, lambda: None, rounds)[1]
+            print(f"S, {model} on {device}: simulate {simulated:.2f} s, form_image {formed:.2f} s")
 
 
 def main():

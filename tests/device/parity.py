@@ -28,9 +28,25 @@ NEAREST, PER_METRE = np.float32(0.1), np.float32(60.0)
 
 
 if os.environ.get("NUMBA_ENABLE_CUDASIM") == "1":
-    # The simulator starts a thread of Python for each of a block, also for those past the end of a small problem: a
-    # block of a warp costs an eighth, and what is longer has several blocks, as on a GPU.
-    gpu.launch.__kwdefaults__["threads"] = 32
+    # The simulator starts a thread of Python for each of a block, and these wait for each other: few are the fastest.
+    gpu.launch.__kwdefaults__["threads"] = 2
+
+
+def taken_by_a_gpu(value):
+    """Whether numba-cuda hands such a value over to a kernel; the simulator takes anything, None for one."""
+    if isinstance(value, tuple):
+        return all(map(taken_by_a_gpu, value))
+    return isinstance(value, bool | int | float | complex | np.generic) or hasattr(value, "dtype")
+
+
+def launch(function, size, *args, _launch=gpu.launch, **options):
+    strange = [type(value).__name__ for value in args if not taken_by_a_gpu(value)]
+    assert not strange, f"{function} takes {strange}"
+    _launch(function, size, *args, **options)
+
+
+for module in (gpu, _cuda, capture_cuda):
+    module.launch = launch
 
 
 def random_complex(rng, *shape):
@@ -166,7 +182,7 @@ def doors(rng):
     grid = ms.VoxelGrid.regular((-0.02, -0.02, 0), (0.02, 0.02, 0), 0.01)
     coarse = np.linspace(-0.03, 0.03, 8)
     levels = tuple(_plan.Level(size, (coarse, coarse)) for size in (0.002, 0.004))
-    fast.make_plan = lambda *_: _plan.Plan(levels, (0, 1, 2), 1.0)
+    fast.make_plan = lambda *_, **options: _plan.Plan(levels, (0, 1, 2), 1.0)
     for method in ("backprojection", "fast"):
         images = [ms.form_image(capture, grid, method=method, window="hann", device=d) for d in ("cuda", "cpu")]
         yield method, *(image.values for image in images)

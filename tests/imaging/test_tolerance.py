@@ -61,7 +61,7 @@ def plan_of(problem):
 def eager(monkeypatch):
     """Small problems are factorised too, wherever that takes fewer operations."""
     monkeypatch.setattr(_plan, "_LEAST_PAIRS", 0)
-    monkeypatch.setattr(_plan, "_COST_TOP", 0)
+    monkeypatch.setitem(_plan.COSTS, "cpu", _plan.COSTS["cpu"]._replace(top=0))
 
 
 @pytest.mark.slow

@@ -79,8 +79,10 @@ def _backproject_box(
     for block, frames in weighted_blocks(capture, step, window):
         profiles = compression.profiles(frames, block)
         scan = compression.nearest(block), compression.per_metre, carrier, tx[block], rx[block]
+        # A GPU is waited for before its kernel starts, not after: the check then works beside it.
+        checked = kernels.to_host(profiles)
         kernels.backproject(profiles, *scan, *voxels, sums[0], sums[1], compression.excess)
-        check.add(kernels.to_host(profiles), *scan, compression.excess, lambda: kernels.to_host(sums))
+        check.add(checked, *scan, compression.excess, lambda: kernels.to_host(sums))
         if progress is not None:
             progress(block.stop, len(capture.trajectory))
     real, imag = kernels.to_host(sums)

@@ -106,7 +106,7 @@ def _fast_box(
     # The errors of range profiles and of factorising have nothing to do with each other: their squares add up.
     planned = _PLANNED * float(np.sqrt(max(tolerance**2 - profiles**2, 0.0)))
     for _ in range(_ATTEMPTS):
-        plan = make_plan(tx, rx, axes, capture, planned)
+        plan = make_plan(tx, rx, axes, capture, planned, device=device)
         if plan is None:
             break
         values, deviation = _factorise(kernels_on(device), capture, tx, rx, axes, plan, window, oversampling, progress)

@@ -20,14 +20,36 @@ from millisight.imaging._taps import TAPS, taps_at
 # even so: the wider the band the coarser the axis, and the larger the error.
 _BANDS = ((0.6, 1.3e-3), (0.5, 2.6e-4), (0.4, 0.0))
 
-# Nanoseconds and core: a voxel-channel pair in a leaf and in direct backprojection, a voxel of a merged field, one that
-# is interpolated along the first axis alone (less where the innermost one is long), one sub-aperture in one level.
-_COST_LEAF, _COST_DIRECT, _COST_MERGE = 1.35, 1.3, 1.7
-_COST_FIRST, _COST_SHORT = 0.5, 1.5
-# A voxel more, where the fields of one largest sub-aperture's parts take more than the caches hold [bytes].
-_COST_FAR, _CACHES = 0.5, 3e7
-_COST_PART = 2000.0
-_COST_TOP = 400_000.0  # Python between kernels, for each largest sub-aperture and level
+
+class Costs(NamedTuple):
+    """What parts of the work cost on a device, one core of a CPU or a whole GPU [ns].
+
+    Attributes
+    ----------
+    leaf, direct : a voxel-channel pair in a leaf and in direct backprojection
+    merge : a voxel of a merged field
+    first, short : a voxel that is interpolated along the first axis alone; a row of them along the innermost axis
+    far, caches : a voxel more, where the fields of one largest sub-aperture's parts take more than `caches` [bytes]
+    part : a sub-aperture in one level
+    top : what is between kernels, for each largest sub-aperture and level
+    """
+
+    leaf: float
+    direct: float
+    merge: float
+    first: float
+    short: float
+    far: float
+    caches: float
+    part: float
+    top: float
+
+
+COSTS = {
+    "cpu": Costs(1.35, 1.3, 1.7, 0.5, 1.5, 0.5, 3e7, 2000.0, 400_000.0),
+    # Measured on an H100 by `benchmarks/gpu.py`: kernels hardly cost anything, starting them does.
+    "cuda": Costs(0.004, 0.004, 0.1, 0.05, 0.1, 0.0, 3e7, 100.0, 3_500_000.0),
+}
 
 _LEAST_GAIN = 1.3
 _PROMISED = 1.2  # times that, where only local frequencies were asked
@@ -91,12 +113,14 @@ def make_plan(
     capture: Capture,
     tolerance: float,
     *,
+    device: str = "cpu",
     seed: int = 0,
 ) -> Plan | None:
     """The cheapest levels for antennas tx (P, T, 3), rx (P, R, 3) and grid axes [m] whose interpolations together err
-    by no more than `tolerance`; None where direct backprojection is cheaper."""
-    channels = capture.channels
-    direct = _COST_DIRECT * channels * float(np.prod([len(a) for a in axes]))
+    by no more than `tolerance`; None where direct backprojection is cheaper on that device."""
+    channels, costs = capture.channels, COSTS[device]
+    pairs = channels * float(np.prod([len(a) for a in axes]))
+    direct = costs.direct * pairs
     middle = middles(tx, rx)
     # Coarse axes pay most where there are many voxels; the axis with the fewest stays as it is, innermost in memory.
     order = tuple(int(a) for a in np.argsort([-len(a) for a in axes], kind="stable"))
@@ -104,7 +128,7 @@ def make_plan(
         np.ptp(middle, axis=0).max() == 0
         or channels < _LEAST_CHANNELS
         or len(axes[order[0]]) <= TAPS
-        or direct / _COST_DIRECT < _LEAST_PAIRS
+        or pairs < _LEAST_PAIRS
     ):
         return None
     turn = np.array(order)
@@ -122,9 +146,9 @@ def make_plan(
         if attempt == 0:
             # What local frequencies promise costs little, and the probe seldom finds axes that are much coarser.
             promised = _candidates(scan, probe, None, band, seed)
-            if _cheapest(promised, scan, order, channels, _PROMISED * direct, band) is None:
+            if _cheapest(promised, scan, order, channels, _PROMISED * direct, band, costs) is None:
                 return None
-        plan = _cheapest(_candidates(scan, probe, share, band, seed), scan, order, channels, direct, band)
+        plan = _cheapest(_candidates(scan, probe, share, band, seed), scan, order, channels, direct, band, costs)
         if plan is None or plan.error <= tolerance:
             return plan
         share *= 0.9 * tolerance / plan.error
@@ -132,22 +156,28 @@ def make_plan(
 
 
 def _cheapest(
-    steps: list[_Step], scan: _Scan, order: tuple[int, ...], channels: int, direct: float, band: float
+    steps: list[_Step],
+    scan: _Scan,
+    order: tuple[int, ...],
+    channels: int,
+    direct: float,
+    band: float,
+    costs: Costs,
 ) -> Plan | None:
     """The ladder of neighbouring levels of the least estimated cost, if that is below direct backprojection's."""
     best, cheapest = None, direct / _LEAST_GAIN
     depth = len(scan.axes[2])
-    first = _COST_FIRST + _COST_SHORT / depth
+    first = costs.first + costs.short / depth
     for leaf in range(len(steps)):
         for top in range(leaf + 1):
             chosen = steps[top : leaf + 1]
             shapes = [(len(scan.axes[0]), len(scan.axes[1])), *(tuple(map(len, s.level.axes)) for s in chosen)]
-            cost = _COST_LEAF * channels * shapes[-1][0] * shapes[-1][1] * depth
+            cost = costs.leaf * channels * shapes[-1][0] * shapes[-1][1] * depth
             for step, target, own in zip(chosen, shapes, shapes[1:], strict=False):
                 held = 8 * depth * own[0] * own[1] * step.count / chosen[0].count
-                each = _COST_MERGE + (_COST_FAR if held > _CACHES else 0)
+                each = costs.merge + (costs.far if held > costs.caches else 0)
                 cost += step.count * depth * target[0] * (each * target[1] + first * own[1])
-                cost += _COST_PART * step.count + _COST_TOP * chosen[0].count
+                cost += costs.part * step.count + costs.top * chosen[0].count
             if cost < cheapest:
                 best, cheapest = chosen, cost
     if best is None:

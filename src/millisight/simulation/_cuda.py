@@ -1,8 +1,9 @@
 """The simulator's inner loops on a GPU: the functions of `_kernels` under the same names, for NumPy or device arrays.
 
-The CPU finds the vertices' weights, with rays; the GPU sums their signals and restores their delay. The sum has
-two steps: a thread a vertex and channel counts phases in float64 and wraps them, then a thread a channel and node of
-the band adds up in float32. A warp is at one or two channels, so vertices in the dark cost it one read.
+The CPU finds the vertices' weights, with rays; the GPU sums their signals and restores their delay. A thread has one
+channel and node of the band: it counts phases in float64, wraps them and adds up in float32. A warp is at one or two
+channels, so vertices in the dark cost it one read. Each of some 25 nodes counts the same phases: that is less than to
+write them to memory, and nothing beside the memory's allocation.
 """
 
 import numpy as np
@@ -11,7 +12,6 @@ from millisight.core.gpu import (
     cosine,
     cuda,
     distance,
-    empty,
     kernel,
     launch,
     product,
@@ -25,36 +25,27 @@ __all__ = ["node_signals", "product", "restore_delay"]
 
 
 @kernel(fastmath=True)
-def _phases(weights, tx, rx, vertices, center, path_offset, carrier, half_band, spread, base, slope, gain):
-    v = cuda.grid(1)
-    if v >= vertices.shape[0]:
-        return
-    x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
-    for c in range(cuda.blockIdx.y, tx.shape[0], cuda.gridDim.y):
-        if weights[c, v]:
-            d = distance(x - tx[c, 0], y - tx[c, 1], z - tx[c, 2])
-            d += distance(x - rx[c, 0], y - rx[c, 1], z - rx[c, 2])
-            d_c = distance(center[0] - tx[c, 0], center[1] - tx[c, 1], center[2] - tx[c, 2])
-            d_c += distance(center[0] - rx[c, 0], center[1] - rx[c, 1], center[2] - rx[c, 2])
-            base[c, v] = wrapped(carrier * (d + path_offset))
-            slope[c, v] = half_band * (d - d_c)
-            gain[c, v] = weights[c, v] / d if spread else weights[c, v] * 1.0
-
-
-@kernel(fastmath=True)
-def _node_sums(weights, reflections, nodes, base, slope, gain, out):
+def _node_sums(weights, tx, rx, vertices, reflections, spread, center, path_offset, carrier, half_band, nodes, out):
     q = cuda.grid(1)
     count = nodes.shape[0]
     if q >= weights.shape[0] * count:
         return
     c, n = q // count, q % count
     node = nodes[n]
+    tx0, tx1, tx2 = tx[c, 0], tx[c, 1], tx[c, 2]
+    rx0, rx1, rx2 = rx[c, 0], rx[c, 1], rx[c, 2]
+    d_c = distance(center[0] - tx0, center[1] - tx1, center[2] - tx2)
+    d_c += distance(center[0] - rx0, center[1] - rx1, center[2] - rx2)
     total_re, total_im = np.float32(0.0), np.float32(0.0)
     for v in range(weights.shape[1]):
         if weights[c, v]:
-            turn = wrapped(base[c, v] + slope[c, v] * node)
+            x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
+            d = distance(x - tx0, y - tx1, z - tx2) + distance(x - rx0, y - rx1, z - rx2)
+            amplitude = np.float32(weights[c, v] / d if spread else weights[c, v] * 1.0)
+            base, slope = np.float32(wrapped(carrier * (d + path_offset))), np.float32(half_band * (d - d_c))
+            turn = wrapped(base + slope * node)
             cos, sin = cosine(turn), sine(turn)
-            re, im = gain[c, v] * reflections[v].real, gain[c, v] * reflections[v].imag
+            re, im = amplitude * reflections[v].real, amplitude * reflections[v].imag
             # a (cos - i sin): the sign of primer (3)
             total_re += re * cos + im * sin
             total_im += im * cos - re * sin
@@ -76,17 +67,13 @@ def _restore_delay(tx, rx, center, path_offset, start, step, signals):
 
 
 def node_signals(weights, tx, rx, vertices, reflections, spread, center, path_offset, carrier, half_band, nodes, out):
-    """See `_kernels.node_signals`. Device memory: 12 bytes a vertex and channel, besides the arguments."""
-    weights, tx, rx, vertices = to_device(weights), to_device(tx), to_device(rx), to_device(vertices)
-    reflections, nodes = to_device(np.asarray(reflections, np.complex64)), to_device(np.asarray(nodes, np.float32))
-    base, slope, gain = empty(weights.shape), empty(weights.shape), empty(weights.shape)
-    launch(
-        _phases, (weights.shape[1], weights.shape[0]), weights, tx, rx, vertices, center, float(path_offset),
-        float(carrier), float(half_band), bool(spread), base, slope, gain,
-    )  # fmt: skip
+    """See `_kernels.node_signals`."""
     # Small blocks, for all multiprocessors to have some.
-    size = (weights.shape[0] * nodes.shape[0], 1)
-    launch(_node_sums, size, weights, reflections, nodes, base, slope, gain, out=(out,), threads=64)
+    launch(
+        _node_sums, (weights.shape[0] * nodes.shape[0], 1), weights, tx, rx, vertices,
+        np.asarray(reflections, np.complex64), bool(spread), center, float(path_offset), float(carrier),
+        float(half_band), np.asarray(nodes, np.float32), out=(out,), threads=64,
+    )  # fmt: skip
 
 
 def restore_delay(signals, tx, rx, center, path_offset, start, step, rows, frames):
