@@ -84,11 +84,11 @@ def launch(function: Any, size: tuple[int, int], *args: Any, out: tuple[Any, ...
     if width == 0 or height == 0:
         return
     results = [to_device(array) for array in out]
-    configured = function[((width + threads - 1) // threads, min(height, _HIGHEST_Y)), threads]
     with warnings.catch_warnings():
         # A small problem fills no GPU: true, and no fault.
         warnings.filterwarnings("ignore", message=".*Grid size .* will likely result in GPU under-utilization")
-        configured(*map(to_device, args), *results)
+        configured = function[((width + threads - 1) // threads, min(height, _HIGHEST_Y)), threads]
+    configured(*map(to_device, args), *results)
     for array, result in zip(out, results, strict=True):
         if isinstance(array, np.ndarray):
             array[...] = to_host(result)
