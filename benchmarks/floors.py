@@ -62,7 +62,9 @@ def counting() -> Iterator[Counter[str]]:
     def rays(_: Any, origins: np.ndarray, vertices: np.ndarray) -> None:
         counted["rays"] += len(vertices)
 
-    def signals(_: Any, weights: np.ndarray, tx: np.ndarray, rx: np.ndarray, points: np.ndarray, *args: Any) -> None:
+    def signals(
+        _: Any, weights: np.ndarray, tx: np.ndarray, rx: np.ndarray, points: np.ndarray, *args: Any, **_band: Any
+    ) -> None:
         radar, frames = args[1], args[-1]
         frequencies = (radar.waveform.frequencies - radar.waveform.center_frequency) / 299_792_458.0
         phase = 2 * np.pi * abs(frequencies[-1]) * float(np.linalg.norm(np.ptp(points, axis=0)))

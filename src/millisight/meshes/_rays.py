@@ -12,7 +12,7 @@ from millisight.data import TriangleMesh
 
 _RAYS = 100_000  # in one call of Embree, which nothing interrupts: a second or two where thousands of faces overlap
 
-_FEWEST = 10_000  # for which a thread of its own is worth while
+_FEWEST = 2_000  # for which a thread of its own is worth while
 # Addresses that Embree takes, and for each triangle [bytes]: a little more than measured.
 _RESERVED, _EACH = 280_000_000, 400
 

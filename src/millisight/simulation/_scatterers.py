@@ -24,7 +24,9 @@ _CELLS = 32
 
 
 class Scatterers:
-    """The vertices of a mesh that can answer under a model (`indices`), ready to be asked from many antennas.
+    """The vertices of a mesh that can answer under a model, ready to be asked from many antennas.
+
+    `indices` are their numbers, `points` (V, 3) their positions [m].
 
     `each` is called again and again while rays are cast.
     """
@@ -36,15 +38,11 @@ class Scatterers:
         self.mesh = mesh
         self.model = model
         self.indices = np.flatnonzero(candidates)
+        self.points = mesh.vertices[self.indices]
         self._normals = mesh.vertex_normals[self.indices]
         self._vertices = mesh.vertices.astype(np.float32)
         self._center = mesh.bounds.mean(axis=0)
         self._caster = RayCaster(self._vertices[mesh.faces], each=each)
-
-    @property
-    def points(self) -> np.ndarray:
-        """(V, 3) positions of `indices` [m]."""
-        return self.mesh.vertices[self.indices]
 
     def weights(self, tx_positions: np.ndarray, rx_positions: np.ndarray) -> np.ndarray:
         """(P, T, R, V) how strongly `indices` answer to antennas (P, T, 3), (P, R, 3) [m]; hidden: 0."""
@@ -91,14 +89,14 @@ class Scatterers:
         return arrived
 
     def _clear(self, antennas: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-        """(P, V) bool: whether antenna p (P, 3) sees vertex v; only where `wanted` (P, V), elsewhere False."""
+        """(P, V) bool: whether antenna p (P, 3) sees vertex v; only where `wanted` (P, V), which may be overwritten."""
         # Corners of cells see every vertex, which pays only where many are wanted.
         if np.count_nonzero(wanted) > wanted.size / 10:
             return self._shared_view(antennas, wanted)
-        return self._each_ray(antennas, wanted, np.zeros_like(wanted))
+        return self._each_ray(antennas, wanted, wanted)
 
     def _each_ray(self, antennas: np.ndarray, wanted: np.ndarray, clear: np.ndarray) -> np.ndarray:
-        """`clear` (P, V), in which a ray each has settled what is wanted."""
+        """`clear` (P, V), perhaps `wanted` itself, in which a ray each has settled what is wanted."""
         # Several times as fast as np.nonzero in two dimensions.
         antenna, vertex = np.divmod(np.flatnonzero(wanted), wanted.shape[1])
         clear[antenna, vertex] = self.sees(antennas[antenna], self.indices[vertex])

@@ -1,7 +1,7 @@
 """The paper's simulator: frames of a radar that looks at a mesh (primer 13)."""
 
 from collections.abc import Callable
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -83,6 +83,7 @@ def simulate(
     poses, samples = len(trajectory), radar.waveform.samples_per_chirp
     frames = np.zeros((poses, len(array.tx_positions), len(array.rx_positions), samples), dtype=np.complex64)
     reflections = scene.reflections[scatterers.indices]
+    band = _band_over(scatterers.points, radar)
     ever_lit = np.zeros(len(scatterers.indices), dtype=bool)
     order = scatterers.neighbours_first(trajectory.positions)
     step = max(1, _BLOCK_PAIRS // (max(1, len(scatterers.indices)) * frames.shape[1] * frames.shape[2]))
@@ -91,8 +92,9 @@ def simulate(
         weights = scatterers.weights(tx[block], rx[block])
         ever_lit |= weights.any(axis=(0, 1, 2))
         _add_signals(
-            kernels, weights, tx[block], rx[block], scatterers.points, reflections, radar, spreading, block, frames
-        )
+            kernels, weights, tx[block], rx[block], scatterers.points, reflections, radar, spreading, block, frames,
+            band=band,
+        )  # fmt: skip
         done = start + len(block)
         tell(done, poses)
 
@@ -126,32 +128,56 @@ def _kernels_on(device: str) -> Any:
     return kernels
 
 
-def _add_signals(kernels, weights, tx, rx, points, reflections, radar, spreading, block, frames) -> None:
-    """Write the frames of the poses `block`: the weighted sum over vertices (primer 13).
+class _Band(NamedTuple):
+    """Where in the band signals are summed: see `_band_over`.
+
+    Attributes
+    ----------
+    center : (3,) the middle of the points [m]
+    frequencies : (N,) of the samples, less the band's middle, over c [1/m]
+    nodes : (n,) on [-1, 1] of the half band
+    interpolation : (n, N) complex64
+    """
+
+    center: np.ndarray
+    frequencies: np.ndarray
+    nodes: np.ndarray
+    interpolation: np.ndarray
+
+
+def _band_over(points: np.ndarray, radar: Radar) -> _Band | None:
+    """The nodes that signals of these points need; None without points.
 
     Less the common delay of the scene's centre, the signal varies slowly with frequency: it is summed at a few
     Chebyshev nodes of the band, from which a matrix product gives every sample: see `_band_nodes`.
     """
-    waveform = radar.waveform
     if not len(points):
-        return
+        return None
+    waveform = radar.waveform
     lower, upper = points.min(axis=0), points.max(axis=0)
-    center = (lower + upper) / 2
     frequencies = (waveform.frequencies - waveform.center_frequency) / SPEED_OF_LIGHT
-    half_band = frequencies[-1]
     # A path differs from the centre's by at most 2 radii, and a frequency by half the band.
-    nodes, interpolation = _band_nodes(frequencies, 2 * np.pi * abs(half_band) * float(np.linalg.norm(upper - lower)))
+    phase = 2 * np.pi * abs(frequencies[-1]) * float(np.linalg.norm(upper - lower))
+    return _Band((lower + upper) / 2, frequencies, *_band_nodes(frequencies, phase))
 
+
+def _add_signals(
+    kernels, weights, tx, rx, points, reflections, radar, spreading, block, frames, *, band: _Band | None = None
+) -> None:
+    """Write the frames of the poses `block`: the weighted sum over vertices (primer 13)."""
+    band = band or _band_over(points, radar)
+    if band is None:
+        return
     tx, rx = of_channels(tx, rx)
-    signals = np.empty((len(tx), len(nodes)), dtype=np.complex64)
+    signals = np.empty((len(tx), len(band.nodes)), dtype=np.complex64)
     kernels.node_signals(
-        weights.reshape(len(tx), -1), tx, rx, points, reflections, spreading == "1/d", center, radar.path_offset,
-        waveform.center_frequency / SPEED_OF_LIGHT, half_band, nodes, signals,
+        weights.reshape(len(tx), -1), tx, rx, points, reflections, spreading == "1/d", band.center, radar.path_offset,
+        radar.waveform.center_frequency / SPEED_OF_LIGHT, band.frequencies[-1], band.nodes, signals,
     )  # fmt: skip
     rows = np.arange(frames.size // frames.shape[-1]).reshape(frames.shape[:3])[block].ravel()
     kernels.restore_delay(
-        kernels.product(signals, interpolation), tx, rx, center, radar.path_offset, frequencies[0],
-        waveform.frequency_step / SPEED_OF_LIGHT, rows, frames.reshape(-1, frames.shape[-1]),
+        kernels.product(signals, band.interpolation), tx, rx, band.center, radar.path_offset, band.frequencies[0],
+        radar.waveform.frequency_step / SPEED_OF_LIGHT, rows, frames.reshape(-1, frames.shape[-1]),
     )  # fmt: skip
 
 
