@@ -316,6 +316,29 @@ def test_a_grid_beyond_this_machine_is_refused_before_any_work(mug, tmp_path):
     assert "use a coarser --grid, or pass --memory" in line
 
 
+def test_the_device_is_handed_on(tmp_path, monkeypatch):
+    path = raster(step=0.05)
+    ms.save(tmp_path / "c.h5", capture_of(DEVICES["24 GHz"], path, points(DEVICES["24 GHz"], path)))
+    plain, asked = image_steps.form_image, []
+
+    def on_the_cpu(*arguments, device, **settings):
+        asked.append(device)
+        return plain(*arguments, **settings)
+
+    monkeypatch.setattr(image_steps, "form_image", on_the_cpu)
+    monkeypatch.setattr("millisight.cli.image.check_device", lambda name: None)
+    grid = "--grid=-1cm:1cm:1cm,-1cm:1cm:1cm,-26cm:-24cm:1cm"
+    code, _, err, _ = run_here("image", "c.h5", grid, "--device", "cuda", "-o", "i.h5")
+    assert code == 0, err
+    assert asked == ["cuda"]
+
+
+def test_a_device_that_cannot_do_it(tmp_path):
+    assert "unknown device 'tpu'" in refused("image", "c.h5", "--device", "tpu")
+    line = refused("image", "c.h5", "--device", "cuda", "--memory", "8GB")
+    assert "--device cuda is for whole images" in line
+
+
 def test_a_capture_cut_short_while_it_is_imaged_is_an_error(tmp_path, monkeypatch):
     path = raster(step=0.05)
     ms.save(tmp_path / "c.h5", capture_of(DEVICES["24 GHz"], path, points(DEVICES["24 GHz"], path)))

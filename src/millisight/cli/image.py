@@ -12,7 +12,14 @@ from millisight.cli.image_steps import ImageSettings, check_stated, image_of, la
 from millisight.cli.options import DataFolder, RadarChoice
 from millisight.cli.outputs import check_outputs, named, output_path
 from millisight.cli.sources import Source, sources
-from millisight.core import check_known, checked_colormap, colormap_in_use, make_folder, record_from_file
+from millisight.core import (
+    check_device,
+    check_known,
+    checked_colormap,
+    colormap_in_use,
+    make_folder,
+    record_from_file,
+)
 from millisight.core.errors import InputError, MillisightError
 from millisight.data import SarImage
 from millisight.imaging import CLUTTER, WINDOWS, check_tolerance
@@ -128,6 +135,9 @@ def image(
             "interrupted run goes on with those that are done. [default: the image at once]",
         ),
     ] = None,
+    device: Annotated[
+        str, typer.Option(help="cpu, or cuda: an NVIDIA GPU, for the methods fast and backprojection.")
+    ] = "cpu",
     plot: Annotated[
         Path | None,
         typer.Option(
@@ -181,6 +191,9 @@ def image(
         raise InputError("--memory writes the image alone; leave --as-published, --plot and --slices out")
     if as_published and any(one is not None for one in (method, window, tolerance)):
         raise InputError("--as-published is a method of its own; leave --method, --window and --tolerance out")
+    if device != "cpu" and (as_published or memory is not None):
+        raise InputError(f"--device {device} is for whole images; leave --as-published and --memory out")
+    check_device(device)
     if tolerance is not None:
         check_tolerance(tolerance)
     settings = ImageSettings(
@@ -199,6 +212,7 @@ def image(
         db=db,
         colormap=colormap,
         memory=None if memory is None else parse_bytes(memory),
+        device=device,
     )
     found = sources(captures, radar)
     empties = {(source.path, source.radar) for source in settings.background}

@@ -51,6 +51,7 @@ class ImageSettings:
     db: bool
     colormap: str | None = None
     memory: float | None = None  # [bytes]
+    device: str = "cpu"
 
     def asked(self, source: Source) -> dict[str, Any]:
         """What decides the values of the image of a capture, as its metadata hold it."""
@@ -210,7 +211,8 @@ def _form(capture: Capture, voxels: VoxelGrid, settings: ImageSettings, label: s
     method, window = _stated_settings(capture, settings)
     with progress(f"{label}image by {method}") as report:
         return form_image(
-            capture, voxels, method=method, window=window, tolerance=settings.tolerance, progress=report
+            capture, voxels, method=method, window=window, tolerance=settings.tolerance, device=settings.device,
+            progress=report,
         )  # fmt: skip
 
 
