@@ -6,7 +6,7 @@ import pytest
 import millisight as ms
 from millisight.core.errors import InputError
 from millisight.imaging import DetectedSheet, SheetRemoval
-from millisight.perception.segmentation._heights import between, lid_height
+from millisight.perception.segmentation._heights import beneath, between, lid_height
 
 X, Z = 0.004 * np.arange(40), -0.37 + 0.01 * np.arange(22)
 SUPPORT, LID = -0.30, -0.20
@@ -111,3 +111,16 @@ def test_segment_leaves_out_what_does_not_rise_above_the_support():
     assert not empty.inside.any()
     with pytest.raises(InputError, match="support is nan"):
         ms.segment(image, method=Everything(), support=np.nan)
+
+
+def test_what_lies_beside_the_lid_is_not_under_it():
+    """By a part's middle: what reaches out from under the lid is kept whole."""
+    image, mask = image_of(), mask_of("low", "tall")
+    mask[24:32, 31:37] = True  # its middle is 1 cm beyond the sheet, which ends where "edge" does
+    under = np.zeros_like(mask)
+    under[30:39, 28:32] = True
+    removal = removal_of(image, LID)
+    assert not beneath(mask, image, removal).any()
+    np.testing.assert_array_equal(beneath(under, image, removal), under)
+    nothing = SheetRemoval(result=image, sheets=(), left=(), reason="none")
+    np.testing.assert_array_equal(beneath(mask, image, nothing), mask)

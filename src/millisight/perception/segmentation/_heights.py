@@ -1,4 +1,4 @@
-"""How high the parts of a mask lie, by which an object is told from what it stands on and from the lid over it."""
+"""Where the parts of a mask lie: how high, above what the object stands on and below the lid, and under the lid at all."""
 
 from typing import cast
 
@@ -49,6 +49,34 @@ def between(
     if support is None and not low[1:].any():
         return inside
     return inside & (high & low)[parts]
+
+
+def beneath(inside: np.ndarray, image: SarImage, removal: SheetRemoval[SarImage]) -> np.ndarray:
+    """The parts of a mask whose middle lies under some sheet that was taken off; all where none was.
+
+    Beside a lid lie its edges, the walls below them, and its grating lobes.
+
+    Parameters
+    ----------
+    inside : (X, Y) bool, on the image's pixels
+    image : in which the sheets were found
+    removal : of the sheets
+
+    Returns
+    -------
+    (X, Y) bool
+    """
+    from scipy.ndimage import center_of_mass, label
+
+    under = np.zeros_like(inside)
+    for sheet in removal.sheets:
+        under |= sheet.box_on(image.grid.xy)
+    if not inside.any() or not under.any():
+        return inside
+    parts, count = cast("tuple[np.ndarray, int]", label(inside, structure=np.ones((3, 3))))
+    middles = np.rint(center_of_mass(inside, parts, np.arange(1, count + 1))).astype(int)
+    kept = np.concatenate([[False], under[tuple(middles.T)]])
+    return inside & kept[parts]
 
 
 def lid_height(image: SarImage, removal: SheetRemoval[SarImage]) -> float | None:

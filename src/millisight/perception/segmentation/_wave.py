@@ -32,7 +32,7 @@ from millisight.perception import (
     taken_db,
     without_sheets,
 )
-from millisight.perception.segmentation._heights import between, lid_height
+from millisight.perception.segmentation._heights import beneath, between, lid_height
 from millisight.perception.segmentation._segmentation import SEGMENTERS, Candidates
 
 WAVE_SLICES = 8
@@ -202,8 +202,8 @@ class WaveSegmenter:
         """Masks that begin at several probabilities, the one that did best on the validation scenes first.
 
         Parts that lie no higher than the picture's support are left out. Of a scene that is known to be covered, dark
-        pixels of which the network is not sure are left out, too, and parts that lie no lower than the lid: the lid's
-        edges and the grating lobes over it.
+        pixels of which the network is not sure are left out, too, and parts that lie no lower than the lid or beside
+        it: the lid's edges, the walls below them, and grating lobes.
 
         Where nothing is found the only mask is empty: the mean of the 16 highest probabilities is less than that of
         99 % of the validation scenes with an object, with the other band and without it.
@@ -265,7 +265,12 @@ def _placed(masks: Sequence[np.ndarray], picture: Picture) -> list[np.ndarray]:
         return list(masks)
     cleaned = without_sheets(image, frequency=HIGH_BAND, covered=picture.covered)
     if picture.covered and cleaned is not image:
-        lid = lid_height(image, sheets_in(image, frequency=HIGH_BAND, covered=True))
+        taken = sheets_in(image, frequency=HIGH_BAND, covered=True)
+        lid = lid_height(image, taken)
+        under = [beneath(mask, image, taken) for mask in masks]
+        # Where the support is unknown, what was taken for the lid may be a floor.
+        sure = picture.support is not None
+        masks = [some if sure or some.any() else mask for some, mask in zip(under, masks, strict=True)]
     kept = [between(mask, cleaned, support=picture.support, lid=lid) for mask in masks]
     rests = [
         some.sum() < mask.sum() and some.sum() * np.prod(_pixel(image)) < _LEAST_AREA
