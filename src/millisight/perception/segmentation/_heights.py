@@ -1,4 +1,4 @@
-"""Where the parts of a mask lie: how high, above what the object stands on and below the lid, and under the lid at all."""
+"""Where the parts of a mask lie: how high, above what the object stands on and below the lid, and whether under it."""
 
 from typing import cast
 
