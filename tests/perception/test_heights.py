@@ -120,7 +120,9 @@ def test_what_lies_beside_the_lid_is_not_under_it():
     under = np.zeros_like(mask)
     under[30:39, 28:32] = True
     removal = removal_of(image, LID)
-    assert not beneath(mask, image, removal).any()
+    assert not beneath(mask, image, removal, surely=True).any()
+    np.testing.assert_array_equal(beneath(mask, image, removal), mask)  # what was taken for a lid may be a floor
+    np.testing.assert_array_equal(beneath(mask | under, image, removal), mask | under)  # one part, its middle below
     np.testing.assert_array_equal(beneath(under, image, removal), under)
     nothing = SheetRemoval(result=image, sheets=(), left=(), reason="none")
     np.testing.assert_array_equal(beneath(mask, image, nothing), mask)

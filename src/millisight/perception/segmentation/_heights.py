@@ -51,7 +51,9 @@ def between(
     return inside & (high & low)[parts]
 
 
-def beneath(inside: np.ndarray, image: SarImage, removal: SheetRemoval[SarImage]) -> np.ndarray:
+def beneath(
+    inside: np.ndarray, image: SarImage, removal: SheetRemoval[SarImage], *, surely: bool = False
+) -> np.ndarray:
     """The parts of a mask whose middle lies under some sheet that was taken off; all where none was.
 
     Beside a lid lie its edges, the walls below them, and its grating lobes.
@@ -61,6 +63,7 @@ def beneath(inside: np.ndarray, image: SarImage, removal: SheetRemoval[SarImage]
     inside : (X, Y) bool, on the image's pixels
     image : in which the sheets were found
     removal : of the sheets
+    surely : whether nothing may be left; else all parts are kept then: what was taken for the lid may be a floor
 
     Returns
     -------
@@ -76,7 +79,7 @@ def beneath(inside: np.ndarray, image: SarImage, removal: SheetRemoval[SarImage]
     parts, count = cast("tuple[np.ndarray, int]", label(inside, structure=np.ones((3, 3))))
     middles = np.rint(center_of_mass(inside, parts, np.arange(1, count + 1))).astype(int)
     kept = np.concatenate([[False], under[tuple(middles.T)]])
-    return inside & kept[parts]
+    return inside & kept[parts] if surely or kept.any() else inside
 
 
 def lid_height(image: SarImage, removal: SheetRemoval[SarImage]) -> float | None:

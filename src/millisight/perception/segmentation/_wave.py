@@ -267,10 +267,7 @@ def _placed(masks: Sequence[np.ndarray], picture: Picture) -> list[np.ndarray]:
     if picture.covered and cleaned is not image:
         taken = sheets_in(image, frequency=HIGH_BAND, covered=True)
         lid = lid_height(image, taken)
-        under = [beneath(mask, image, taken) for mask in masks]
-        # Where the support is unknown, what was taken for the lid may be a floor.
-        sure = picture.support is not None
-        masks = [some if sure or some.any() else mask for some, mask in zip(under, masks, strict=True)]
+        masks = [beneath(mask, image, taken, surely=picture.support is not None) for mask in masks]
     kept = [between(mask, cleaned, support=picture.support, lid=lid) for mask in masks]
     rests = [
         some.sum() < mask.sum() and some.sum() * np.prod(_pixel(image)) < _LEAST_AREA
