@@ -260,15 +260,16 @@ def _bright(probability: np.ndarray, level: np.ndarray, sides: Sequence[float]) 
 
 def _placed(masks: Sequence[np.ndarray], picture: Picture) -> list[np.ndarray]:
     """The parts of masks (A, B) that lie where an object may."""
-    image, lid = picture.image, None
+    image, lid, taken = picture.image, None, None
     if image is None:
         return list(masks)
     cleaned = without_sheets(image, frequency=HIGH_BAND, covered=picture.covered)
     if picture.covered and cleaned is not image:
         taken = sheets_in(image, frequency=HIGH_BAND, covered=True)
         lid = lid_height(image, taken)
-        masks = [beneath(mask, image, taken, surely=picture.support is not None) for mask in masks]
     kept = [between(mask, cleaned, support=picture.support, lid=lid) for mask in masks]
+    if taken is not None:
+        kept = [beneath(mask, image, taken, surely=picture.support is not None) for mask in kept]
     rests = [
         some.sum() < mask.sum() and some.sum() * np.prod(_pixel(image)) < _LEAST_AREA
         for some, mask in zip(kept, masks, strict=True)
