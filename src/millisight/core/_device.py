@@ -41,7 +41,8 @@ def check_device(name: str) -> None:
 
         cuda: Any = importlib.import_module(f"{numba.__name__}.cuda")
         available, reason = cuda.is_available(), cuda.cuda_error()
-        if available and not numba.config.ENABLE_CUDASIM:
+        config: Any = numba.config
+        if available and not config.ENABLE_CUDASIM:
             # What it imports only when it compiles. 0.30.4 asks NumPy for what 2.5 no longer has.
             importlib.import_module(f"{numba.__name__}.cuda.np.arrayobj")
     except (ImportError, AttributeError) as error:
