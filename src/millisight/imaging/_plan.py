@@ -47,7 +47,7 @@ class Costs(NamedTuple):
 
 COSTS = {
     "cpu": Costs(1.35, 1.3, 1.7, 0.5, 1.5, 0.5, 3e7, 2000.0, 400_000.0),
-    # Measured on an H100 by `benchmarks/gpu.py`: kernels hardly cost anything, starting them does.
+    # Of an H100: pairs and `top` as `benchmarks/gpu.py` has them, the rest guessed, and small beside starting kernels.
     "cuda": Costs(0.004, 0.004, 0.1, 0.05, 0.1, 0.0, 3e7, 100.0, 3_500_000.0),
 }
 
