@@ -339,6 +339,13 @@ def test_a_device_that_cannot_do_it(tmp_path):
     assert "--device cuda is for whole images" in line
 
 
+def test_without_a_gpu_the_option_is_named(tmp_path, monkeypatch):
+    monkeypatch.setattr("millisight.core._device.find_spec", lambda name: None)
+    line = refused("image", "c.h5", "--device", "cuda")
+    assert "--device cuda needs numba-cuda, which is not installed" in line
+    assert line.endswith("or use --device cpu")
+
+
 def test_a_capture_cut_short_while_it_is_imaged_is_an_error(tmp_path, monkeypatch):
     path = raster(step=0.05)
     ms.save(tmp_path / "c.h5", capture_of(DEVICES["24 GHz"], path, points(DEVICES["24 GHz"], path)))
