@@ -32,6 +32,7 @@ from millisight.perception import (
     taken_db,
     without_sheets,
 )
+from millisight.perception.segmentation._edges import at_edges
 from millisight.perception.segmentation._heights import beneath, between, lid_height
 from millisight.perception.segmentation._segmentation import SEGMENTERS, Candidates
 
@@ -205,6 +206,8 @@ class WaveSegmenter:
         pixels of which the network is not sure are left out, too, and parts that lie no lower than the lid or beside
         it: the lid's edges, the walls below them, and grating lobes.
 
+        The borders of what is left then follow the image's edges, see `at_edges`.
+
         Where nothing is found the only mask is empty: the mean of the 16 highest probabilities is less than that of
         99 % of the validation scenes with an object, with the other band and without it.
 
@@ -226,11 +229,14 @@ class WaveSegmenter:
         cut = min(self.description["cut"], 0.9 * float(probability.max()))
         cuts = [cut, *(cut + step for step in _STEPS[1:] if 0.05 < cut + step < probability.max())]
         likely = [probability > c for c in cuts]
-        if picture.covered and picture.image is not None:
-            cleaned = without_sheets(picture.image, frequency=HIGH_BAND, covered=True)
-            bright = _bright(probability, cleaned.magnitude.max(axis=2), _pixel(picture.image))
+        image = cast("SarImage", picture.image)  # `probability` refuses pictures that have none
+        cleaned = without_sheets(image, frequency=HIGH_BAND, covered=picture.covered)
+        if picture.covered:
+            bright = _bright(probability, cleaned.magnitude.max(axis=2), _pixel(cleaned))
             likely = [mask & bright for mask in likely]
-        masks = np.stack([_without_small_parts(mask) for mask in _placed(likely, picture)])
+        placed = [_without_small_parts(mask) for mask in _placed(likely, picture)]
+        refined = at_edges(placed, probability, cuts, cleaned.magnitude.mean(axis=2), _pixel(cleaned))
+        masks = np.stack([_without_small_parts(mask) for mask in refined])
         if not masks[0].any():
             return Candidates(masks=masks[:1], scores=np.ones(1))
         scores = np.array([_expected_iou(mask, probability) for mask in masks])

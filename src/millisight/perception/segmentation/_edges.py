@@ -1,0 +1,73 @@
+"""Masks whose borders follow the image's edges, which are finer than a network's pixels."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from millisight.perception import SPACING
+
+# Chosen on 12 objects in line of sight that may be looked at, on 24 without noise, in sight and hidden, and on a wrench
+# in a carton.
+_LEVELS = np.arange(-50.0, -1.0)  # below the maximum, between which an edge is sought [dB]
+_SMOOTH = 2.0  # levels over which the sharpness is averaged
+_HALF, _BESIDE = 6.0, 0.005  # below the brightest pixel so near, an edge that was blurred lies [dB, m]
+_WEIGHT, _MOST = 0.5, 5.0  # log-odds for each decibel, and at most
+
+
+def at_edges(
+    masks: Sequence[np.ndarray],
+    probability: np.ndarray,
+    cuts: Sequence[float],
+    level: np.ndarray,
+    sides: Sequence[float],
+) -> list[np.ndarray]:
+    """Masks whose borders lie closer to where the image is sharpest around the first of them.
+
+    The edge's level is that of the contour along which the image falls most steeply, in decibels a metre, times the
+    F1 that the probabilities let expect of what lies within. A pixel's log-odds rise or fall with its level above or
+    below it. They fall further where the level is less than half the brightest amplitude nearby: there a blurred edge
+    ends. Both together are bounded, so that what the network is sure of stays. A border moves outwards by no more than
+    the network's pixel.
+
+    The mean gradient along each contour follows from two histograms over the pixels' levels, by the coarea formula: the
+    sum of the gradient's square over that of the gradient.
+
+    Parameters
+    ----------
+    masks : (A, B) bool each
+    probability : (A, B) that the object lies over a pixel
+    cuts : of each mask, the probability at which it begins
+    level : (A, B) mean magnitude along z, sheets taken off
+    sides : of a pixel, along both axes [m]
+
+    Returns
+    -------
+    of each mask (A, B) bool; itself where the image has no edge, or is a single row
+    """
+    from scipy.ndimage import distance_transform_edt, gaussian_filter1d, maximum_filter
+
+    first = masks[0]
+    if min(first.shape) < 2 or not min(sides) or not first.any():
+        return list(masks)
+    db = np.maximum(20 * np.log10(np.maximum(level / max(float(level.max()), 1e-30), 1e-9)), _LEVELS[0] - 10)
+    steep = np.hypot(*np.gradient(db, *sides))
+    away = [np.asarray(distance_transform_edt(~mask, sampling=sides)) for mask in masks]
+    near = away[0] < SPACING
+
+    def by_level(weights: np.ndarray) -> np.ndarray:
+        return np.histogram(db[near], _LEVELS, weights=weights[near])[0]
+
+    def above(weights: np.ndarray) -> np.ndarray:
+        return by_level(weights)[::-1].cumsum()[::-1]
+
+    length, squared = (gaussian_filter1d(by_level(steep**power), _SMOOTH) for power in (1, 2))
+    sharpness = squared / np.maximum(length, 1e-9)
+    expected = 2 * above(probability) / (above(np.ones_like(db)) + probability[near].sum())
+    best = int(np.argmax(sharpness * expected))
+    if sharpness[best] <= 0:
+        return list(masks)
+    beside = maximum_filter(db, [2 * round(_BESIDE / side) + 1 for side in sides])
+    excess = db - _LEVELS[best] - np.maximum(beside - db - _HALF, 0)
+    odds = np.log(np.maximum(probability, 1e-6) / np.maximum(1 - probability, 1e-6))
+    odds = odds + np.clip(_WEIGHT * excess, -_MOST, _MOST)
+    return [(odds > np.log(cut / (1 - cut))) & (d < SPACING) for cut, d in zip(cuts, away, strict=True)]
