@@ -6,7 +6,7 @@ import pytest
 import millisight as ms
 from millisight.core.errors import InputError
 from millisight.imaging import DetectedSheet, SheetRemoval
-from millisight.perception.segmentation._heights import beneath, between, lid_height
+from millisight.perception.segmentation._heights import beneath, between, lid_height, tells_height
 
 X, Z = 0.004 * np.arange(40), -0.37 + 0.01 * np.arange(22)
 SUPPORT, LID = -0.30, -0.20
@@ -54,6 +54,12 @@ def test_what_has_no_height_is_kept():
     """At 24 GHz an echo is longer than the image is high."""
     every = mask_of(*HEIGHTS)
     np.testing.assert_array_equal(between(every, image_of(width=1.0), support=SUPPORT), every)
+
+
+def test_an_image_tells_heights_where_its_echoes_are_short():
+    assert tells_height(mask_of("tall"), image_of())
+    assert not tells_height(mask_of("tall"), image_of(width=1.0))
+    assert not tells_height(mask_of(), image_of())
 
 
 def test_where_nothing_would_be_left_what_was_taken_for_the_lid_may_be_a_floor():

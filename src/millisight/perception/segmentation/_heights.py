@@ -82,6 +82,12 @@ def beneath(
     return inside & kept[parts] if surely or kept.any() else inside
 
 
+def tells_height(inside: np.ndarray, image: SarImage) -> bool:
+    """Whether the power of what a mask (X, Y) covers falls to a fifth above and below its maximum, as at 77 GHz."""
+    power = np.square(image.magnitude[inside], dtype=float).sum(axis=0)
+    return bool(power.any()) and _height(power, image.grid.z) is not None
+
+
 def lid_height(image: SarImage, removal: SheetRemoval[SarImage]) -> float | None:
     """z of the highest sheet that was taken off an image [m]; None where none was, or its height is unknown.
 

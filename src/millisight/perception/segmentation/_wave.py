@@ -33,7 +33,7 @@ from millisight.perception import (
     without_sheets,
 )
 from millisight.perception.segmentation._edges import at_edges
-from millisight.perception.segmentation._heights import beneath, between, lid_height
+from millisight.perception.segmentation._heights import beneath, between, lid_height, tells_height
 from millisight.perception.segmentation._segmentation import SEGMENTERS, Candidates
 
 WAVE_SLICES = 8
@@ -185,7 +185,7 @@ class WaveSegmenter:
     ) -> np.ndarray:
         """(A, B) bool, its best mask on the canvas's own pixels, to train classifiers with; see `wave_input`.
 
-        Of a scene that is known to be `covered` as `segment` makes it, less what heights tell.
+        Of a scene that is known to be `covered` as `segment` makes it, less what heights and the image's edges tell.
         """
         logits = self._logits(wave_input(power, other, before=before, taken_db=taken_db))
         probability = 1 / (1 + np.exp(-logits[: power.shape[0], : power.shape[1]]))
@@ -206,7 +206,8 @@ class WaveSegmenter:
         pixels of which the network is not sure are left out, too, and parts that lie no lower than the lid or beside
         it: the lid's edges, the walls below them, and grating lobes.
 
-        The borders of what is left then follow the image's edges, see `at_edges`.
+        The borders of what is left then follow the image's edges, see `at_edges`, where an echo is short along z, as at
+        77 GHz. At 24 GHz the image is no finer than the network's pixels.
 
         Where nothing is found the only mask is empty: the mean of the 16 highest probabilities is less than that of
         99 % of the validation scenes with an object, with the other band and without it.
@@ -235,8 +236,10 @@ class WaveSegmenter:
             bright = _bright(probability, cleaned.magnitude.max(axis=2), _pixel(cleaned))
             likely = [mask & bright for mask in likely]
         placed = [_without_small_parts(mask) for mask in _placed(likely, picture)]
-        refined = at_edges(placed, probability, cuts, cleaned.magnitude.mean(axis=2), _pixel(cleaned))
-        masks = np.stack([_without_small_parts(mask) for mask in refined])
+        if tells_height(placed[0], cleaned):
+            edged = at_edges(placed, probability, cuts, cleaned.magnitude.mean(axis=2), _pixel(cleaned))
+            placed = [_without_small_parts(mask) for mask in edged]
+        masks = np.stack(placed)
         if not masks[0].any():
             return Candidates(masks=masks[:1], scores=np.ones(1))
         scores = np.array([_expected_iou(mask, probability) for mask in masks])
