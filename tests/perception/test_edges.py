@@ -60,6 +60,14 @@ def test_every_mask_keeps_its_own_cut():
     assert found[0].sum() > found[1].sum() > found[2].sum() > 0
 
 
+def test_an_empty_mask_among_others_stays_empty():
+    probability = blurred(RING)
+    masks = [probability > CUT, np.zeros_like(RING)]
+    found = at_edges(masks, probability, [CUT, CUT], level_of(RING), SIDES)
+    assert found[0].any()
+    assert not found[1].any()
+
+
 @pytest.mark.parametrize(
     ("mask", "level", "sides"),
     [

@@ -51,8 +51,8 @@ def at_edges(
         return list(masks)
     db = np.maximum(20 * np.log10(np.maximum(level / max(float(level.max()), 1e-30), 1e-9)), _LEVELS[0] - 10)
     steep = np.hypot(*np.gradient(db, *sides))
-    away = [np.asarray(distance_transform_edt(~mask, sampling=sides)) for mask in masks]
-    near = away[0] < SPACING
+    around = [mask.any() & (distance_transform_edt(~mask, sampling=sides) < SPACING) for mask in masks]
+    near = around[0]
 
     def by_level(weights: np.ndarray) -> np.ndarray:
         return np.histogram(db[near], _LEVELS, weights=weights[near])[0]
@@ -70,4 +70,4 @@ def at_edges(
     excess = db - _LEVELS[best] - np.maximum(beside - db - _HALF, 0)
     odds = np.log(np.maximum(probability, 1e-6) / np.maximum(1 - probability, 1e-6))
     odds = odds + np.clip(_WEIGHT * excess, -_MOST, _MOST)
-    return [(odds > np.log(cut / (1 - cut))) & (d < SPACING) for cut, d in zip(cuts, away, strict=True)]
+    return [(odds > np.log(cut / (1 - cut))) & there for cut, there in zip(cuts, around, strict=True)]
