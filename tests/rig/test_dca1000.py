@@ -125,7 +125,7 @@ def test_a_radar_that_falls_silent_is_told_of_in_time(bench, tmp_path):
     one.card.alarm()
     one.radar.watch()
     time.sleep(0.7)
-    with pytest.raises(DeviceError, match=r"the 77_ghz radar has sent nothing for [01]\.\d s, after 35 of 100 frames \(no"):
+    with pytest.raises(DeviceError, match=r"77_ghz radar has sent nothing for [01]\.\d s, after 35 of 100 frames \(no"):
         one.radar.watch()
     with pytest.raises(DeviceError, match="has sent nothing"):
         one.radar.stop()
