@@ -232,12 +232,13 @@ class WaveSegmenter:
         likely = [probability > c for c in cuts]
         image = cast("SarImage", picture.image)  # `probability` refuses pictures that have none
         cleaned = without_sheets(image, frequency=HIGH_BAND, covered=picture.covered)
+        sides = _pixel(image)
         if picture.covered:
-            bright = _bright(probability, cleaned.magnitude.max(axis=2), _pixel(cleaned))
+            bright = _bright(probability, cleaned.magnitude.max(axis=2), sides)
             likely = [mask & bright for mask in likely]
         placed = [_without_small_parts(mask) for mask in _placed(likely, picture)]
         if tells_height(placed[0], cleaned):
-            edged = at_edges(placed, probability, cuts, cleaned.magnitude.mean(axis=2), _pixel(cleaned))
+            edged = at_edges(placed, probability, cuts, cleaned.magnitude.mean(axis=2), sides)
             placed = [_without_small_parts(mask) for mask in edged]
         masks = np.stack(placed)
         if not masks[0].any():
