@@ -3,9 +3,10 @@
     make bench TESTS=benchmarks/test_rig.py
 
 Takes about two minutes on two cores. A *pair* is a patch and a channel (pose x TX x RX) that it faces. The floor is
-what the sum over pairs must cost: 165 vector instructions of float32 a pair (`_kernels.surface_echoes`: 40 for both
-distances and angles, 30 for the phase's place and gradient, 23 for the triangle's form, 24 for the reflection, 22 for
-weight, cosine and sine, 26 for the bins' moments), 16 lanes and two instructions a clock.
+what the sum over pairs must cost, in vector instructions of float32 (`_kernels`): 109 for a patch and a node, of which
+four receivers in a line have two (40 for both distances and angles, 12 for the legs' gradient and the weight, 23 for
+the triangle's form, 24 for the reflection, 10 for the amplitude), and 62 a pair (12 for the receiver's distance, 20 for
+the phase, 30 for the bins' moments): 117 a pair, 16 lanes and two instructions a clock.
 """
 
 import time
@@ -19,7 +20,7 @@ from millisight.data import LAYERED, Trajectory
 from millisight.rig.virtual import Antenna, Part, box_sheets, echoes
 from millisight.rig.virtual import _patches as patches
 
-INSTRUCTIONS, LANES, A_CLOCK, CLOCK = 165, 16, 2, 2.6e9
+INSTRUCTIONS, LANES, A_CLOCK, CLOCK = 117, 16, 2, 2.6e9
 FLOOR = INSTRUCTIONS / LANES / A_CLOCK / CLOCK  # seconds a pair and core
 
 RADAR = ms.Radar.preset("iwr1443")

@@ -38,6 +38,7 @@ from millisight.core import (
 )
 from millisight.core.errors import InputError
 from millisight.data import Material, Radar, Trajectory, TriangleMesh
+from millisight.rig.virtual._nodes import Nodes
 from millisight.rig.virtual._occluders import Sheet
 from millisight.rig.virtual._scatterers import Pairs, SurfaceScatterers
 from millisight.rig.virtual._settings import Antenna
@@ -45,7 +46,7 @@ from millisight.rig.virtual._shadows import Cell, ShadowCells
 from millisight.rig.virtual._surface import Boundary, permittivity_at
 
 # In one go: scatterers times antennas, a byte each for what is seen; and poses, some 100 kB each for their bins.
-_LIGHT, _POSES = 100_000_000, 1000
+_LIGHT, _POSES = 24_000_000, 1000
 
 
 @record
@@ -124,8 +125,10 @@ class EchoModel:
         if parts or sheets:
             solids = [(part.mesh, part.surface(radar.waveform.center_frequency)) for part in parts]
             self._scatterers = SurfaceScatterers(solids, sheets, radar, edges=edges, antenna=antenna, rng=rng)
+            antennas = self._antennas(plan)
+            self._nodes = Nodes.of(radar.array, float(self._scatterers.distances(antennas.reshape(-1, 3)).min()))
             self._shadows = ShadowCells(
-                self._scatterers.caster, self._scatterers.places, self._scatterers.directions, self._antennas(plan)
+                self._scatterers.caster, self._scatterers.places, self._scatterers.directions, antennas
             )
 
     def frames(self, trajectory: Trajectory, *, progress: Callable[[int, int], None] | None = None) -> np.ndarray:
@@ -145,13 +148,15 @@ class EchoModel:
             return frames
         antennas, axes = self._antennas(trajectory), _axes(trajectory)
         self._scatterers.check_clearance(antennas.reshape(-1, 3))
-        step = min(_POSES, max(1, _LIGHT // (antennas.shape[1] * len(self._scatterers.places))))
+        nodes = self._nodes
+        eyes = np.concatenate([np.arange(nodes.transmitters), nodes.transmitters + nodes.receivers])
+        step = min(_POSES, max(1, _LIGHT // (len(eyes) * len(self._scatterers.places))))
         order, cells = self._shadows.cells_of(antennas)
         for start in range(0, poses, step):
             some = order[start : start + step]
-            light = self._shadows.light(antennas[some].reshape(-1, 3))
+            light = self._shadows.light(antennas[some][:, eyes].reshape(-1, 3))
             mirrors = self._mirrors(cells[start : start + step]) if self._bounces else []
-            frames[some] = self._scatterers.frames(antennas[some], axes[some], light, mirrors)
+            frames[some] = self._scatterers.frames(antennas[some], axes[some], nodes, light, mirrors)
             if progress is not None:
                 progress(start + len(some), poses)
         return frames

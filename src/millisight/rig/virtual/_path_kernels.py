@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from millisight.core import inline, kernel, phase, prange
-from millisight.rig.virtual._kernels import FULL, ORDER, form_factor, polynomial
+from millisight.rig.virtual._kernels import BLOCK, FULL, ORDER, form_factor, polynomial
 
 _distance = inline(phase.distance)
 _wrapped = inline(phase.wrapped)
@@ -23,7 +23,6 @@ MOST_PHASE = 4.3
 
 _SQUARE_ON = 1e-4  # [rad]
 _FLATTEST = 0.02  # cosine of incidence at which a wave still meets the second face
-_BLOCK = 256  # pairs whose geometry is computed together
 
 _PLANE = 1e-6  # nearer to a sheet than this [m], a place lies in it and not behind it
 
@@ -99,17 +98,23 @@ def fill_legs(antennas, axes, exponents, centers, own, sheets, tables, legs):
 
 
 @kernel(error_model="numpy")
-def edge_echoes(channels, antennas, light, legs, edges, cluster, carrier, half_band, first_bin, width, bins):
+def edge_echoes(transmitters, nodes, between, shares, antennas, light, legs, edges, cluster, carrier, half_band,
+                first_bin, width, bins):  # fmt: skip
     """Add what edges diffract beyond physical optics: see `edges`.
 
-    light (A, E); edges (E, 23): middle; unit vector along; normal of the first face, and direction from the edge into
-    it; length; exterior angle n pi, as n; strength (real, imaginary part); the middle in its cluster (E,), whose legs
-    hold; cos(pi / n), sin(pi / n) / n, cos(n pi), sin(n pi).
+    light (P (T + M), E); edges (E, 23): middle; unit vector along; normal of the first face, and direction from the
+    edge into it; length; exterior angle n pi, as n; strength (real, imaginary part); the middle in its cluster (E,),
+    whose legs hold; cos(pi / n), sin(pi / n) / n, cos(n pi), sin(n pi).
     """
-    for c in prange(len(channels)):
-        t, r = channels[c, 0], channels[c, 1]
+    receivers = len(between)
+    for c in prange(len(bins)):
+        sender, i = c // receivers, c % receivers
+        pose, number = sender // transmitters, sender % transmitters
+        t, r = pose * (transmitters + receivers) + number, pose * (transmitters + receivers) + transmitters + i
+        eye_t, eye_r = pose * (transmitters + len(nodes)) + number, pose * (transmitters + len(nodes)) + transmitters
+        one, other = eye_r + between[i, 0], eye_r + between[i, 1]
         for e in range(len(edges)):
-            seen = light[t, e] * (light[r, e] / FULL**2)
+            seen = light[eye_t, e] * ((1 - shares[i]) * light[one, e] + shares[i] * light[other, e]) / FULL**2
             if seen == 0:
                 continue
             s = edges[e]
@@ -156,100 +161,129 @@ def _fringe(x, y, n, cos_over, sin_over, cos_open, sin_open):
 
 
 @kernel(fastmath=True, error_model="numpy")
-def bounce_echoes(channels, antennas, legs, pairs, clusters, starts, faces, centers, coherent, carrier, half_band,
-                  first_bin, width, bins):  # fmt: skip
+def bounce_echoes(transmitters, nodes, between, shares, antennas, legs, pairs, clusters, starts, faces, centers,
+                  coherent, carrier, half_band, first_bin, width, bins):  # fmt: skip
     """Add echoes of waves that one patch mirrors onto another's plane: see `bounce`.
 
     pairs (20, M): centroid of the first patch; its normal; normal of the second; from the first's centroid to two of
     its corners; its area; its height over the second's plane; its place in its cluster. clusters (M, 2): of both.
     starts (K + 1,) and faces (K, 2): where pairs of the same two surfaces begin, and which these are.
     """
-    turning = -2 * math.pi * carrier
-    for c in prange(len(channels)):
-        t, r = channels[c, 0], channels[c, 1]
-        ax, ay, az = antennas[t, 0], antennas[t, 1], antennas[t, 2]
-        bx, by, bz = antennas[r, 0], antennas[r, 1], antennas[r, 2]
-        found, echo, place = np.empty((6, _BLOCK)), np.empty((4, _BLOCK), np.float32), np.empty(_BLOCK, np.int32)
+    receivers = len(between)
+    for sender in prange(len(bins) // receivers):
+        pose, number = sender // transmitters, sender % transmitters
+        t, r0 = pose * (transmitters + receivers) + number, pose * (transmitters + receivers) + transmitters
+        # Of some pairs: the path to the second plane and where it meets that; the transmitter's leg: amplitude,
+        # cycles, slope; by node the amplitude (real, imaginary part); then echoes of one channel, and their bins.
+        met, sent, value = np.empty((4, BLOCK)), np.empty((4, BLOCK), np.float32), np.empty((len(nodes), 2, BLOCK))
+        echo, place = np.empty((4, BLOCK), np.float32), np.empty(BLOCK, np.int32)
         for f in range(len(faces)):
-            law_a, law_b = coherent[faces[f, 0], 0], coherent[faces[f, 1], 0]
-            a_re, a_im, b_re, b_im = law_a[0], law_a[1], law_b[0], law_b[1]
-            for start in range(starts[f], starts[f + 1], _BLOCK):
-                stop = min(start + _BLOCK, starts[f + 1])
-                # Vector code, without a branch: what does not count is 0.
-                for i in range(np.uint64(start), np.uint64(stop)):
-                    nx, ny, nz = pairs[3, i], pairs[4, i], pairs[5, i]
-                    mx, my, mz = pairs[6, i], pairs[7, i], pairs[8, i]
-                    # From the transmitter to the first patch, and on in the mirrored direction w.
-                    x, y, z = pairs[0, i] - ax, pairs[1, i] - ay, pairs[2, i] - az
-                    one = _distance(x, y, z)
-                    over = 1 / one
-                    cos_a = -over * _dot(x, y, z, nx, ny, nz)
-                    twice = 2 * cos_a
-                    wx, wy, wz = x * over + twice * nx, y * over + twice * ny, z * over + twice * nz
-                    cos_b = -_dot(wx, wy, wz, mx, my, mz)
-                    height = pairs[16, i]
-                    counts = (cos_a > 0) & (cos_b >= _FLATTEST) & (height > 0)
-                    slant = 1 / max(cos_b, _FLATTEST)
-                    two = height * slant
-                    # Where it meets the second plane, and from there to the receiver, in direction v.
-                    hx, hy, hz = pairs[0, i] + two * wx, pairs[1, i] + two * wy, pairs[2, i] + two * wz
-                    vx, vy, vz = bx - hx, by - hy, bz - hz
-                    three = _distance(vx, vy, vz)
-                    back = 1 / three
-                    vx, vy, vz = vx * back, vy * back, vz * back
-                    cos_s = _dot(vx, vy, vz, mx, my, mz)
-                    # How fast the path changes over the second plane.
-                    onto = cos_b + cos_s
-                    gx, gy, gz = wx - vx + onto * mx, wy - vy + onto * my, wz - vz + onto * mz
-                    slope = _distance(gx, gy, gz)
-                    # The tube of rays has grown on its way, and falls on the second face at a slant.
-                    growth = 1 + two * over
-                    area = pairs[15, i] * cos_a * growth * growth * slant
-                    # Displaced by e on the first face, a ray falls e + w (e m) / cos_b aside on the second, times its
-                    # growth.
-                    along_w = _dot(gx, gy, gz, wx, wy, wz) * slant
-                    ex, ey, ez = gx + along_w * mx, gy + along_w * my, gz + along_w * mz
-                    p = turning * growth * _dot(pairs[9, i], pairs[10, i], pairs[11, i], ex, ey, ez)
-                    q = turning * growth * _dot(pairs[12, i], pairs[13, i], pairs[14, i], ex, ey, ez)
-                    counts &= (cos_s > 0) & (slope < NO_SLOPE) & (max(abs(p), abs(q), abs(p + q)) <= MOST_PHASE)
-                    form_re, form_im = form_factor(np.float32(p), np.float32(q))
-                    at_a, at_b = np.float32(twice - 1), np.float32(onto - 1)
-                    re_a, im_a = polynomial(a_re, at_a), polynomial(a_im, at_a)
-                    re_b, im_b = polynomial(b_re, at_b), polynomial(b_im, at_b)
-                    re, im = re_a * re_b - im_a * im_b, re_a * im_b + im_a * re_b
-                    fading = min(max((slope - FULL_SLOPE) / (NO_SLOPE - FULL_SLOPE), 0.0), 1.0)
-                    size = (1 + _cosine(fading / 2)) / 2 * carrier * area * onto / 2 * back / (one + two)
-                    size = size if counts else 0.0
-                    n = i - np.uint64(start)
-                    found[0, n] = -size * (re * form_im + im * form_re)
-                    found[1, n] = size * (re * form_re - im * form_im)
-                    found[2, n] = one + two + three
-                    found[3, n], found[4, n], found[5, n] = hx, hy, hz
-                # What the legs do to it, and where it goes: vector code again, by gathers.
-                for i in range(np.uint64(start), np.uint64(stop)):
-                    n = i - np.uint64(start)
-                    a, b = np.uint64(clusters[i, 0]), np.uint64(clusters[i, 1])
-                    ox, oy, oz = _f32(pairs[17, i]), _f32(pairs[18, i]), _f32(pairs[19, i])
-                    ex, ey = _f32(found[3, n] - centers[b, 0]), _f32(found[4, n] - centers[b, 1])
-                    ez = _f32(found[5, n] - centers[b, 2])
-                    gain = legs[t, a, 0] * (_ONE + legs[t, a, 2] * ox + legs[t, a, 3] * oy + legs[t, a, 4] * oz)
-                    gain *= legs[r, b, 0] * (_ONE + legs[r, b, 2] * ex + legs[r, b, 3] * ey + legs[r, b, 4] * ez)
-                    cycles = legs[t, a, 1] + legs[t, a, 5] * ox + legs[t, a, 6] * oy + legs[t, a, 7] * oz
-                    cycles += legs[r, b, 1] + legs[r, b, 5] * ex + legs[r, b, 6] * ey + legs[r, b, 7] * ez
-                    whole = np.rint(found[2, n] / width)
-                    over = found[2, n] - whole * width
-                    late = _f32(_wrapped(carrier * over + cycles))
-                    re, im = gain * _f32(found[0, n]), gain * _f32(found[1, n])
-                    cosine, sine = _cosine(late), _sine(late)
-                    echo[0, n], echo[1, n] = re * cosine + im * sine, im * cosine - re * sine
-                    echo[2, n] = legs[t, a, 8] + legs[r, b, 8]
-                    echo[3, n] = legs[t, a, 9] + legs[r, b, 9] - _f32(half_band * over)
-                    place[n] = np.int32(whole) - np.int32(first_bin)
-                for n in range(np.uint64(stop - start)):
-                    if found[0, n] == 0 and found[1, n] == 0:
-                        continue  # its place is anywhere
-                    value = complex(echo[0, n], echo[1, n])
-                    _add_series(value, echo[2, n], echo[3, n], bins, c, np.uint64(place[n]))
+            for start in range(starts[f], starts[f + 1], BLOCK):
+                count = np.uint64(min(starts[f + 1] - start, BLOCK))
+                for m in range(len(nodes)):
+                    r = r0 + nodes[m]
+                    _bounced(antennas[t], antennas[r], pairs, start, count, coherent[faces[f, 0], 0],
+                             coherent[faces[f, 1], 0], carrier, met, value[m])  # fmt: skip
+                _sent(legs[t], pairs, clusters, start, count, sent)
+                for i in range(receivers):
+                    one, other = value[between[i, 0]], value[between[i, 1]]
+                    _received(antennas[r0 + i], legs[r0 + i], clusters, centers, start, count, met, sent, one, other,
+                              shares[i], carrier, half_band, first_bin, width, echo, place)  # fmt: skip
+                    for n in range(count):
+                        if one[0, n] == 0 and one[1, n] == 0 and other[0, n] == 0 and other[1, n] == 0:
+                            continue  # its place is anywhere
+                        at = np.uint64(place[n])
+                        _add_series(
+                            complex(echo[0, n], echo[1, n]), echo[2, n], echo[3, n], bins, sender * receivers + i, at
+                        )
+
+
+@inline
+def _bounced(a, b, pairs, start, count, law_a, law_b, carrier, met, value):
+    """What double bounces return, but their phase, from the antenna at a to that at b. What does not count is 0."""
+    turning = -2 * math.pi * carrier
+    ax, ay, az, bx, by, bz = a[0], a[1], a[2], b[0], b[1], b[2]
+    a_re, a_im, b_re, b_im = law_a[0], law_a[1], law_b[0], law_b[1]
+    for n in range(np.uint64(0), count):
+        i = np.uint64(start) + n
+        nx, ny, nz = pairs[3, i], pairs[4, i], pairs[5, i]
+        mx, my, mz = pairs[6, i], pairs[7, i], pairs[8, i]
+        # From the transmitter to the first patch, and on in the mirrored direction w.
+        x, y, z = pairs[0, i] - ax, pairs[1, i] - ay, pairs[2, i] - az
+        one = _distance(x, y, z)
+        over = 1 / one
+        cos_a = -over * _dot(x, y, z, nx, ny, nz)
+        twice = 2 * cos_a
+        wx, wy, wz = x * over + twice * nx, y * over + twice * ny, z * over + twice * nz
+        cos_b = -_dot(wx, wy, wz, mx, my, mz)
+        height = pairs[16, i]
+        counts = (cos_a > 0) & (cos_b >= _FLATTEST) & (height > 0)
+        slant = 1 / max(cos_b, _FLATTEST)
+        two = height * slant
+        # Where it meets the second plane, and from there to the receiver, in direction v.
+        hx, hy, hz = pairs[0, i] + two * wx, pairs[1, i] + two * wy, pairs[2, i] + two * wz
+        vx, vy, vz = bx - hx, by - hy, bz - hz
+        back = 1 / _distance(vx, vy, vz)
+        vx, vy, vz = vx * back, vy * back, vz * back
+        cos_s = _dot(vx, vy, vz, mx, my, mz)
+        # How fast the path changes over the second plane.
+        onto = cos_b + cos_s
+        gx, gy, gz = wx - vx + onto * mx, wy - vy + onto * my, wz - vz + onto * mz
+        slope = _distance(gx, gy, gz)
+        # The tube of rays has grown on its way, and falls on the second face at a slant.
+        growth = 1 + two * over
+        area = pairs[15, i] * cos_a * growth * growth * slant
+        # Displaced by e on the first face, a ray falls e + w (e m) / cos_b aside on the second, times its growth.
+        along_w = _dot(gx, gy, gz, wx, wy, wz) * slant
+        ex, ey, ez = gx + along_w * mx, gy + along_w * my, gz + along_w * mz
+        p = turning * growth * _dot(pairs[9, i], pairs[10, i], pairs[11, i], ex, ey, ez)
+        q = turning * growth * _dot(pairs[12, i], pairs[13, i], pairs[14, i], ex, ey, ez)
+        counts &= (cos_s > 0) & (slope < NO_SLOPE) & (max(abs(p), abs(q), abs(p + q)) <= MOST_PHASE)
+        form_re, form_im = form_factor(np.float32(p), np.float32(q))
+        at_a, at_b = np.float32(twice - 1), np.float32(onto - 1)
+        re_a, im_a = polynomial(a_re, at_a), polynomial(a_im, at_a)
+        re_b, im_b = polynomial(b_re, at_b), polynomial(b_im, at_b)
+        re, im = re_a * re_b - im_a * im_b, re_a * im_b + im_a * re_b
+        fading = min(max((slope - FULL_SLOPE) / (NO_SLOPE - FULL_SLOPE), 0.0), 1.0)
+        size = (1 + _cosine(fading / 2)) / 2 * carrier * area * onto / 2 * back / (one + two)
+        size = size if counts else 0.0
+        value[0, n], value[1, n] = -size * (re * form_im + im * form_re), size * (re * form_re - im * form_im)
+        met[0, n], met[1, n], met[2, n], met[3, n] = one + two, hx, hy, hz
+
+
+@inline
+def _sent(legs, pairs, clusters, start, count, sent):
+    """What the transmitter's legs do to double bounces: amplitude, cycles, slope; by gathers."""
+    for n in range(np.uint64(0), count):
+        i = np.uint64(start) + n
+        a = np.uint64(clusters[i, 0])
+        x, y, z = _f32(pairs[17, i]), _f32(pairs[18, i]), _f32(pairs[19, i])
+        sent[0, n] = legs[a, 0] * (_ONE + legs[a, 2] * x + legs[a, 3] * y + legs[a, 4] * z)
+        sent[1, n] = legs[a, 1] + legs[a, 5] * x + legs[a, 6] * y + legs[a, 7] * z
+        sent[2, n], sent[3, n] = legs[a, 8], legs[a, 9]
+
+
+@inline
+def _received(b, legs, clusters, centers, start, count, met, sent, first, second, share, carrier, half_band, first_bin,
+              width, echo, place):  # fmt: skip
+    """Echoes at the receiver at b, whose amplitudes lie between the `first` and the `second`, and their bins."""
+    bx, by, bz = b[0], b[1], b[2]
+    for n in range(np.uint64(0), count):
+        g = np.uint64(clusters[np.uint64(start) + n, 1])
+        hx, hy, hz = met[1, n], met[2, n], met[3, n]
+        path = met[0, n] + _distance(bx - hx, by - hy, bz - hz)
+        x, y, z = _f32(hx - centers[g, 0]), _f32(hy - centers[g, 1]), _f32(hz - centers[g, 2])
+        gain = sent[0, n] * legs[g, 0] * (_ONE + legs[g, 2] * x + legs[g, 3] * y + legs[g, 4] * z)
+        cycles = sent[1, n] + legs[g, 1] + legs[g, 5] * x + legs[g, 6] * y + legs[g, 7] * z
+        whole = np.rint(path / width)
+        over = path - whole * width
+        late = _f32(_wrapped(carrier * over + cycles))
+        re = gain * _f32(first[0, n] + share * (second[0, n] - first[0, n]))
+        im = gain * _f32(first[1, n] + share * (second[1, n] - first[1, n]))
+        cosine, sine = _cosine(late), _sine(late)
+        echo[0, n], echo[1, n] = re * cosine + im * sine, im * cosine - re * sine
+        echo[2, n], echo[3, n] = sent[2, n] + legs[g, 8], sent[3, n] + legs[g, 9] - _f32(half_band * over)
+        place[n] = np.int32(whole) - np.int32(first_bin)
 
 
 @inline

@@ -13,6 +13,7 @@ from millisight.rig.virtual import _kernels as _kernels
 from millisight.rig.virtual import _path_kernels as _path_kernels
 from millisight.rig.virtual._edges import Edges, sharp_edges
 from millisight.rig.virtual._multipath import double_bounces
+from millisight.rig.virtual._nodes import Nodes
 from millisight.rig.virtual._occluders import Sheet, sheet_tables
 from millisight.rig.virtual._patches import REACH, Patches, cut, doubled_area, gather
 from millisight.rig.virtual._settings import Antenna
@@ -123,11 +124,15 @@ class SurfaceScatterers:
         self._mirrors = self._centroids[self._solid], self._normals[self._solid]
         self.caster = RayCaster(self._corners[self._solid], centered=True)
 
-    def check_clearance(self, antennas: np.ndarray) -> None:
-        """Refuse antennas (A, 3) [m] nearer to a surface than the sums are good for."""
+    def distances(self, antennas: np.ndarray) -> np.ndarray:
+        """(A,) from antennas (A, 3) to the middle of the nearest cluster [m]."""
         from scipy.spatial import KDTree
 
-        distance = KDTree(self._centers).query(antennas)[0]
+        return np.asarray(KDTree(self._centers).query(antennas)[0])
+
+    def check_clearance(self, antennas: np.ndarray) -> None:
+        """Refuse antennas (A, 3) [m] nearer to a surface than the sums are good for."""
+        distance = self.distances(antennas)
         nearest = int(distance.argmin())
         if distance[nearest] < 2 * self._band.cell:
             raise CoverageError(
@@ -160,18 +165,16 @@ class SurfaceScatterers:
         self,
         antennas: np.ndarray,
         axes: np.ndarray,
+        nodes: Nodes,
         light: np.ndarray,
         mirrors: Sequence[tuple[int, Pairs]],
     ) -> np.ndarray:
         """(P, T, R, N) complex64 frames of `antennas` (P, T + R, 3) [m], whose x, y and -z are `axes` (P, 3, 3).
 
-        `light` (P (T + R), V) is how much of `places` each sees; `mirrors`: for how many poses which double bounces.
+        `light` (P (T + M), V) is how much of `places` transmitters and nodes see; `mirrors`: for how many poses which
+        double bounces.
         """
         poses, count = antennas.shape[:2]
-        transmitters = len(self._radar.array.tx_positions)
-        t, r = np.arange(transmitters), np.arange(transmitters, count)
-        first = count * np.arange(poses)[:, None, None]
-        channels = np.stack(np.broadcast_arrays(first + t[:, None], first + r), axis=-1).reshape(-1, 2)
         flat = antennas.reshape(-1, 3)
         legs = np.empty((len(flat), len(self._centers), _kernels.LEG), dtype=np.float32)
         _path_kernels.fill_legs(
@@ -184,27 +187,28 @@ class SurfaceScatterers:
             self._sheet_tables,
             legs,
         )
-        lowest, bins = self._bins(flat, len(channels), far=len(mirrors) > 0)
+        each = nodes.transmitters * len(nodes.between)
+        lowest, bins = self._bins(flat, poses * each, far=len(mirrors) > 0)
         scale = self._band.carrier, self._band.slope, lowest, self._band.width
         _kernels.surface_echoes(
-            channels, flat, light, legs, self._table, self._starts, self._centers, self._cones, self._surface,
+            *nodes, flat, light, legs, self._table, self._starts, self._centers, self._cones, self._surface,
             self._coherent, self._terms, self._diffuse, *scale, bins,
         )  # fmt: skip
         if len(self._edges):
             _path_kernels.edge_echoes(
-                channels, flat, light[:, len(self._centroids) :], legs, self._edges, self._edge_cluster, *scale, bins
+                *nodes, flat, light[:, len(self._centroids) :], legs, self._edges, self._edge_cluster, *scale, bins
             )
-        each, start = transmitters * (count - transmitters), 0
+        start = 0
         for run, pairs in mirrors:
-            some = slice(start, start + run * each)
+            of_antennas, of_channels = (slice(start * n, (start + run) * n) for n in (count, each))
             if len(pairs[0]):
                 _path_kernels.bounce_echoes(
-                    channels[some], flat, legs, *self._bounce_tables(*pairs), self._centers, self._coherent, *scale,
-                    bins[some],
+                    *nodes, flat[of_antennas], legs[of_antennas], *self._bounce_tables(*pairs), self._centers,
+                    self._coherent, *scale, bins[of_channels],
                 )  # fmt: skip
-            start = some.stop
+            start += run
         samples = product(bins.reshape(len(bins), -1), self._bin_matrix(lowest, bins.shape[1]))
-        return samples.reshape(poses, transmitters, count - transmitters, -1)
+        return samples.reshape(poses, nodes.transmitters, len(nodes.between), -1)
 
     def _bins(self, antennas: np.ndarray, channels: int, *, far: bool) -> tuple[int, np.ndarray]:
         """The lowest bin that any path needs, and (C, B, ORDER) empty ones; `far`: for double bounces too."""
