@@ -250,8 +250,10 @@ def _faces(cones, g, x, y, z, distance):
 @inline
 def _add_tilted(series, tilt, power, total):
     """Add series times exp(tilt ν) ν^power to the series `total`."""
-    factor = complex(1.0, 0.0)
+    factor = complex(_ONE, _ZERO)
     for k in range(ORDER - power):
         for m in range(ORDER - power - k):
             total[m + k + power] += series[m] * factor
-        factor = factor * (tilt * (1.0 / (k + 1)))
+        factor = factor * tilt * (_ONE / _f32(k + 1))
+        if factor == 0:  # nothing is crossed
+            break
