@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from millisight.core import inline, kernel, phase, prange
-from millisight.rig.virtual._kernels import BLOCK, FULL, ORDER, form_factor, polynomial
+from millisight.rig.virtual._kernels import BLOCK, FULL, LEG, ORDER, form_factor, polynomial
 
 _distance = inline(phase.distance)
 _wrapped = inline(phase.wrapped)
@@ -173,9 +173,12 @@ def bounce_echoes(transmitters, nodes, between, shares, antennas, legs, pairs, c
     for sender in prange(len(bins) // receivers):
         pose, number = sender // transmitters, sender % transmitters
         t, r0 = pose * (transmitters + receivers) + number, pose * (transmitters + receivers) + transmitters
-        # Of some pairs: the path to the second plane and where it meets that; the transmitter's leg: amplitude,
-        # cycles, slope; by node the amplitude (real, imaginary part); then echoes of one channel, and their bins.
-        met, sent, value = np.empty((4, BLOCK)), np.empty((4, BLOCK), np.float32), np.empty((len(nodes), 2, BLOCK))
+        # Of some pairs: the path to the second plane and where it meets that; by node the amplitude (real, imaginary
+        # part); amplitude, cycles and slope by the transmitter's leg; the legs of one antenna, and where in their
+        # clusters; then echoes of one channel, and their bins.
+        met, value, sent = np.empty((4, BLOCK)), np.empty((len(nodes), 2, BLOCK)), np.empty((4, BLOCK), np.float32)
+        leg = np.empty((LEG, BLOCK), np.float32)
+        inner, beyond = np.empty((3, BLOCK), np.float32), np.empty((3, BLOCK), np.float32)
         echo, place = np.empty((4, BLOCK), np.float32), np.empty(BLOCK, np.int32)
         for f in range(len(faces)):
             for start in range(starts[f], starts[f + 1], BLOCK):
@@ -184,11 +187,17 @@ def bounce_echoes(transmitters, nodes, between, shares, antennas, legs, pairs, c
                     r = r0 + nodes[m]
                     _bounced(antennas[t], antennas[r], pairs, start, count, coherent[faces[f, 0], 0],
                              coherent[faces[f, 1], 0], carrier, met, value[m])  # fmt: skip
-                _sent(legs[t], pairs, clusters, start, count, sent)
+                _gather(legs[t], clusters, 0, start, count, leg)
+                for n in range(count):
+                    p, b = np.uint64(start) + n, clusters[start + n, 1]
+                    for k in range(3):
+                        inner[k, n], beyond[k, n] = pairs[17 + k, p], met[1 + k, n] - centers[b, k]
+                _sent(leg, inner, count, sent)
                 for i in range(receivers):
                     one, other = value[between[i, 0]], value[between[i, 1]]
-                    _received(antennas[r0 + i], legs[r0 + i], clusters, centers, start, count, met, sent, one, other,
-                              shares[i], carrier, half_band, first_bin, width, echo, place)  # fmt: skip
+                    _gather(legs[r0 + i], clusters, 1, start, count, leg)
+                    _received(antennas[r0 + i], leg, beyond, count, met, sent, one, other, shares[i], carrier, half_band,
+                              first_bin, width, echo, place)  # fmt: skip
                     for n in range(count):
                         if one[0, n] == 0 and one[1, n] == 0 and other[0, n] == 0 and other[1, n] == 0:
                             continue  # its place is anywhere
@@ -252,29 +261,33 @@ def _bounced(a, b, pairs, start, count, law_a, law_b, carrier, met, value):
 
 
 @inline
-def _sent(legs, pairs, clusters, start, count, sent):
-    """What the transmitter's legs do to double bounces: amplitude, cycles, slope; by gathers."""
-    for n in range(np.uint64(0), count):
-        i = np.uint64(start) + n
-        a = np.uint64(clusters[i, 0])
-        x, y, z = _f32(pairs[17, i]), _f32(pairs[18, i]), _f32(pairs[19, i])
-        sent[0, n] = legs[a, 0] * (_ONE + legs[a, 2] * x + legs[a, 3] * y + legs[a, 4] * z)
-        sent[1, n] = legs[a, 1] + legs[a, 5] * x + legs[a, 6] * y + legs[a, 7] * z
-        sent[2, n], sent[3, n] = legs[a, 8], legs[a, 9]
+def _gather(legs, clusters, which, start, count, leg):
+    """The legs to the first or the second patches' clusters, in a row for each number: vector code needs them so."""
+    for n in range(count):
+        g = clusters[start + n, which]
+        for k in range(LEG):
+            leg[k, n] = legs[g, k]
 
 
 @inline
-def _received(b, legs, clusters, centers, start, count, met, sent, first, second, share, carrier, half_band, first_bin,
-              width, echo, place):  # fmt: skip
+def _sent(leg, place, count, sent):
+    """What the transmitter's legs do to double bounces: amplitude, cycles, slope."""
+    for n in range(np.uint64(0), count):
+        x, y, z = place[0, n], place[1, n], place[2, n]
+        sent[0, n] = leg[0, n] * (_ONE + leg[2, n] * x + leg[3, n] * y + leg[4, n] * z)
+        sent[1, n] = leg[1, n] + leg[5, n] * x + leg[6, n] * y + leg[7, n] * z
+        sent[2, n], sent[3, n] = leg[8, n], leg[9, n]
+
+
+@inline
+def _received(b, leg, place, count, met, sent, first, second, share, carrier, half_band, first_bin, width, echo, bin_):
     """Echoes at the receiver at b, whose amplitudes lie between the `first` and the `second`, and their bins."""
     bx, by, bz = b[0], b[1], b[2]
     for n in range(np.uint64(0), count):
-        g = np.uint64(clusters[np.uint64(start) + n, 1])
-        hx, hy, hz = met[1, n], met[2, n], met[3, n]
-        path = met[0, n] + _distance(bx - hx, by - hy, bz - hz)
-        x, y, z = _f32(hx - centers[g, 0]), _f32(hy - centers[g, 1]), _f32(hz - centers[g, 2])
-        gain = sent[0, n] * legs[g, 0] * (_ONE + legs[g, 2] * x + legs[g, 3] * y + legs[g, 4] * z)
-        cycles = sent[1, n] + legs[g, 1] + legs[g, 5] * x + legs[g, 6] * y + legs[g, 7] * z
+        path = met[0, n] + _distance(bx - met[1, n], by - met[2, n], bz - met[3, n])
+        x, y, z = place[0, n], place[1, n], place[2, n]
+        gain = sent[0, n] * leg[0, n] * (_ONE + leg[2, n] * x + leg[3, n] * y + leg[4, n] * z)
+        cycles = sent[1, n] + leg[1, n] + leg[5, n] * x + leg[6, n] * y + leg[7, n] * z
         whole = np.rint(path / width)
         over = path - whole * width
         late = _f32(_wrapped(carrier * over + cycles))
@@ -282,8 +295,8 @@ def _received(b, legs, clusters, centers, start, count, met, sent, first, second
         im = gain * _f32(first[1, n] + share * (second[1, n] - first[1, n]))
         cosine, sine = _cosine(late), _sine(late)
         echo[0, n], echo[1, n] = re * cosine + im * sine, im * cosine - re * sine
-        echo[2, n], echo[3, n] = sent[2, n] + legs[g, 8], sent[3, n] + legs[g, 9] - _f32(half_band * over)
-        place[n] = np.int32(whole) - np.int32(first_bin)
+        echo[2, n], echo[3, n] = sent[2, n] + leg[8, n], sent[3, n] + leg[9, n] - _f32(half_band * over)
+        bin_[n] = np.int32(whole) - np.int32(first_bin)
 
 
 @inline
