@@ -196,8 +196,8 @@ def bounce_echoes(transmitters, nodes, between, shares, antennas, legs, pairs, c
                 for i in range(receivers):
                     one, other = value[between[i, 0]], value[between[i, 1]]
                     _gather(legs[r0 + i], clusters, 1, start, count, leg)
-                    _received(antennas[r0 + i], leg, beyond, count, met, sent, one, other, shares[i], carrier, half_band,
-                              first_bin, width, echo, place)  # fmt: skip
+                    _received(antennas[r0 + i], leg, beyond, count, met, sent, one, other, shares[i], carrier,
+                              half_band, first_bin, width, echo, place)  # fmt: skip
                     for n in range(count):
                         if one[0, n] == 0 and one[1, n] == 0 and other[0, n] == 0 and other[1, n] == 0:
                             continue  # its place is anywhere
