@@ -104,13 +104,13 @@ def surface_echoes(transmitters, nodes, between, shares, antennas, light, legs, 
             to = _distance(tx, ty, tz)
             if legs[t, g, 0] == 0 or not _faces(cones, g, tx, ty, tz, to):
                 continue
-            farthest = 0.0
+            faced = False
             for i in range(receivers):
                 rx, ry, rz = antennas[r0 + i, 0] - ox, antennas[r0 + i, 1] - oy, antennas[r0 + i, 2] - oz
                 back = _distance(rx, ry, rz)
                 backs[i] = back if legs[r0 + i, g, 0] != 0 and _faces(cones, g, rx, ry, rz, back) else 0.0
-                farthest = max(farthest, backs[i])
-            if farthest == 0:
+                faced = faced or backs[i] > 0
+            if not faced:
                 continue
             s = surface[g]
             for start in range(starts[g], starts[g + 1], BLOCK):

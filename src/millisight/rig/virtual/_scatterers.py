@@ -1,7 +1,7 @@
 """All that returns echoes, as the arrays that kernels take, and the frames that it makes for some poses."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from millisight.rig.virtual._occluders import Sheet, sheet_tables
 from millisight.rig.virtual._patches import REACH, Patches, cut, doubled_area, gather
 from millisight.rig.virtual._settings import Antenna
 from millisight.rig.virtual._surface import Boundary, fitted
+
+if TYPE_CHECKING:
+    from scipy.spatial import KDTree
 
 EDGE_DEG = 20.0
 """Edges that turn by more diffract [degrees]; of a finely faceted round body none does."""
@@ -93,6 +96,8 @@ class SurfaceScatterers:
         antenna: Antenna | None,
         rng: int | np.random.Generator | None,
     ):
+        from scipy.spatial import KDTree
+
         band = Band.of(radar.waveform)
         reach = REACH / band.carrier
         faces = [(mesh.vertices[mesh.faces], surface) for mesh, surface in solids]
@@ -113,7 +118,8 @@ class SurfaceScatterers:
 
         found = [sharp_edges(mesh, EDGE_DEG, 2 * reach) for mesh, _ in solids] if edges else []
         strengths = [-complex(surface.coherent(band.center, 1.0)) for surface in surfaces]
-        self._edges, self._edge_cluster = _edge_table(found, strengths, patches)
+        self._tree = KDTree(self._centers)
+        self._edges, self._edge_cluster = _edge_table(found, strengths, self._centers, self._tree)
         lifted = [edge.middles + LIFT * edge.lift for edge in found]
         self.places = np.concatenate([self._centroids + LIFT * self._normals, *lifted])
         one, other = [edge.normals for edge in found], [edge.others for edge in found]
@@ -126,9 +132,7 @@ class SurfaceScatterers:
 
     def distances(self, antennas: np.ndarray) -> np.ndarray:
         """(A,) from antennas (A, 3) to the middle of the nearest cluster [m]."""
-        from scipy.spatial import KDTree
-
-        return np.asarray(KDTree(self._centers).query(antennas)[0])
+        return np.asarray(self._tree.query(antennas)[0])
 
     def check_clearance(self, antennas: np.ndarray) -> None:
         """Refuse antennas (A, 3) [m] nearer to a surface than the sums are good for."""
@@ -267,20 +271,17 @@ def _cones(patches: Patches) -> np.ndarray:
 
 
 def _edge_table(
-    found: Sequence[Edges], strengths: Sequence[complex], patches: Patches
+    found: Sequence[Edges], strengths: Sequence[complex], centers: np.ndarray, tree: "KDTree"
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(E, 23) and (E,), see `_path_kernels.edge_echoes`."""
-    from scipy.spatial import KDTree
-
+    """(E, 23) and (E,), see `_path_kernels.edge_echoes`; `tree` is that of the clusters' `centers` (G, 3)."""
     tables, clusters = [np.zeros((0, 23))], [np.zeros(0, dtype=np.int64)]
-    tree = KDTree(patches.centers)
     for edges, strength in zip(found, strengths, strict=False):
         cluster = np.asarray(tree.query(edges.middles)[1]) if len(edges) else clusters[0]
         n = edges.openings
         strong = np.tile([strength.real, strength.imag], (len(edges), 1))
         columns = (
             edges.middles, edges.along, edges.normals, edges.into, edges.lengths, n, strong,
-            edges.middles - patches.centers[cluster], np.cos(np.pi / n), np.sin(np.pi / n) / n, np.cos(n * np.pi),
+            edges.middles - centers[cluster], np.cos(np.pi / n), np.sin(np.pi / n) / n, np.cos(n * np.pi),
             np.sin(n * np.pi),
         )  # fmt: skip
         tables.append(np.column_stack(columns))
