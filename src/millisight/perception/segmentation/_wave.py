@@ -33,6 +33,7 @@ from millisight.perception import (
     without_sheets,
 )
 from millisight.perception.segmentation._edges import at_edges
+from millisight.perception.segmentation._ghosts import without_ghosts
 from millisight.perception.segmentation._heights import beneath, between, lid_height, tells_height
 from millisight.perception.segmentation._segmentation import SEGMENTERS, Candidates
 
@@ -202,9 +203,9 @@ class WaveSegmenter:
     def segment(self, picture: Picture, prompts: Prompts | None = None) -> Candidates:
         """Masks that begin at several probabilities, the one that did best on the validation scenes first.
 
-        Parts that lie no higher than the picture's support are left out. Of a scene that is known to be covered, dark
-        pixels of which the network is not sure are left out, too, and parts that lie no lower than the lid or beside
-        it: the lid's edges, the walls below them, and grating lobes.
+        Parts that are ghosts of a scan's steps, or lie no higher than the picture's support, are left out. Of a scene
+        that is known to be covered, dark pixels of which the network is not sure are left out, too, and parts that lie
+        no lower than the lid or beside it: the lid's edges, the walls below them, and grating lobes.
 
         The borders of what is left then follow the image's edges, see `at_edges`, where an echo is short along z, as at
         77 GHz. At 24 GHz the image is no finer than the network's pixels.
@@ -277,7 +278,7 @@ def _placed(masks: Sequence[np.ndarray], picture: Picture) -> list[np.ndarray]:
     if picture.covered and cleaned is not image:
         taken = sheets_in(image, frequency=HIGH_BAND, covered=True)
         lid = lid_height(image, taken)
-    kept = [between(mask, cleaned, support=picture.support, lid=lid) for mask in masks]
+    kept = [between(mask, cleaned, support=picture.support, lid=lid) for mask in without_ghosts(masks, cleaned)]
     if taken is not None:
         kept = [beneath(mask, image, taken, surely=picture.support is not None) for mask in kept]
     rests = [
