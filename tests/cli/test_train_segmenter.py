@@ -42,20 +42,23 @@ def written(folder, *, extra="", keep=("dice", "golf_ball")):
 
 
 @pytest.mark.slow
-def test_one_command_makes_the_weights_and_again_the_same_ones_even_when_resumed(tmp_path, capsys):
+@pytest.mark.parametrize(("extra", "scenes_of_a_side"), [("", 2), ('normalisation = "batch"\nodd = 2', 4)])
+def test_one_command_makes_the_weights_and_again_the_same_ones_even_when_resumed(
+    tmp_path, capsys, extra, scenes_of_a_side
+):
     pytest.importorskip("torch")
     pytest.importorskip("onnxruntime")
     from millisight.perception.segmentation import WaveSegmenter
     from millisight.perception.training import make_scenes, train
 
-    recipe = written(tmp_path)
+    recipe = written(tmp_path, extra=extra)
     segmenter(recipe, tmp_path / "a")
     out = capsys.readouterr().out
     assert "2 epochs, the best of them" in out
     assert out.splitlines()[-1] == f"weights: {tmp_path / 'a' / 'wave.onnx'}"
     told = WaveSegmenter(tmp_path / "a" / "wave.onnx").description
     assert told["objects"] == {"training": ["dice"], "validation": ["golf_ball"]}
-    assert told["scenes"] == {"training": 2, "validation": 2}
+    assert told["scenes"] == {"training": scenes_of_a_side, "validation": scenes_of_a_side}
     assert len(told["history"]) == 2
 
     def cut_off(done, total):
@@ -76,6 +79,7 @@ def test_a_recipe_that_cannot_be_right_is_refused_by_its_place(tmp_path):
     for extra, place in (
         ("wdths = [8]", r"small\.toml: wdths: unknown key 'wdths'\. Did you mean 'widths'\?"),
         ("device = 1", r"small\.toml: device: unknown key"),
+        ('normalisation = "none"', r"unknown normalisation 'none'\. Known: batch, group"),
         ("about = 3", r"small\.toml: about: expected a text, got 3"),
     ):
         with pytest.raises(FormatError, match=place):

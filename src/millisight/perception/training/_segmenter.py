@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from millisight.core import checked_integer, checked_record, put, record
+from millisight.core import check_known, checked_integer, checked_record, put, record
 from millisight.core.errors import InputError
 from millisight.meshes import PUBLISHED_CLASSES
 from millisight.perception import FLOOR_DB, SPACING, power_levels
@@ -29,6 +29,9 @@ CUTS = tuple(round(0.1 + 0.05 * i, 2) for i in range(15))
 """Probabilities at which a mask might begin; the best by mean F2 on the validation scenes is taken."""
 EXAMPLE_SIDE = 80
 """Pixels of an example along x and y."""
+
+NORMALISATIONS = "group", "batch"
+"""Of the network's channels; see `WaveNetwork`."""
 
 _RECALL = 2  # beta of F2: a part of the object that is missed counts more than a rim that is not the object's
 _MISSED = 0.01  # of the objects may be taken for nothing
@@ -52,7 +55,9 @@ class SegmenterRecipe:
     about : for the weights' description
     scenes, whole, schedule : see there; the schedule's seed is that of everything
     drawn : of each class of `PUBLISHED_CLASSES`, simulated shapes drawn at random, every sixth for validation
+    odd : simulated odd shapes drawn at random besides, every sixth for validation
     widths : of the network's four sizes, in channels
+    normalisation : of the network, "group" or "batch"; see `WaveNetwork`
     batch : examples in a batch
     views : examples of each whole scene in an epoch
     """
@@ -65,12 +70,15 @@ class SegmenterRecipe:
     whole: WholeSettings = field(default_factory=WholeSettings)
     schedule: Schedule = field(default_factory=Schedule)
     drawn: int = 0
+    odd: int = 0
     widths: tuple[int, ...] = (16, 32, 64, 96)
+    normalisation: str = "group"
     batch: int = 16
     views: int = 1
 
     def __post_init__(self) -> None:
         checked_record(self.name, str, name="name")
+        check_known("normalisation", self.normalisation, NORMALISATIONS)
         widths = tuple(checked_integer(width, name="widths", minimum=8) for width in self.widths)
         if len(widths) != 4 or any(width % 8 for width in widths):
             raise InputError(f"widths are {list(widths)}; expected four multiples of 8")
@@ -81,6 +89,7 @@ class SegmenterRecipe:
             self,
             widths=widths,
             drawn=checked_integer(self.drawn, name="drawn", minimum=0),
+            odd=checked_integer(self.odd, name="odd", minimum=0),
             batch=checked_integer(self.batch, name="batch"),
             views=checked_integer(self.views, name="views"),
         )
@@ -99,8 +108,7 @@ class SegmenterRecipe:
         ] + [
             SceneRequest(SIDES[number % _HELD_EVERY == 1], name, number, 0, drawn)
             for name, shape in RANDOM_OBJECTS.items()
-            if shape in PUBLISHED_CLASSES
-            for number in range(self.drawn)
+            for number in range(self.drawn if shape in PUBLISHED_CLASSES else self.odd)
         ]
 
     def lesson(self, scenes: TrainingScenes) -> "SegmenterLesson":
@@ -123,10 +131,13 @@ class SegmenterLesson:
         self.held = held_back(scenes, lambda scene, rng: example_of(scene.whole, rng), views=_VIEWS, seed=self.seed)
 
     def network(self) -> "nn.Module":
-        """With the recipe's widths."""
+        """With the recipe's widths and normalisation."""
+        import torch
+
         from millisight.perception.training.networks import WaveNetwork
 
-        return WaveNetwork(self.recipe.widths)
+        # A pixel's channels beside each other in memory: its convolutions are a quarter faster on a CPU.
+        return WaveNetwork(self.recipe.widths, self.recipe.normalisation).to(memory_format=torch.channels_last)
 
     def batches(self, epoch: int) -> "Iterator[tuple[Tensor, ...]]":
         """Channels, share of each pixel inside, weights; of each scene the recipe's number of views."""

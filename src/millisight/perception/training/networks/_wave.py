@@ -15,16 +15,23 @@ class WaveNetwork(nn.Module):
     """Logits of "here lies the object", a pixel each.
 
     After Ronneberger, Fischer & Brox, "U-Net" (2015): three halvings and back, at each size what was before is beside
-    what comes from below. Groups of channels are normalised over each image, not over batches, so that training and use
-    are one function.
+    what comes from below.
+
+    Parameters
+    ----------
+    widths : of the four sizes, in channels
+    normalisation : "group": groups of eighths of the channels, over each image, so that training and use are one
+        function; "batch": each channel, over a batch, in use by what it was in training, so that what an image shows
+        elsewhere, and how much of it is empty, changes nothing
     """
 
-    def __init__(self, widths: Sequence[int] = (16, 32, 64, 96)):
+    def __init__(self, widths: Sequence[int] = (16, 32, 64, 96), normalisation: str = "group"):
         super().__init__()
         inputs = (len(WAVE_CHANNELS), *widths[:-1])
-        self.down: nn.ModuleList = nn.ModuleList(_block(a, b) for a, b in zip(inputs, widths, strict=True))
+        pairs = zip(inputs, widths, strict=True)
+        self.down: nn.ModuleList = nn.ModuleList(_block(a, b, normalisation) for a, b in pairs)
         pairs = zip(widths[:0:-1], widths[-2::-1], strict=True)
-        self.up: nn.ModuleList = nn.ModuleList(_block(below + beside, beside) for below, beside in pairs)
+        self.up: nn.ModuleList = nn.ModuleList(_block(below + beside, beside, normalisation) for below, beside in pairs)
         self.last: nn.Conv2d = nn.Conv2d(widths[0], 1, 1)
 
     def forward(self, channels: Tensor) -> Tensor:
@@ -38,12 +45,12 @@ class WaveNetwork(nn.Module):
         return self.last(x).squeeze(1)
 
 
-def _block(inputs: int, outputs: int) -> nn.Sequential:
+def _block(inputs: int, outputs: int, normalisation: str) -> nn.Sequential:
     steps: list[nn.Module] = []
     for width in (inputs, outputs):
         steps += [
             nn.Conv2d(width, outputs, 3, padding=1, bias=False),
-            nn.GroupNorm(_GROUPS, outputs),
+            nn.BatchNorm2d(outputs) if normalisation == "batch" else nn.GroupNorm(_GROUPS, outputs),
             nn.ReLU(inplace=True),
         ]
     return nn.Sequential(*steps)
