@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from millisight.core import check_known, checked_integer, checked_record, put, record
+from millisight.core import check_known, checked_integer, checked_number, checked_record, put, record
 from millisight.core.errors import InputError
 from millisight.meshes import PUBLISHED_CLASSES
 from millisight.perception import FLOOR_DB, SPACING, power_levels
@@ -19,7 +19,14 @@ from millisight.perception.training import _augmentation as augmentation
 from millisight.perception.training._loop import Schedule, run
 from millisight.perception.training._scenes import RANDOM_OBJECTS, SceneSettings
 from millisight.perception.training._sources import simulations_in
-from millisight.perception.training._training import RECIPES, SIDES, SceneRequest, TrainingScenes, held_back
+from millisight.perception.training._training import (
+    RECIPES,
+    SIDES,
+    SceneRequest,
+    TrainingScene,
+    TrainingScenes,
+    held_back,
+)
 from millisight.perception.training._whole import WholeScene, WholeSettings
 
 if TYPE_CHECKING:
@@ -41,6 +48,7 @@ _AT_ONCE = 16  # examples that are judged together
 _ONE_BAND, _OTHER_ALONE = 0.35, 0.12  # shares of examples: 77 GHz without 24, 24 without 77
 _PROMPTED = 0.35
 _POINT_SHARE = 0.0125  # of pixels, prompts by power: as published of pixels two and a half times as many
+_CLOSEST = 2  # pixels beside an object, in examples that show little around it
 _OTHER = WAVE_CHANNELS.index("other")
 
 
@@ -60,6 +68,7 @@ class SegmenterRecipe:
     normalisation : of the network, "group" or "batch"; see `WaveNetwork`
     batch : examples in a batch
     views : examples of each whole scene in an epoch
+    close : share of the examples that show little around the objects, as simulated images do
     """
 
     stem = "wave"
@@ -75,6 +84,7 @@ class SegmenterRecipe:
     normalisation: str = "group"
     batch: int = 16
     views: int = 1
+    close: float = 0.0
 
     def __post_init__(self) -> None:
         checked_record(self.name, str, name="name")
@@ -92,6 +102,7 @@ class SegmenterRecipe:
             odd=checked_integer(self.odd, name="odd", minimum=0),
             batch=checked_integer(self.batch, name="batch"),
             views=checked_integer(self.views, name="views"),
+            close=checked_number(self.close, name="close", minimum=0),
         )
 
     def scene_requests(self) -> list[SceneRequest]:
@@ -128,7 +139,7 @@ class SegmenterLesson:
 
     def __init__(self, recipe: SegmenterRecipe, scenes: TrainingScenes):
         self.recipe, self.scenes, self.seed = recipe, scenes, recipe.schedule.seed
-        self.held = held_back(scenes, lambda scene, rng: example_of(scene.whole, rng), views=_VIEWS, seed=self.seed)
+        self.held = held_back(scenes, self._example_of, views=_VIEWS, seed=self.seed)
 
     def network(self) -> "nn.Module":
         """With the recipe's widths and normalisation."""
@@ -146,8 +157,11 @@ class SegmenterLesson:
         rng, scenes = np.random.default_rng([self.seed, epoch]), self.scenes["training"]
         order = np.concatenate([rng.permutation(len(scenes)) for _ in range(self.recipe.views)])
         for start in range(0, len(order), self.recipe.batch):
-            examples = [example_of(scenes[i].whole, rng) for i in order[start : start + self.recipe.batch]]
+            examples = [self._example_of(scenes[i], rng) for i in order[start : start + self.recipe.batch]]
             yield tuple(torch.from_numpy(np.stack(values)) for values in zip(*examples, strict=True))
+
+    def _example_of(self, scene: TrainingScene, rng: np.random.Generator) -> "SegmenterExample":
+        return example_of(scene.whole, rng, close=self.recipe.close)
 
     def loss(self, network: "nn.Module", batch: "tuple[Tensor, ...]") -> "Tensor":
         """Cross-entropy a pixel plus 1 less the soft Dice coefficient of each example."""
@@ -227,13 +241,15 @@ class SegmenterExample(NamedTuple):
     weight: np.ndarray  # (64, 64) float32, 1 where there is an image, else 0
 
 
-def example_of(scene: WholeScene, rng: np.random.Generator) -> SegmenterExample:
-    """An example of a scene, drawn from `rng`."""
+def example_of(scene: WholeScene, rng: np.random.Generator, *, close: float = 0.0) -> SegmenterExample:
+    """An example of a scene, drawn from `rng`; with the probability `close` it shows little around the objects."""
     alone, single = rng.random() < _OTHER_ALONE, "24_ghz" not in scene.levels
     alone = alone and not single
     band = "24_ghz" if alone else "77_ghz"
     other = None if alone or rng.random() < _ONE_BAND or single else scene.power("24_ghz")
-    window, way = tuple(_window(size, rng) for size in scene.objects.shape), int(rng.integers(8))
+    near = close > 0 and rng.random() < close and scene.objects.any()
+    window = _close_window(scene.objects > 0, rng) if near else tuple(_window(n, rng) for n in scene.objects.shape)
+    way = int(rng.integers(8))
 
     def seen(values: np.ndarray) -> np.ndarray:
         return augmentation.turned(values[window], way)
@@ -257,6 +273,17 @@ def _window(size: int, rng: np.random.Generator) -> slice:
     length = min(size - low - high, EXAMPLE_SIDE)
     start = low + int(rng.integers(0, size - low - high - length + 1))
     return slice(start, start + length)
+
+
+def _close_window(inside: np.ndarray, rng: np.random.Generator) -> tuple[slice, ...]:
+    """Of both axes of a mask (A, B) the part that shows it and up to 4 cm beside it, at most `EXAMPLE_SIDE` long."""
+    parts = []
+    for axis, size in enumerate(inside.shape):
+        lit = np.flatnonzero(inside.any(axis=1 - axis))
+        low, high = rng.integers(_CLOSEST, round(0.04 / SPACING) + 1, 2)
+        start, stop = max(int(lit[0] - low), 0), min(int(lit[-1] + high) + 1, size)
+        parts.append(slice(start, min(stop, start + EXAMPLE_SIDE)))
+    return tuple(parts)
 
 
 def _depths(count: int, rng: np.random.Generator) -> slice:
