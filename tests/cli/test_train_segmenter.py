@@ -42,7 +42,7 @@ def written(folder, *, extra="", keep=("dice", "golf_ball")):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("extra", "scenes_of_a_side"), [("", 2), ('normalisation = "batch"\nodd = 2', 4)])
+@pytest.mark.parametrize(("extra", "scenes_of_a_side"), [("", 2), ('normalisation = "batch"\nodd = 2\nclose = 0.5', 4)])
 def test_one_command_makes_the_weights_and_again_the_same_ones_even_when_resumed(
     tmp_path, capsys, extra, scenes_of_a_side
 ):

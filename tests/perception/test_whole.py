@@ -10,6 +10,7 @@ from millisight.imaging import remove_sheets
 from millisight.perception import SPACING
 from millisight.perception.training import BANDS, DEPTH, WholeSettings, _scenes, _whole
 from millisight.perception.training._bands import write_parts
+from millisight.perception.training._segmenter import example_of
 from millisight.perception.training._sheets import cached_sheet
 from millisight.perception.training._whole import cached_whole_scene
 
@@ -185,3 +186,19 @@ def test_a_value_that_is_no_number_makes_a_stored_image_damaged(value, tmp_path,
         np.savez(file, **held)
     with pytest.raises(DamagedFileError, match="77_ghz is no image; delete it"):
         read()
+
+
+@pytest.mark.slow
+def test_examples_that_show_little_around_an_object_show_all_of_it(dice):
+    scene = whole_scene(dice, seed=1, sheets=0)
+    assert scene.objects.shape > (40, 40)
+    for seed in range(8):
+        near = example_of(scene, np.random.default_rng(seed), close=1.0)
+        shown = np.argwhere(near.weight > 0)
+        lit = np.argwhere(near.inside > 0)
+        assert len(lit) == (scene.objects > 0).sum()
+        beside = np.concatenate([lit.min(axis=0) - shown.min(axis=0), shown.max(axis=0) - lit.max(axis=0)])
+        assert (beside >= 0).all()
+        assert (beside <= round(0.04 / SPACING)).all()
+    empty = whole_scene(dice, seed=1, sheets=0, empty=1.0)
+    assert example_of(empty, np.random.default_rng(0), close=1.0).weight.sum() > 1600

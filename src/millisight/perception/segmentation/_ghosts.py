@@ -13,6 +13,7 @@ import numpy as np
 
 from millisight.core import SPEED_OF_LIGHT
 from millisight.data import SarImage
+from millisight.perception.segmentation._heights import tells_height
 
 BAND = 76e9, 81e9
 """Of radars at 77 GHz [Hz]."""
@@ -26,8 +27,9 @@ _REFLECTOR, _GHOST = 0.85, 0.6  # of a part's power, what a reflector has at lea
 def without_ghosts(masks: Sequence[np.ndarray], image: SarImage) -> list[np.ndarray]:
     """The parts of masks of which most of the power has a reflector's wavenumbers.
 
-    Power is that of the strongest voxel along z above each pixel. Where no part of a mask has 85 % of it so, its image
-    may be one of magnitudes or of another band, whose phases tell nothing, and all parts are kept.
+    Power is that of the strongest voxel along z above each pixel. The brightest part must surely be a reflector: 85 %
+    of its power is so, and its echo is as short along z as at 77 GHz. Else the image may be one of magnitudes or of
+    another band, whose phases tell nothing, and all parts are kept.
 
     Parameters
     ----------
@@ -52,7 +54,9 @@ def without_ghosts(masks: Sequence[np.ndarray], image: SarImage) -> list[np.ndar
     for mask, (parts, count) in zip(masks, found, strict=True):
         shares = [np.bincount(parts[mask], weights=one[mask], minlength=count + 1) for one in (real, seen)]
         share = shares[0] / np.maximum(shares[1], 1e-300)
-        kept.append(mask & (share > _GHOST)[parts] if share.max() >= _REFLECTOR else mask)
+        brightest = int(parts.ravel()[np.where(mask, seen, 0).argmax()])
+        surely = share[brightest] >= _REFLECTOR and tells_height(parts == brightest, image)
+        kept.append(mask & (share > _GHOST)[parts] if surely else mask)
     return kept
 
 

@@ -278,8 +278,7 @@ def _placed(masks: Sequence[np.ndarray], picture: Picture) -> list[np.ndarray]:
     if picture.covered and cleaned is not image:
         taken = sheets_in(image, frequency=HIGH_BAND, covered=True)
         lid = lid_height(image, taken)
-    # Ghosts are told at 77 GHz alone, where an echo is short along z.
-    real = without_ghosts(masks, cleaned) if tells_height(masks[0], cleaned) else masks
+    real = without_ghosts(masks, cleaned)
     kept = [between(mask, cleaned, support=picture.support, lid=lid) for mask in real]
     if taken is not None:
         kept = [beneath(mask, image, taken, surely=picture.support is not None) for mask in kept]
