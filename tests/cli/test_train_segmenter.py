@@ -80,6 +80,7 @@ def test_a_recipe_that_cannot_be_right_is_refused_by_its_place(tmp_path):
         ("wdths = [8]", r"small\.toml: wdths: unknown key 'wdths'\. Did you mean 'widths'\?"),
         ("device = 1", r"small\.toml: device: unknown key"),
         ('normalisation = "none"', r"unknown normalisation 'none'\. Known: batch, group"),
+        ("close = 1.5", r"close is 1\.5; expected a share, from 0 to 1"),
         ("about = 3", r"small\.toml: about: expected a text, got 3"),
     ):
         with pytest.raises(FormatError, match=place):

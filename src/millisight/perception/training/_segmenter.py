@@ -92,6 +92,9 @@ class SegmenterRecipe:
         widths = tuple(checked_integer(width, name="widths", minimum=8) for width in self.widths)
         if len(widths) != 4 or any(width % 8 for width in widths):
             raise InputError(f"widths are {list(widths)}; expected four multiples of 8")
+        close = checked_number(self.close, name="close", minimum=0)
+        if close > 1:
+            raise InputError(f"close is {close:g}; expected a share, from 0 to 1")
         for side, names in self.scenes.objects.items():
             if not names:
                 raise InputError(f"no object is left for {side}; list some, but not all, in scenes.validation")
@@ -102,7 +105,7 @@ class SegmenterRecipe:
             odd=checked_integer(self.odd, name="odd", minimum=0),
             batch=checked_integer(self.batch, name="batch"),
             views=checked_integer(self.views, name="views"),
-            close=checked_number(self.close, name="close", minimum=0),
+            close=close,
         )
 
     def scene_requests(self) -> list[SceneRequest]:
@@ -208,10 +211,12 @@ class SegmenterLesson:
 
     def _refused(self, network: "nn.Module", cut: float) -> tuple[float, dict[str, float]]:
         """The `presence` below which nothing is found, and in how many scenes that is so."""
+        from scipy.special import expit
+
         found: dict[bool, list[float]] = {True: [], False: []}
         for example, logit in self._judged(network):
             inner = logit[example.weight > 0]
-            found[bool((example.inside > 0.5).any())].append(presence(1 / (1 + np.exp(-inner))))
+            found[bool((example.inside > 0.5).any())].append(presence(expit(inner)))
         empty, full = np.array(found[False]), np.array(found[True])
         least = round(max(cut, float(np.quantile(full, _MISSED))), 4) if len(empty) else cut
         refused = round(float((empty < least).mean()), 4) if len(empty) else 0.0
