@@ -46,10 +46,9 @@ def without_ghosts(masks: Sequence[np.ndarray], image: SarImage) -> list[np.ndar
     values = _of_reflectors(image) if any(count > 1 for _, count in found) else None
     if values is None:
         return list(masks)
-    strongest = abs(image.values).argmax(axis=2)[..., None]
-    seen, real = (
-        np.square(abs(np.take_along_axis(some, strongest, axis=2)[..., 0])) for some in (image.values, values)
-    )
+    strongest = np.abs(image.values).argmax(axis=2)[..., None]
+    of_both = (np.take_along_axis(np.abs(some), strongest, axis=2)[..., 0] for some in (image.values, values))
+    seen, real = (np.square(one) for one in of_both)
     kept = []
     for mask, (parts, count) in zip(masks, found, strict=True):
         shares = [np.bincount(parts[mask], weights=one[mask], minlength=count + 1) for one in (real, seen)]

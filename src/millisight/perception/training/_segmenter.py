@@ -151,7 +151,8 @@ class SegmenterLesson:
         from millisight.perception.training.networks import WaveNetwork
 
         # A pixel's channels beside each other in memory: its convolutions are a quarter faster on a CPU.
-        return WaveNetwork(self.recipe.widths, self.recipe.normalisation).to(memory_format=torch.channels_last)
+        network = WaveNetwork(self.recipe.widths, self.recipe.normalisation)
+        return network.to(memory_format=torch.channels_last)  # ty: ignore[no-matching-overload]
 
     def batches(self, epoch: int) -> "Iterator[tuple[Tensor, ...]]":
         """Channels, share of each pixel inside, weights; of each scene the recipe's number of views."""
