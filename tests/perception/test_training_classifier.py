@@ -107,6 +107,8 @@ def test_odd_shapes_are_further_scenes_of_the_class_other():
         ({"scenes": 0}, InputError, "scenes is 0"),
         ({"drawn": -1}, InputError, "drawn is -1"),
         ({"odd": -1}, InputError, "odd is -1"),
+        ({"normalisation": "layer"}, UnknownNameError, "layer"),
+        ({"renewed": 1}, InputError, "renewed is of type int; expected bool"),
         ({"judged": -1}, InputError, "judged is -1"),
         ({"odd": 1}, InputError, "odd is 1, and odd shapes are of the class 'other', which classes lacks; add it"),
         ({"classes": {"cube": ("dice",), "sphere": ("plum",)}, "drawn": 1}, InputError, "'cube' is none"),
@@ -149,9 +151,18 @@ def test_masks_that_the_segmenter_finds_are_learned_from(recipe, examples):
     assert len({one[0].tobytes() for one in made}) > 30
     lesson = dataclasses.replace(recipe, masks="shipped").lesson(examples)
     again = dataclasses.replace(recipe, masks="shipped").lesson(examples)
-    assert all((a.channels == b.channels).all() for a, b in zip(lesson.pool, again.pool, strict=True))
+    assert all((a.channels == b.channels).all() for a, b in zip(lesson.pool(0), again.pool(0), strict=True))
     plain = recipe.lesson(examples)
-    assert any((a.channels != b.channels).any() for a, b in zip(lesson.pool, plain.pool, strict=True))
+    assert any((a.channels != b.channels).any() for a, b in zip(lesson.pool(0), plain.pool(0), strict=True))
+
+
+@pytest.mark.slow
+def test_every_epoch_has_the_same_examples_or_new_ones(recipe, examples):
+    kept, renewed = recipe.lesson(examples), dataclasses.replace(recipe, renewed=True).lesson(examples)
+    assert kept.pool(1) is kept.pool(0)
+    first, second = ([one.channels.tobytes() for one in renewed.pool(epoch)] for epoch in (0, 1))
+    assert not set(first) & set(second)
+    assert [one.channels.tobytes() for one in renewed.pool(0)] == first
 
 
 def test_images_of_other_bands_are_refused_where_they_tell_theirs():

@@ -202,3 +202,24 @@ def test_examples_that_show_little_around_an_object_show_all_of_it(dice):
         assert (beside <= round(0.04 / SPACING)).all()
     empty = whole_scene(dice, seed=1, sheets=0, empty=1.0)
     assert example_of(empty, np.random.default_rng(0), close=1.0).weight.sum() > 1600
+
+
+def test_objects_are_bright_and_dim_in_places_where_asked(dice):
+    plain, uneven = whole_scene(dice, seed=5), whole_scene(dice, seed=5, uneven=8.0)
+    assert plain.levels["77_ghz"].shape == uneven.levels["77_ghz"].shape
+    inside = plain.objects > 0
+    ratio = uneven.power("77_ghz").max(axis=2)[inside] / plain.power("77_ghz").max(axis=2)[inside]
+    assert 1 < np.std(10 * np.log10(ratio)) < 16
+
+
+def test_what_is_round_has_hardly_any_echo_of_edges_where_asked(dice, monkeypatch):
+    seen = []
+    object_image = _whole.augmentation.object_image
+    monkeypatch.setattr(
+        _whole.augmentation, "object_image",
+        lambda one, band, gains: seen.append(gains["edge"]) or object_image(one, band, gains),
+    )  # fmt: skip
+    for share in (0.0, 1.0):
+        whole_scene(dice, seed=5, round=share)
+    plain, rounded = seen[: len(BANDS)], seen[len(BANDS) :]
+    assert 10**-1.5 <= rounded[0] / plain[0] <= 10**-0.3

@@ -80,6 +80,16 @@ def clouds(shape: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
     return (smooth - smooth.mean()) / max(smooth.std(), 1e-9)
 
 
+def patches(shape: tuple[int, int], rng: np.random.Generator, *, highest_db: float) -> np.ndarray:
+    """(A, B) float32 gains, bright and dim places some centimetres wide, of a standard deviation to `highest_db`.
+
+    An object is of several materials, and of its faces some are turned away from the radar.
+    """
+    smooth = blurred_once(rng.standard_normal(shape), rng.uniform(3, 12))
+    smooth = (smooth - smooth.mean()) / max(smooth.std(), 1e-9)
+    return (10 ** (rng.uniform(0, highest_db) * smooth / 20)).astype(np.float32)
+
+
 def blurred_once(values: np.ndarray, sigma: float) -> np.ndarray:
     """(A, B) blurred by `sigma` pixels."""
     from scipy.ndimage import gaussian_filter

@@ -20,6 +20,7 @@ from millisight.perception.training._loop import Schedule, run
 from millisight.perception.training._scenes import RANDOM_OBJECTS, SceneSettings
 from millisight.perception.training._sources import simulations_in
 from millisight.perception.training._training import (
+    NORMALISATIONS,
     RECIPES,
     SIDES,
     SceneRequest,
@@ -37,8 +38,6 @@ CUTS = tuple(round(0.1 + 0.05 * i, 2) for i in range(15))
 EXAMPLE_SIDE = 80
 """Pixels of an example along x and y."""
 
-NORMALISATIONS = "group", "batch"
-"""Of the network's channels; see `WaveNetwork`."""
 
 _RECALL = 2  # beta of F2: a part of the object that is missed counts more than a rim that is not the object's
 _MISSED = 0.01  # of the objects may be taken for nothing

@@ -23,6 +23,8 @@ from millisight.perception.training._sheets import SheetParts, cached_sheet
 from millisight.perception.training._whole import WholeScene, WholeSettings, cached_whole_scene
 
 SIDES = ("training", "validation")
+NORMALISATIONS = "group", "batch"
+"""Of a network's channels: over each image, or over a batch."""
 
 _VALIDATION_SEED = 1 << 20  # apart from any epoch's
 

@@ -29,6 +29,8 @@ _MIDDLES = {"77_ghz": 79e9, "24_ghz": 24.125e9}  # of the bands [Hz]
 _STEPS_DB = 0.25  # of the stored levels
 _KNOWN = 0.5  # of the scenes with a lid are known to have one
 _STANDS = 0.6  # of the scenes with no object show what it would lie on
+_NUMBERS = "empty", "several", "covered", "uneven", "round"
+_ROUND_DB = -30, -6  # of the edges of what is round, less than of others
 _GAP = 0.005, 0.10  # between the objects and the sheet over them [m]
 
 
@@ -48,6 +50,9 @@ class WholeSettings:
     covered : share of the scenes with a sheet over the objects
     sheets : simulated sheets, which the scenes share; 0: there is none in any scene
     parts : of the objects' echoes: "both", "edge" or "specular"
+    uneven : how much an object's brightness changes from place to place at most, a standard deviation [dB]
+    round : share of the objects whose edges hardly echo, as of what is round; the simulator takes their outline for
+        an edge
     """
 
     views: int = 6
@@ -56,6 +61,8 @@ class WholeSettings:
     covered: float = 0.65
     sheets: int = 64
     parts: str = "both"
+    uneven: float = 0.0
+    round: float = 0.0
 
     def __post_init__(self) -> None:
         check_known("parts", self.parts, ECHOES)
@@ -63,7 +70,7 @@ class WholeSettings:
             self,
             views=checked_integer(self.views, name="views"),
             sheets=checked_integer(self.sheets, name="sheets", minimum=0),
-            **{n: checked_number(getattr(self, n), name=n, minimum=0) for n in ("empty", "several", "covered")},
+            **{n: checked_number(getattr(self, n), name=n, minimum=0) for n in _NUMBERS},
         )
 
 
@@ -113,9 +120,9 @@ def cached_whole_scene(
     ------
     DamagedFileError
     """
-    made_of = json.dumps(
-        [key, list(seed), settings.empty, settings.several, settings.covered, settings.sheets, settings.parts, among]
-    )
+    of = [key, list(seed), settings.empty, settings.several, settings.covered, settings.sheets, settings.parts, among]
+    # Scenes as before have the same names as before.
+    made_of = json.dumps([*of, settings.uneven, settings.round] if settings.uneven or settings.round else of)
     path = Path(folder) / f"whole-{hashlib.sha256(made_of.encode()).hexdigest()[:16]}.npz"
     if not path.exists():
         rng = np.random.default_rng([*seed, *key.encode()])
@@ -139,12 +146,20 @@ def compose(
     empty = bool(rng.random() < settings.empty)
     if empty:
         objects = objects[:1]
-    plan = _Plan(objects, sheets, bool(rng.random() < settings.covered) and bool(sheets), rng, empty=empty)
+    covered = bool(rng.random() < settings.covered) and bool(sheets)
+    plan = _Plan(objects, sheets, covered, rng, empty=empty, uneven=settings.uneven)
     known = plan.covered and bool(rng.random() < _KNOWN)
     gains = [augmentation.drawn_gains(rng) for _ in objects]
     if settings.parts != "both":
         left_out = "specular" if settings.parts == "edge" else "edge"
         gains = [{**one, left_out: 0.0} for one in gains]
+    if settings.round:
+        gains = [
+            {**one, "edge": one["edge"] * augmentation.amplitude(rng, *_ROUND_DB)}
+            if rng.random() < settings.round
+            else one
+            for one in gains
+        ]
     weaker = [1.0, *(augmentation.amplitude(rng, -10, 3) for _ in objects[1:])]
     if empty:
         weaker, gains = [0.0], [{**gains[0], "plate": 0.0}]
@@ -177,8 +192,9 @@ class _Plan:
         rng: np.random.Generator,
         *,
         empty: bool = False,
+        uneven: float = 0.0,
     ):
-        self._objects, self.covered = objects, covered
+        self._objects, self.covered, self._uneven = objects, covered, uneven
         sides = np.round(rng.uniform(*_SIDES, 2) / SPACING).astype(int)
         sizes = np.array([one.inside.shape for one in objects])
         sides = np.maximum(sides, sizes.max(axis=0) - 12)
@@ -247,7 +263,10 @@ class _Plan:
         """(X, Y, Z) complex image of the scene by one radar."""
         total = np.zeros(self.shape, np.complex64)
         for one, corner, gain, share in zip(self._objects, self._corners, gains, weaker, strict=True):
-            lit = share * augmentation.object_image(one, band, gain) + gain["plate"] * one.images[band][2]
+            lit = share * augmentation.object_image(one, band, gain)
+            if self._uneven:
+                lit = lit * augmentation.patches(lit.shape[:2], rng, highest_db=self._uneven)[..., None]
+            lit = lit + gain["plate"] * one.images[band][2]
             _add(total, _faded(lit), corner, np.exp(2j * np.pi * rng.random()))
         if rng.random() < 0.5:  # multipath between the objects and their surroundings
             total = total + augmentation.echo(total, rng, highest_db=-12, sideways=3)

@@ -8,8 +8,8 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from millisight.perception.classification import CLASSIFIER_CHANNELS
+from millisight.perception.training.networks._normalisation import normalised
 
-_GROUPS = 8
 _MAGNITUDE = CLASSIFIER_CHANNELS.index("magnitude")
 _PAPER_SIDE = 224
 _PAPER_WIDTHS = (16, 128, 256, 512, 512)
@@ -21,17 +21,23 @@ _PAPER_CONNECTED = (1024, 512, 256)
 class SmallNetwork(nn.Module):
     """Four times two convolutions, the first of which halves; mean and maximum over what is left; one layer more.
 
-    It sees all channels: the mask, the paper's projection, levels of eight slices along z, the other band. Groups of
-    channels are normalised over each image, not over batches, so that training and use are one function.
+    It sees all channels: the mask, the paper's projection, levels of eight slices along z, the other band.
+
+    Parameters
+    ----------
+    classes : how many
+    normalisation : "group": groups of eighths of the channels, over each image, so that training and use are one
+        function; "batch": each channel, over a batch, in use by what it was in training
+    widths : of the four sizes, in channels
     """
 
-    def __init__(self, classes: int, widths: Sequence[int] = (24, 48, 64, 96)):
+    def __init__(self, classes: int, normalisation: str = "group", widths: Sequence[int] = (24, 48, 64, 96)):
         super().__init__()
         steps: list[nn.Module] = []
         for inputs, outputs in zip((len(CLASSIFIER_CHANNELS), *widths[:-1]), widths, strict=True):
             for channels, stride in ((inputs, 2), (outputs, 1)):
                 convolution = nn.Conv2d(channels, outputs, 3, stride=stride, padding=1, bias=False)
-                steps += [convolution, nn.GroupNorm(_GROUPS, outputs), nn.ReLU()]
+                steps += [convolution, normalised(normalisation, outputs), nn.ReLU()]
         self.seen: nn.Sequential = nn.Sequential(*steps)
         self.dropout: nn.Dropout = nn.Dropout(0.3)
         self.last: nn.Linear = nn.Linear(2 * widths[-1], classes)
@@ -69,6 +75,6 @@ class PaperNetwork(nn.Module):
         return self.connected(functional.avg_pool2d(x, x.shape[-1] // _PAPER_POOLED).flatten(1))
 
 
-def classifier_network(name: str, classes: int) -> nn.Module:
-    """The network "small" or "paper", with new weights from torch's generator."""
-    return {"small": SmallNetwork, "paper": PaperNetwork}[name](classes)
+def classifier_network(name: str, classes: int, normalisation: str = "group") -> nn.Module:
+    """The network "small", normalised so, or "paper", with new weights from torch's generator."""
+    return SmallNetwork(classes, normalisation) if name == "small" else PaperNetwork(classes)

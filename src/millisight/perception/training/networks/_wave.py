@@ -7,8 +7,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from millisight.perception.segmentation import WAVE_CHANNELS
-
-_GROUPS = 8
+from millisight.perception.training.networks._normalisation import normalised
 
 
 class WaveNetwork(nn.Module):
@@ -50,7 +49,7 @@ def _block(inputs: int, outputs: int, normalisation: str) -> nn.Sequential:
     for width in (inputs, outputs):
         steps += [
             nn.Conv2d(width, outputs, 3, padding=1, bias=False),
-            nn.BatchNorm2d(outputs) if normalisation == "batch" else nn.GroupNorm(_GROUPS, outputs),
+            normalised(normalisation, outputs),
             nn.ReLU(inplace=True),
         ]
     return nn.Sequential(*steps)
