@@ -7,13 +7,13 @@ spectrum (aliasing), while that along z stays. So the three no longer have the l
 """
 
 from collections.abc import Sequence
-from typing import cast
 
 import numpy as np
 
 from millisight.core import SPEED_OF_LIGHT
 from millisight.data import SarImage
 from millisight.perception.segmentation._heights import tells_height
+from millisight.perception.segmentation._parts import parts_of
 
 BAND = 76e9, 81e9
 """Of radars at 77 GHz [Hz]."""
@@ -40,9 +40,7 @@ def without_ghosts(masks: Sequence[np.ndarray], image: SarImage) -> list[np.ndar
     -------
     list of (X, Y) bool
     """
-    from scipy.ndimage import label
-
-    found = [cast("tuple[np.ndarray, int]", label(mask, structure=np.ones((3, 3)))) for mask in masks]
+    found = [parts_of(mask) for mask in masks]
     values = _of_reflectors(image) if any(count > 1 for _, count in found) else None
     if values is None:
         return list(masks)

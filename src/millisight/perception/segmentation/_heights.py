@@ -1,12 +1,11 @@
 """Where the parts of a mask lie: how high, above what the object stands on and below the lid, and whether under it."""
 
-from typing import cast
-
 import numpy as np
 
 from millisight.core import peak_place
 from millisight.data import SarImage
 from millisight.imaging import SheetRemoval
+from millisight.perception.segmentation._parts import parts_of
 
 _CLEARANCE = 0.008  # above its support and below its lid, an object's echo is at least so far away [m]
 _FALLS, _WITHIN = 0.2, 0.10  # an echo's power falls to this share within so many metres, or its height is unknown
@@ -36,11 +35,9 @@ def between(
     -------
     (X, Y) bool
     """
-    from scipy.ndimage import label
-
     if (support is None and lid is None) or not inside.any():
         return inside
-    parts, count = cast("tuple[np.ndarray, int]", label(inside, structure=np.ones((3, 3))))
+    parts, count = parts_of(inside)
     numbers, power = parts[inside], np.square(image.magnitude[inside], dtype=float)
     of_parts = np.stack([np.bincount(numbers, weights=one, minlength=count + 1) for one in power.T], axis=1)
     heights = [None, *(_height(one, image.grid.z, surely=lid is None) for one in of_parts[1:])]
@@ -69,14 +66,14 @@ def beneath(
     -------
     (X, Y) bool
     """
-    from scipy.ndimage import center_of_mass, label
+    from scipy.ndimage import center_of_mass
 
     under = np.zeros_like(inside)
     for sheet in removal.sheets:
         under |= sheet.box_on(image.grid.xy)
     if not inside.any() or not under.any():
         return inside
-    parts, count = cast("tuple[np.ndarray, int]", label(inside, structure=np.ones((3, 3))))
+    parts, count = parts_of(inside)
     middles = np.rint(center_of_mass(inside, parts, np.arange(1, count + 1))).astype(int)
     kept = np.concatenate([[False], under[tuple(middles.T)]])
     return inside & kept[parts] if surely or kept.any() else inside

@@ -16,6 +16,7 @@ from millisight.core import checked_number, checked_record, put, record, widths_
 from millisight.core.errors import InputError
 from millisight.data import Instances, Prompts, SarImage
 from millisight.perception import project
+from millisight.perception.segmentation._parts import parts_of
 from millisight.perception.segmentation._segmentation import (
     Segmenter,
     checked_segmenter,
@@ -165,11 +166,9 @@ def _flooded(heights: np.ndarray, lowest: float, prominence: float) -> tuple[np.
 
 def _around_peak(inside: np.ndarray, heights: np.ndarray) -> np.ndarray:
     """The connected part (A, B) that holds the highest pixel."""
-    from scipy.ndimage import label
-
     if not inside.any():
         return inside
-    parts: Any = label(inside, structure=np.ones((3, 3)))[0]
+    parts, _ = parts_of(inside)
     return parts == parts.flat[np.where(inside, heights, -np.inf).argmax()]
 
 

@@ -35,6 +35,7 @@ from millisight.perception import (
 from millisight.perception.segmentation._edges import at_edges
 from millisight.perception.segmentation._ghosts import without_ghosts
 from millisight.perception.segmentation._heights import beneath, between, lid_height, tells_height
+from millisight.perception.segmentation._parts import parts_of
 from millisight.perception.segmentation._segmentation import SEGMENTERS, Candidates
 
 WAVE_SLICES = 8
@@ -310,9 +311,7 @@ def _canvas_points(
 
 def _without_small_parts(mask: np.ndarray) -> np.ndarray:
     """The mask without its parts that are much smaller than its largest."""
-    from scipy.ndimage import label
-
-    parts, _ = cast("tuple[np.ndarray, int]", label(mask, structure=np.ones((3, 3))))
+    parts, _ = parts_of(mask)
     sizes = np.bincount(parts.ravel())
     sizes[0] = 0
     return mask & (sizes >= _SMALLEST_PART * sizes.max())[parts]
