@@ -1,7 +1,7 @@
 """What jobs will cost, told before they start: core-seconds and bytes, from figures measured once and scaled to here.
 
-The rig's optics cost, for each row of the aperture, a pass over all patches, and for each frame and receiver one more,
-times the sheets that a wave may cross. Patches are about ten a square wavelength, and no fewer than faces.
+The rig's optics cost, for each frame, a pass over all patches and faces, which the receivers share. Patches are about
+ten a square wavelength. Those of objects are also seen by way of one another, and sheets are crossed on the way.
 """
 
 import math
@@ -21,8 +21,7 @@ from millisight.rig.virtual import ScanSettings, VirtualRig, World, WorldLayout,
 
 # Processor time of one core of an AMD EPYC (Zen 5, 2.6 GHz), see benchmarks/test_generate.py [s].
 _JOB = 0.4  # building the world, and files
-_ROW, _ROW_PATCH = 0.012, 2e-6
-_PATCH, _SHEET_PATCH = 6.5e-9, 2.5e-9
+_BEHIND, _OBJECT, _SHEET, _FACE = 12e-9, 46e-9, 44e-9, 22e-9  # a frame: patches of each kind, and faces
 _PATCHES = 10.0  # a square wavelength
 _FRAME = {"77_ghz": 0.16e-3, "24_ghz": 6.3e-3}  # noise, and the raw file written and read
 _PICTURE = 0.65
@@ -110,12 +109,14 @@ def _written(frames: float, radar: str, keep: str) -> float:
 
 def row_seconds(stage: WorldLayout, radar: Radar, frames: float) -> float:
     """Of one core, for the echoes of a row of so many frames."""
-    squared = radar.waveform.wavelength**2
-    solid = sum(_PATCHES * part.mesh.area / squared + len(part.mesh.faces) for part in stage.parts)
-    sheet = sum(_PATCHES * panel.mesh.area / squared for panel in stage.panels)
-    receivers = len(radar.array.rx_positions)
-    frame = receivers * (_PATCH * solid + (solid + sheet) * len(stage.panels) * _SHEET_PATCH)
-    return _ROW + _ROW_PATCH * (solid + sheet) + frames * frame
+    patches = _PATCHES / radar.waveform.wavelength**2  # a square metre
+    kinds = (
+        (_BEHIND, stage.background),
+        (_OBJECT, tuple(part for item in stage.objects for part in item.parts)),
+        (_SHEET, stage.panels),
+    )
+    frame = sum(cost * patches * part.mesh.area for cost, parts in kinds for part in parts)
+    return frames * (frame + _FACE * sum(len(part.mesh.faces) for part in stage.parts))
 
 
 def simulator_cost(scene: Scene, trajectory: Trajectory, grid: VoxelGrid, settings: Simulator) -> Cost:
