@@ -1,5 +1,6 @@
 """The wave segmenter: its shipped weights, what it does with images of every kind, its scenes, and what it refuses."""
 
+import dataclasses
 import json
 import sys
 import time
@@ -10,13 +11,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from helpers.whole_scenes import object_parts, whole_scene
+from helpers.whole_scenes import drawn_sheet, object_parts, whole_scene
 from millisight import segment
 from millisight.core.errors import DamagedFileError, FileError, FormatError, InputError
 from millisight.data import Picture, Prompts, SarImage, VoxelGrid
 from millisight.meshes import CATALOGUE, build_object
 from millisight.perception import FLOOR_DB, power_levels, project, resampling_weights
-from millisight.perception.segmentation import WAVE_CHANNELS, WAVE_SLICES, WAVE_WEIGHTS, WaveSegmenter
+from millisight.perception.classification import CLASSIFIER_WEIGHTS
+from millisight.perception.segmentation import (
+    PRESENCE_WEIGHTS,
+    WAVE_CHANNELS,
+    WAVE_SLICES,
+    WAVE_WEIGHTS,
+    WaveSegmenter,
+)
 from millisight.perception.segmentation._wave import _bright
 from millisight.perception.training import BANDS, SCENE_PARTS
 from millisight.perception.training._bands import DEPTH
@@ -174,8 +182,10 @@ def test_without_onnx_runtime_it_says_what_to_install(monkeypatch):
 
 
 def test_the_shipped_weights_are_small_and_saw_only_objects_for_training():
-    assert WAVE_WEIGHTS.stat().st_size + DESCRIPTION.stat().st_size < 4e6
+    every = (*WAVE_WEIGHTS.parent.iterdir(), *CLASSIFIER_WEIGHTS.parent.iterdir())
+    assert sum(path.stat().st_size for path in every) < 4e6
     told = json.loads(DESCRIPTION.read_text())["objects"]
+    assert json.loads(PRESENCE_WEIGHTS.with_suffix(".json").read_text())["objects"] == told
     split = {side: set(names) for side, names in tomllib.loads((EXAMPLES / "objects.toml").read_text()).items()}
     seen, judged = set(told["training"]), set(told["validation"])
     assert len(seen) >= 15
@@ -192,13 +202,15 @@ def test_the_unseen_test_is_of_objects_that_are_kept_for_it():
     # Two are too tall for the published image grid.
     too_tall = {"a_colored_wood_blocks", "a_toy_airplane"}
     assert {*recipe["objects"]["names"]} == {*split["test"]} - too_tall
-    trained = tomllib.loads((EXAMPLES / "training/segmenter.toml").read_text())["scenes"]
-    assert sorted(trained["without"]) == sorted(split["development"] + split["test"])
+    for page in ("segmenter", "presence"):
+        trained = tomllib.loads((EXAMPLES / f"training/{page}.toml").read_text())["scenes"]
+        assert sorted(trained["without"]) == sorted(split["development"] + split["test"])
 
 
-def test_the_shipped_weights_are_those_of_the_recipe():
-    recipe = tomllib.loads((EXAMPLES / "training/segmenter.toml").read_text())
-    told = json.loads(DESCRIPTION.read_text())["recipe"]
+@pytest.mark.parametrize(("weights", "page"), [(WAVE_WEIGHTS, "segmenter"), (PRESENCE_WEIGHTS, "presence")])
+def test_the_shipped_weights_are_those_of_the_recipe(weights, page):
+    recipe = tomllib.loads((EXAMPLES / f"training/{page}.toml").read_text())
+    told = json.loads(weights.with_suffix(".json").read_text())["recipe"]
     for key, value in recipe.items():
         assert told[key] == value if not isinstance(value, dict) else told[key] | value == told[key], key
 
@@ -297,6 +309,59 @@ def test_what_is_lost_with_the_other_band_is_looked_for_without_it(wave, scene, 
     found = wave.segment(project(image, other_band=other))
     assert asked == [False, True]
     assert found.masks[0].all()
+
+
+def covered(scene, *, objects, seed=4):
+    """Pictures of a scene under a lid, of 77 GHz alone and with the other band; the lid's image is 8 dB brighter."""
+    rng, made = np.random.default_rng(seed), []
+    for band, one in zip(BANDS, images(scene), strict=True):
+        sheet = drawn_sheet(side=max(one.grid.shape[:2]) + 10, level=9).images[band]
+        values = np.zeros((*one.grid.shape[:2], one.grid.shape[2] + 12), np.complex64)
+        values[:, :, : one.grid.shape[2]] = objects * one.values
+        height, lid = one.grid.shape[2] + 2, np.zeros_like(values)
+        some = slice(max(0, height - 9), min(values.shape[2], height + 6))
+        lid[:, :, some] = sheet[: values.shape[0], : values.shape[1], : some.stop - some.start]
+        values += 2.5 * abs(one.values).max() * lid
+        noise = rng.standard_normal((2, *values.shape)) * 1e-3 * abs(one.values).max()
+        grid = VoxelGrid(x=one.grid.x, y=one.grid.y, z=DEPTH * np.arange(values.shape[2]))
+        made.append(SarImage(grid=grid, values=(values + noise[0] + 1j * noise[1]).astype(np.complex64)))
+    high, low = made
+    pictures = project(high), project(high, other_band=low), project(low)
+    return [dataclasses.replace(one, covered=True) for one in pictures]
+
+
+@pytest.mark.parametrize("seed", [4, 5])
+def test_nothing_is_found_below_a_lid_where_nothing_lies(wave, scene, seed):
+    for picture in covered(scene, objects=0.0, seed=seed)[:2]:
+        assert wave.empty(picture)
+        assert not wave.segment(picture).masks.any()
+    both = covered(scene, objects=1.0, seed=seed)[1]
+    assert not wave.empty(both)
+    assert f1(wave.segment(both).masks[0], scene.inside) > 0.45
+
+
+def test_whether_anything_lies_there_is_asked_of_covered_scenes_at_77_ghz_alone(wave, scene, monkeypatch):
+    asked = []
+
+    def nothing_there(network, channels):
+        asked.append(bool(channels[0, 2 + WAVE_SLICES].any()))  # whether the other band is shown
+        return np.full((1, *channels.shape[2:]), -5.0, np.float32)
+
+    monkeypatch.setattr("millisight.perception.segmentation._wave.run_network", nothing_there)
+    alone, both, low = covered(scene, objects=1.0)
+    assert wave.empty(alone)
+    assert asked == [False]
+    assert wave.empty(both)
+    assert sorted(asked[1:]) == [False, True]
+    assert not wave.empty(low)  # its echoes are as long as the scene is high
+    assert not wave.empty(project(images(scene)[0]))
+    assert len(asked) == 3
+
+
+def test_weights_of_ones_own_judge_alone_unless_a_second_network_is_named(wave, scene):
+    empty = covered(scene, objects=0.0)[0]
+    assert not WaveSegmenter(WAVE_WEIGHTS).empty(empty)
+    assert WaveSegmenter(WAVE_WEIGHTS, presence=PRESENCE_WEIGHTS).empty(empty)
 
 
 @pytest.mark.parametrize(("shape", "spacing"), [((20_000, 1, 1), 0.004), ((1, 400, 1), 0.5), ((60_000, 2, 1), 1e-4)])

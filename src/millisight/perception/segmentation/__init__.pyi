@@ -19,6 +19,7 @@ from ._segmentation import segment as segment
 from ._segmentation import segmenter as segmenter
 from ._volume import VolumeSettings as VolumeSettings
 from ._volume import extend_mask as extend_mask
+from ._wave import PRESENCE_WEIGHTS as PRESENCE_WEIGHTS
 from ._wave import WAVE_CHANNELS as WAVE_CHANNELS
 from ._wave import WAVE_SLICES as WAVE_SLICES
 from ._wave import WAVE_WEIGHTS as WAVE_WEIGHTS
