@@ -181,8 +181,9 @@ class WaveSegmenter:
             return False
         if not tells_height(np.ones(picture.shape, bool), picture.image):  # of the lid, most of the time
             return False
-        for other in {picture.other_band is not None, False}:
-            channels, x, y = _channels_of(picture if other else dataclasses.replace(picture, other_band=None), None)
+        alone = dataclasses.replace(picture, other_band=None)
+        for one in (alone,) if picture.other_band is None else (alone, picture):
+            channels, x, y = _channels_of(one, None)
             logits = run_network(self._judge, channels[None])[0, : len(x), : len(y)]
             if presence(1 / (1 + np.exp(-logits))) >= _THERE:
                 return False
