@@ -98,6 +98,13 @@ def test_masks_err_in_both_directions_and_are_never_empty():
     assert 0.5 < np.median(shared) < 0.98
 
 
+def test_a_mask_of_a_pixel_in_a_corner_errs_and_is_never_empty():
+    inside = np.zeros((50, 50), bool)
+    inside[0, 0] = True
+    masks = [augmentation.erring_mask(inside, np.ones((50, 50)), np.random.default_rng(seed)) for seed in range(400)]
+    assert all(mask.any() for mask in masks)
+
+
 def test_clouds_and_blur_keep_what_they_say():
     clouds = augmentation.clouds((40, 50), np.random.default_rng(0))
     assert clouds.shape == (40, 50)

@@ -166,15 +166,15 @@ def erring_mask(inside: np.ndarray, power: np.ndarray, rng: np.random.Generator)
     ragged: Any = gaussian_filter(rng.standard_normal(inside.shape), rng.uniform(1, 4))
     ragged *= rng.uniform(0, 1) / max(ragged.std(), 1e-9)
     kind = rng.choice(3, p=(0.6, 0.1, 0.3))
-    if kind == 1:
-        inside = _surroundings(inside, rng)
-    away: Any = distance_transform_edt(~inside)
-    within: Any = distance_transform_edt(inside)
+    drawn = _surroundings(inside, rng) if kind == 1 else inside
+    away: Any = distance_transform_edt(~drawn)
+    within: Any = distance_transform_edt(drawn)
     mask = away - within + 0.5 < rng.uniform(-1.5, 1.5) + ragged
     if kind == 2:
         shining = gaussian_filter(power, rng.uniform(0.5, 1.5))
-        mask &= shining > shining[inside].max() * 10 ** rng.uniform(-3, -0.8)
-    return mask if mask.any() else inside
+        mask &= shining > shining[drawn].max() * 10 ** rng.uniform(-3, -0.8)
+    # Around a pixel in a corner there may be nothing.
+    return next(one for one in (mask, drawn, inside) if one.any())
 
 
 def _surroundings(inside: np.ndarray, rng: np.random.Generator) -> np.ndarray:
