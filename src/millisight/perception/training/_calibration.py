@@ -1,9 +1,14 @@
 """How sure a classifier may be of its answers: the temperature and the threshold that suit the validation scenes."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from millisight.perception.training._loop import run
+
+if TYPE_CHECKING:
+    from torch import nn
 
 _SURE = 0.95  # of the answers that are given should be right: on validation
 _FEWEST = 100  # answers that a calibration of their own takes
@@ -123,3 +128,8 @@ def _answers(logits: np.ndarray, labels: np.ndarray) -> tuple[np.ndarray, np.nda
     probabilities = np.exp(logits - logits.max(axis=1, keepdims=True))
     probabilities /= probabilities.sum(axis=1, keepdims=True)
     return logits.argmax(axis=1) == labels, probabilities.max(axis=1)
+
+
+def logits_of(network: "nn.Module", inputs: Sequence[np.ndarray]) -> np.ndarray:
+    """(N, classes) float64 logits of N inputs (K, C, S, S), each the mean over its K views."""
+    return np.stack([run(network, one).mean(dim=0).double().cpu().numpy() for one in inputs])

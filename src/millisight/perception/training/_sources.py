@@ -1,12 +1,12 @@
 """Where examples come from besides the catalogue: folders of mesh files, and simulated images of a dataset."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
 
 from millisight.core import printable
-from millisight.core.errors import FileError
+from millisight.core.errors import FileError, InputError
 from millisight.io import mito
 from millisight.meshes import find_meshes, object_name
 
@@ -60,3 +60,19 @@ def simulations_in(root: str) -> Mapping[str, tuple[Path, ...]]:
             "processed_image_edges, radar_masks_specular and radar_masks_edges"
         )
     return MappingProxyType({name: tuple(folders) for name, folders in found.items()})
+
+
+def check_classes(objects: Mapping[str, Sequence[str]], drawn: int) -> None:
+    """Refuse classes too few, without objects though none are `drawn`, or with an object twice; `InputError`."""
+    if len(objects) < 2:
+        raise InputError(f"classes are {list(objects)}; expected at least two")
+    for shape, names in objects.items():
+        if not names and not drawn:
+            raise InputError(
+                f"no object is left for the class {shape!r}; name some in classes, or fewer in without and tests, or "
+                "have shapes drawn at random"
+            )
+    every = [name for names in objects.values() for name in names]
+    for name in every:
+        if every.count(name) > 1:
+            raise InputError(f"{name} is named more than once in classes; expected each object in one class, once")

@@ -7,7 +7,7 @@ network and its loss. This module does the rest. Another network to train is one
 import dataclasses
 import json
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, TypeVar
@@ -262,6 +262,15 @@ def train(
         free=lesson.free_axes, free_out=lesson.free_output_axes,
     )  # fmt: skip
     return Trained(weights, description)
+
+
+def poses_of(scenes: TrainingScenes, *, but: Collection[str]) -> dict[str, list[list[float]]]:
+    """How each object lay, scene after scene, in training and validation [degrees]; but for what has these names."""
+    poses: dict[str, list[list[float]]] = {}
+    for some in scenes.values():
+        for scene in (one for one in some if one.name not in but):
+            poses.setdefault(scene.name, []).append([round(float(angle), 2) for angle in scene.angles_deg])
+    return poses
 
 
 def held_back(
