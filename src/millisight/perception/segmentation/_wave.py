@@ -14,7 +14,7 @@ import numpy as np
 
 from millisight.core import check_readable, printable
 from millisight.core.errors import DamagedFileError, FormatError, InputError
-from millisight.data import Picture, Prompts, SarImage
+from millisight.data import Picture, PixelGrid, Prompts, SarImage
 from millisight.perception import (
     FLOOR_DB,
     HIGH_BAND,
