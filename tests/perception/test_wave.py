@@ -350,12 +350,24 @@ def test_whether_anything_lies_there_is_asked_of_covered_scenes_at_77_ghz_alone(
     monkeypatch.setattr("millisight.perception.segmentation._wave.run_network", nothing_there)
     alone, both, low = covered(scene, objects=1.0)
     assert wave.empty(alone)
-    assert asked == [False]
+    assert asked == 8 * [False]
     assert wave.empty(both)
-    assert asked[1:] == [False, True]
+    assert asked[8:] == 8 * [True]
     assert not wave.empty(low)  # its echoes are as long as the scene is high
     assert not wave.empty(project(images(scene)[0]))
-    assert len(asked) == 3
+    assert len(asked) == 16
+
+
+def test_a_scene_is_empty_if_it_is_so_however_it_is_turned(wave, scene, monkeypatch):
+    shown = []
+
+    def there_in_the_sixth(network, channels):
+        shown.append(channels[0, 0].tobytes())
+        return np.full((1, *channels.shape[2:]), 5.0 if len(shown) == 6 else -5.0, np.float32)
+
+    monkeypatch.setattr("millisight.perception.segmentation._wave.run_network", there_in_the_sixth)
+    assert not wave.empty(covered(scene, objects=1.0)[0])
+    assert len(shown) == len(set(shown)) == 6
 
 
 def test_weights_of_ones_own_judge_alone_unless_a_second_network_is_named(wave, scene):
