@@ -166,7 +166,7 @@ class WaveSegmenter:
         return 1 / (1 + np.exp(-fine))
 
     def empty(self, picture: Picture) -> bool:
-        """Whether nothing lies in a covered scene, however the image is turned or mirrored.
+        """Whether nothing lies in a covered scene, however the image is turned, with the other band and without it.
 
         It is the second network's word, which marks objects less well. In sight it takes a lone ball's glint for the
         floor's, and is not asked; nor where an echo is long along z, as at 24 GHz alone.
@@ -180,14 +180,17 @@ class WaveSegmenter:
             return False
         if not tells_height(np.ones(picture.shape, bool), picture.image):  # of the lid, most of the time
             return False
-        channels, x, y = _channels_of(picture, None)
-        for mirrored in (False, True):
-            for quarters in range(4):
-                turned = np.rot90(channels[:, ::-1] if mirrored else channels, quarters, axes=(1, 2))
-                logits = np.rot90(run_network(self._judge, np.ascontiguousarray(turned)[None])[0], -quarters)
-                inner = (logits[::-1] if mirrored else logits)[: len(x), : len(y)]
-                if presence(1 / (1 + np.exp(-inner))) >= _THERE:
-                    return False
+        # Where the other band takes a flat top for a sheet, the image alone may show it.
+        alone = dataclasses.replace(picture, other_band=None)
+        for one in (alone,) if picture.other_band is None else (alone, picture):
+            channels, x, y = _channels_of(one, None)
+            for mirrored in (False, True):
+                for quarters in range(4):
+                    turned = np.rot90(channels[:, ::-1] if mirrored else channels, quarters, axes=(1, 2))
+                    logits = np.rot90(run_network(self._judge, np.ascontiguousarray(turned)[None])[0], -quarters)
+                    inner = (logits[::-1] if mirrored else logits)[: len(x), : len(y)]
+                    if presence(1 / (1 + np.exp(-inner))) >= _THERE:
+                        return False
         return True
 
     def canvas_mask(
