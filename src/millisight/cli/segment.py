@@ -42,8 +42,8 @@ Condition = Annotated[
     str | None,
     typer.Option(
         help="los: object in line of sight. nlos: object hidden; a lid that ends within the image is then taken off, "
-        "too, wave judges whether anything lies there at all, and prompts beside the object are drawn below 0.05 of the "
-        "maximum instead of 0.02. [default: the name of the experiment's folder, else los]"
+        "too, wave judges whether anything lies there at all, and prompts beside the object are drawn below 0.05 of "
+        "the maximum instead of 0.02. [default: the name of the experiment's folder, else los]"
     ),
 ]
 PromptSeed = Annotated[int, typer.Option(min=0, help="Random seed for prompts.")]
