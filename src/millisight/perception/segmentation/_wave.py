@@ -119,8 +119,7 @@ _SURE, _LIKELY = 0.7, 0.5
 _BRIGHT_DB = -14
 _NEARBY = 0.02  # along x and y [m]
 
-# Of the second network's presence, below which a covered scene is empty.
-_THERE = 0.5
+_THERE = 0.5  # presence, by the second network, below which a covered scene is empty
 
 
 @SEGMENTERS.add("wave")

@@ -38,7 +38,6 @@ CUTS = tuple(round(0.1 + 0.05 * i, 2) for i in range(15))
 EXAMPLE_SIDE = 80
 """Pixels of an example along x and y."""
 
-
 _RECALL = 2  # beta of F2: a part of the object that is missed counts more than a rim that is not the object's
 _MISSED = 0.01  # of the objects may be taken for nothing
 _VIEWS = 1  # examples of each validation scene
