@@ -119,10 +119,11 @@ class _Counted:
         self._counted["merged voxels"] += fields.shape[1] * rows * columns * depth
         self._kernels.merge(*args)
 
-    def product(self, rows: Any, matrix: Any, *out: Any) -> Any:
-        self._counted["complex products"] += rows.size * matrix.shape[-1]
-        self._counted["bytes"] += 8 * rows.size
-        return self._kernels.product(rows, matrix, *out)
+    def compress(self, frames: Any, steering: Any, out: Any = None) -> Any:
+        # A quarter of the matrix, whose halves mirror each other, does.
+        self._counted["complex products"] += frames.size * steering.shape[1] / 4
+        self._counted["bytes"] += 8 * frames.size
+        return self._kernels.compress(frames, steering, out)
 
 
 def _counted(kernels_on: Callable[[str], Any], counted: Counter[str]) -> Callable[[str], Any]:

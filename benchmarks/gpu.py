@@ -117,8 +117,9 @@ def median_time(work, finish, rounds=1 if TINY else 5):
 
 
 def speed(rng):
+    from millisight.core import gpu
     from millisight.core.gpu import cuda
-    from millisight.imaging import _cuda as _cuda
+    from millisight.imaging import _cuda
 
     device = cuda.get_current_device()
     try:
@@ -141,13 +142,13 @@ def speed(rng):
     steering, per_metre = range_steering(capture, nearest, furthest, 8, None)
     carrier = capture.radar.waveform.center_frequency / SPEED_OF_LIGHT
     frames, steering = _cuda.to_device(capture.frames), _cuda.to_device(steering)
-    profiles = _cuda.product(frames, steering)
+    profiles = gpu.product(frames, steering)
     sums = _cuda.zeros((2, grid.size))
     print(
         f"Problem R: {grid.size} voxels x {capture.channels} channels = {pairs:.2e} pairs, {profiles.shape[3]} entries"
     )
 
-    first, seconds = median_time(lambda: _cuda.product(frames, steering, profiles), cuda.synchronize)
+    first, seconds = median_time(lambda: gpu.product(frames, steering, profiles), cuda.synchronize)
     print(f"  range compression, kernel        {seconds:8.4f} s (first {first:.2f})")
     for name, order in (("z innermost, as in the grid", (0, 1, 2)), ("y innermost", (0, 2, 1))):
         points = grid.points.reshape(*grid.shape, 3).transpose(*order, 3).reshape(-1, 3) - origin

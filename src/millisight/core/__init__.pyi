@@ -38,6 +38,9 @@ from ._limits import Limits as Limits
 from ._limits import limits_of as limits_of
 from ._locks import alone as alone
 from ._locks import claimed as claimed
+from ._matrix import Halved as Halved
+from ._matrix import halved as halved
+from ._matrix import halved_product as halved_product
 from ._matrix import product as product
 from ._numba import numba as numba
 from ._numba import overload as overload

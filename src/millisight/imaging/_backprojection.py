@@ -97,7 +97,7 @@ class Compression(NamedTuple):
     ----------
     kernels : of the device
     channels : of a pose
-    steering : (N, M) complex64, on the device
+    steering : (N, M), as the device's `compress` wants it
     starts : (P, T) and (P, R), the transmitters' and the receivers' parts of the path length of entry 0 [m]
     baseband : (N,) (f - f_c) / c of the samples [1/m]; None where all profiles start at one path length
     per_metre : entries per metre of path length
@@ -112,13 +112,13 @@ class Compression(NamedTuple):
     per_metre: float
     excess: Excess | None = None
 
-    def profiles(self, frames: np.ndarray, block: slice) -> Any:
-        """(P, T, R, M) complex64 range profiles of the frames of the poses `block`, on the device."""
+    def profiles(self, frames: np.ndarray, block: slice, out: np.ndarray | None = None) -> Any:
+        """(P, T, R, M) complex64 range profiles of the frames of the poses `block`, on the device, or in `out`."""
         if self.baseband is not None:
             # What lies before a channel's entry 0 is taken away beforehand: the steering is one for all channels.
             to, back = (np.exp(2j * np.pi * np.multiply.outer(s, self.baseband)) for s in self.nearest(block))
             frames = frames * (to[:, :, None] * back[:, None]).astype(np.complex64)
-        return self.kernels.product(frames, self.steering)
+        return self.kernels.compress(frames, self.steering, out)
 
     @property
     def poses_at_once(self) -> int:
@@ -155,14 +155,14 @@ def range_compression(
     nearest, furthest = np.add(path_bounds(tx, rx, box), (-2 * more, 2 * more)).tolist()
     span = float(((far_tx - near_tx).max(axis=1) + (far_rx - near_rx).max(axis=1)).max())
     if furthest - nearest <= _LONGER * span:
-        steering, per_metre = range_steering(capture, nearest, furthest, oversampling, window)
+        *steering, per_metre = _steering(capture, nearest, furthest, oversampling, window)
         starts = np.full(tx.shape[:2], nearest / 2), np.full(rx.shape[:2], nearest / 2)
-        return Compression(kernels, channels, kernels.to_device(steering), starts, None, per_metre, excess)
+        return Compression(kernels, channels, kernels.steering(*steering), starts, None, per_metre, excess)
     waveform = capture.radar.waveform
-    steering, per_metre = range_steering(capture, 0.0, span, oversampling, window)
+    *steering, per_metre = _steering(capture, 0.0, span, oversampling, window)
     baseband = (waveform.frequencies - waveform.center_frequency) / SPEED_OF_LIGHT
     starts = near_tx, near_rx
-    return Compression(kernels, channels, kernels.to_device(steering), starts, baseband, per_metre, excess)
+    return Compression(kernels, channels, kernels.steering(*steering), starts, baseband, per_metre, excess)
 
 
 def kernels_on(device: str) -> Any:
@@ -223,6 +223,14 @@ def range_steering(
         The matrix would be too large, as a single stray pose makes it, or the range profiles of a pose, with very many
         receivers.
     """
+    turns, matrix, per_metre = _steering(capture, nearest, furthest, oversampling, window)
+    return (turns[:, None] * matrix).astype(np.complex64), per_metre
+
+
+def _steering(
+    capture: Capture, nearest: float, furthest: float, oversampling: int, window: Window
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """`range_steering`'s matrix as the phases (N,) of the span's middle, and what is even about it (N, M)."""
     waveform = capture.radar.waveform
     bandwidth = waveform.bandwidth or SPEED_OF_LIGHT / max(furthest - nearest, 1.0)
     per_metre = oversampling * bandwidth / SPEED_OF_LIGHT
@@ -235,13 +243,13 @@ def range_steering(
             f"{_MOST_STEERING / rows / per_metre:.3g} m at most for this radar: remove positions "
             "that are far from the others, or choose a smaller grid"
         )
-    paths = nearest + np.arange(entries) / per_metre
+    middle = (entries - 1) / 2
     offset = capture.radar.path_offset
     baseband = (waveform.frequencies - waveform.center_frequency) / SPEED_OF_LIGHT
     carrier = waveform.center_frequency / SPEED_OF_LIGHT
     weights = range_weights(window_pair(window)[0], waveform.samples_per_chirp)
     # Linear interpolation weakens the band towards its ends by sinc², which is undone beforehand.
     weights = weights / np.sinc(baseband / per_metre) ** 2
-    cycles = np.multiply.outer(baseband, paths + offset) + carrier * offset
-    steering = weights[:, None] / waveform.samples_per_chirp * np.exp(2j * np.pi * cycles)
-    return steering.astype(np.complex64), per_metre
+    turns = np.exp(2j * np.pi * (baseband * (nearest + middle / per_metre + offset) + carrier * offset))
+    around = np.exp(2j * np.pi * np.multiply.outer(baseband, (np.arange(entries) - middle) / per_metre))
+    return turns, weights[:, None] / waveform.samples_per_chirp * around, per_metre

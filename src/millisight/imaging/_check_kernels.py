@@ -12,7 +12,9 @@ _wrapped = inline(phase.wrapped)
 _cosine = inline(phase.cosine, fastmath=True)
 _sine = inline(phase.sine, fastmath=True)
 
-_TILE = 64  # voxels of one thread: a few hundred are all there are
+_TILE = 38  # voxels of one thread: 304 are all there are, in eight tiles
+
+_U, _TWO = np.uint64, np.uint64(2)
 
 
 @kernel(fastmath=True, error_model="numpy")
@@ -34,6 +36,7 @@ def sums_at(profiles, to_start, back_start, per_metre, carrier, tx, rx, table, f
     """
     steps = (len(weights) - 1) / (TAPS - 1)
     last = profiles.shape[3] - TAPS
+    values, weight = profiles.reshape(-1).view(np.float32), weights.reshape(-1)
     for tile in prange((points.shape[1] + _TILE - 1) // _TILE):
         first = tile * _TILE
         count = min(_TILE, points.shape[1] - first)
@@ -59,6 +62,7 @@ def sums_at(profiles, to_start, back_start, per_metre, carrier, tx, rx, table, f
                         bent[:] = np.float32(0)
                         bend(x32, y32, z32, rx[p, r].astype(np.float32), table, frame, bent)
                     start = to_start[p, t] + back_start[p, r]
+                    channel = _TWO * _U(((p * tx.shape[1] + t) * rx.shape[1] + r) * profiles.shape[3])
                     for i in range(count):
                         path[i] = to[i] + _distance(x[i] - bx, y[i] - by, z[i] - bz) + bent[i]
                         place[i] = max((path[i] - start) * per_metre, 0.0)
@@ -66,16 +70,17 @@ def sums_at(profiles, to_start, back_start, per_metre, carrier, tx, rx, table, f
                         base[i] = min(max(entry[i] - np.int32(TAPS // 2 - 1), np.int32(0)), np.int32(last))
                         row[i] = min(np.int32((place[i] - base[i]) * steps + 0.5), np.int32(len(weights) - 1))
                     for i in range(count):
-                        some, weight = profiles[p, t, r, base[i] : base[i] + TAPS], weights[row[i]]
+                        # Slices count references, for which cores wait, and signed indices are slow.
+                        q, w = channel + _TWO * _U(base[i]), _U(TAPS) * _U(row[i])
                         a, b = np.float32(0), np.float32(0)
-                        for n in range(TAPS):
-                            a += weight[n] * some[n].real
-                            b += weight[n] * some[n].imag
+                        for n in range(_U(TAPS)):
+                            a += weight[w + n] * values[q + _TWO * n]
+                            b += weight[w + n] * values[q + _TWO * n + _U(1)]
                         re[i], im[i] = a, b
                         part = np.float32(place[i] - entry[i])
-                        low, high = profiles[p, t, r, entry[i]], profiles[p, t, r, entry[i] + 1]
-                        near_re[i] = low.real + part * (high.real - low.real)
-                        near_im[i] = low.imag + part * (high.imag - low.imag)
+                        q = channel + _TWO * _U(entry[i])
+                        near_re[i] = values[q] + part * (values[q + _TWO] - values[q])
+                        near_im[i] = values[q + _U(1)] + part * (values[q + _U(3)] - values[q + _U(1)])
                     for i in range(count):
                         turn = np.float32(_wrapped(path[i] * carrier))
                         cosine, sine = _cosine(turn), _sine(turn)

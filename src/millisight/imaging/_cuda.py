@@ -34,7 +34,7 @@ from millisight.imaging._lengths import EXACT_CYCLES, rows_of_pairs
 from millisight.imaging._taps import as_it_is
 
 __all__ = [
-    "backproject", "empty", "leaf_fields", "merge", "product", "to_device", "to_host", "zeros",
+    "backproject", "compress", "empty", "leaf_fields", "merge", "steering", "to_device", "to_host", "zeros",
 ]  # fmt: skip
 
 PAIR_INSTRUCTIONS = 75
@@ -46,6 +46,20 @@ _VOXELS = 4  # of one thread: what it reads of an antenna, and what it counts, a
 
 # Poses that are summed by themselves before they are added to the whole sum, against float32's rounding.
 _CHUNK = 64
+
+
+def steering(turns, matrix):
+    """turns[:, None] * matrix, turns (N,), matrix (N, M), as `compress` takes it."""
+    return to_device((turns[:, None] * matrix).astype(np.complex64))
+
+
+def compress(frames, by, out=None):
+    """(..., M) complex64 range profiles of frames (..., N), by a `steering`; in `out`, on the host, if given."""
+    profiles = product(frames, by)
+    if out is None:
+        return profiles
+    out[...] = to_host(profiles)
+    return out
 
 
 def _beyond(x, y, z, end, exact):

@@ -150,7 +150,7 @@ def _factorise(
     check = Check(fine, tx, rx, oversampling)
     for start in range(0, poses, many):
         some = slice(start, min(start + many, poses))
-        profiles = _range_profiles(kernels, capture, some, compression, window)
+        profiles = _range_profiles(capture, some, compression, window)
         nearest = compression.nearest(some)
         rows = rows_of_pairs(tx[some], rx[some], nearest, compression.per_metre, carrier)
         scan = _Scan(
@@ -187,15 +187,12 @@ class _Scan(NamedTuple):
     excess: Excess | None
 
 
-def _range_profiles(
-    kernels: Any, capture: Capture, some: slice, compression: Compression, window: Window
-) -> np.ndarray:
+def _range_profiles(capture: Capture, some: slice, compression: Compression, window: Window) -> np.ndarray:
     """(P, T, R, M) complex64 range profiles of the poses `some`; their frames are read in blocks."""
     shape = (some.stop - some.start, *capture.frames.shape[1:3], compression.steering.shape[1])
     profiles = np.empty(shape, dtype=np.complex64)
     for block, frames in weighted_blocks(capture, min(1000, compression.poses_at_once), window, some):
-        made = compression.profiles(frames, block)
-        profiles[block.start - some.start : block.stop - some.start] = kernels.to_host(made)
+        compression.profiles(frames, block, profiles[block.start - some.start : block.stop - some.start])
     return profiles
 
 

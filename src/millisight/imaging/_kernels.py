@@ -9,8 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from millisight.core import inline, kernel, phase, prange, serial, subroutine
-from millisight.core import product as product
+from millisight.core import Halved, halved, halved_product, inline, kernel, phase, prange, product, serial, subroutine
 from millisight.imaging._lengths import EXACT_CYCLES, rows_of_pairs
 from millisight.imaging._merge_kernels import merge as merge
 
@@ -25,6 +24,18 @@ _sine = inline(phase.sine, fastmath=True)
 empty = partial(np.empty, dtype=np.float32)
 zeros = partial(np.zeros, dtype=np.float32)
 to_device = to_host = np.asarray
+
+
+def steering(turns: np.ndarray, matrix: np.ndarray) -> Halved | np.ndarray:
+    """turns[:, None] * matrix, turns (N,), matrix (N, M), as `compress` takes it."""
+    halves = halved(turns, matrix)
+    return (turns[:, None] * matrix).astype(np.complex64) if halves is None else halves
+
+
+def compress(frames: np.ndarray, by: Halved | np.ndarray, out: np.ndarray | None = None) -> np.ndarray:
+    """(..., M) complex64 range profiles of frames (..., N), by a `steering`; in `out`, on the host, if given."""
+    return (halved_product if isinstance(by, Halved) else product)(frames, by, out)
+
 
 # Voxels that one thread carries through all channels of a block: the scratch rows (nine of 4 bytes) and the range
 # profile stay in the first-level cache, and the loops are long enough for vector code.

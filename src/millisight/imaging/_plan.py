@@ -56,6 +56,8 @@ _PROMISED = 1.2  # times that, where only local frequencies were asked
 _LEAST_CHANNELS = 100
 _LEAST_PAIRS = 2e8  # of voxels and channels: below, a plan costs more than it saves
 
+_SPARSE = 16  # cubes per place beyond which those with a place in them are found by sorting
+
 _VOXELS, _WAVES = 64, 16  # of a probe, and waves at each voxel
 _POOL = 1024  # random voxels of which those are taken
 _MARGIN, _NARROW = 2, 1  # coarse steps that an axis reaches beyond the grid, or where that is enough
@@ -349,7 +351,11 @@ def cells_of(places: np.ndarray, corner: np.ndarray, size: float) -> np.ndarray:
     """(P,) number of the cube of side `size` that each place lies in, counted without gaps."""
     cube = np.floor((places - corner) / size).astype(np.int64)
     one = np.ravel_multi_index(tuple(cube.T), tuple(cube.max(axis=0) + 1))
-    return np.unique(one, return_inverse=True)[1].reshape(-1)
+    if one.max(initial=0) > _SPARSE * len(one):
+        return np.unique(one, return_inverse=True)[1].reshape(-1)
+    taken = np.zeros(one.max(initial=0) + 1, dtype=bool)  # a table is ten times as fast as sorting
+    taken[one] = True
+    return (np.cumsum(taken) - 1)[one]
 
 
 def means_of(places: np.ndarray, cells: np.ndarray) -> np.ndarray:
