@@ -26,7 +26,7 @@ from millisight.imaging._backprojection import (
 )
 from millisight.imaging._check import Check, Deviation, of_whole
 from millisight.imaging._lengths import antenna_rows, boxes, grid_in, rows_of_pairs
-from millisight.imaging._plan import Plan, cells_of, make_plan, means_of, middles
+from millisight.imaging._plan import Plan, Planner, cells_of, means_of, middles, order_of, part_of
 from millisight.imaging._refraction import Excess
 from millisight.imaging._taps import axis_weights
 from millisight.imaging._windows import Window
@@ -73,7 +73,7 @@ def fast(
 
     `profiles` is what they err by as far as is known beforehand.
 
-    Memory: range profiles of at most a gigabyte, and the fields of one largest sub-aperture's parts.
+    Memory: range profiles of at most a gigabyte, and the fields of one group of positions.
     """
     image = np.empty(grid.shape, dtype=np.complex64)
     parts = boxes(grid, capture.radar.waveform.center_frequency / SPEED_OF_LIGHT)
@@ -105,20 +105,39 @@ def _fast_box(
     axes = tuple(axis - o for axis, o in zip((grid.x, grid.y, grid.z), origin, strict=True))
     # The errors of range profiles and of factorising have nothing to do with each other: their squares add up.
     planned = _PLANNED * float(np.sqrt(max(tolerance**2 - profiles**2, 0.0)))
+    planner = Planner(tx, rx, capture, device=device)
     for _ in range(_ATTEMPTS):
-        plan = make_plan(tx, rx, axes, capture, planned, device=device)
-        if plan is None:
+        parts = _parts(planner, axes, planned)
+        if not parts:
             break
-        values, deviation = _factorise(kernels_on(device), capture, tx, rx, axes, plan, window, oversampling, progress)
+        values, deviation = _factorise(kernels_on(device), capture, tx, rx, axes, parts, window, oversampling, progress)
         # Where the range profiles take it all, no plan helps: others are tried once these are finer.
         spent = deviation.by_profiles and deviation.profile_error > _SPENT * tolerance
         if deviation.error <= tolerance or spent:
-            return Factorised(values, plan, deviation)
+            return Factorised(values, parts[0].plan, deviation)
         planned *= 0.7 * tolerance / deviation.error
     values, deviation = backproject(
         capture, grid, window=window, oversampling=oversampling, device=device, progress=progress
     )
     return Factorised(values, None, deviation)
+
+
+class _Part(NamedTuple):
+    """A slice of the grid's innermost axis, and how it is imaged."""
+
+    along: slice
+    plan: Plan
+
+
+def _parts(planner: Planner, axes: tuple[np.ndarray, ...], tolerance: float) -> list[_Part]:
+    """The parts that a grid is imaged in; none where direct backprojection is cheaper."""
+    inner = order_of(axes)[2]
+    for some in (planner.parts(axes), [slice(0, len(axes[inner]))]):
+        plans = [planner.plan(part_of(axes, inner, along), tolerance) for along in some]
+        made = [_Part(along, plan) for along, plan in zip(some, plans, strict=True) if plan is not None]
+        if len(made) == len(some):
+            return made
+    return []
 
 
 def _factorise(
@@ -127,23 +146,29 @@ def _factorise(
     tx: np.ndarray,
     rx: np.ndarray,
     axes: tuple[np.ndarray, ...],
-    plan: Plan,
+    parts: list[_Part],
     window: Window,
     oversampling: int,
     progress: Callable[[int, int], None] | None,
 ) -> tuple[np.ndarray, Deviation]:
-    """The image (X, Y, Z) complex64 by a plan, and its error."""
-    first, second = plan.levels[0].axes
-    turn = np.array(plan.order)
-    fine = tuple(axes[a] for a in plan.order)
-    both = zip((first, second, fine[2]), fine, strict=True)
-    box = np.array([[min(coarse[0], axis[0]), max(coarse[-1], axis[-1])] for coarse, axis in both]).T
+    """The image (X, Y, Z) complex64 by the plans of its parts, and its error."""
+    order = parts[0].plan.order
+    turn = np.array(order)
+    fine = tuple(axes[a] for a in order)
+    reached = [*zip(*(part.plan.levels[0].axes for part in parts), strict=True), ()]  # by the coarse grids
+    box = np.array(
+        [[min(axis[0] for axis in some), max(axis[-1] for axis in some)]
+         for some in ((axis, *coarse) for axis, coarse in zip(fine, reached, strict=True))]
+    ).T  # fmt: skip
     tx, rx = tx[..., turn], rx[..., turn]
-    compression = range_compression(capture, tx, rx, box, oversampling, window, kernels, plan.order)
+    compression = range_compression(capture, tx, rx, box, oversampling, window, kernels, order)
     carrier = capture.radar.waveform.center_frequency / SPEED_OF_LIGHT
 
-    shape = tuple(map(len, fine))
-    image = kernels.zeros((2, 1, *shape))
+    images = [kernels.zeros((2, 1, len(fine[0]), len(fine[1]), part.along.stop - part.along.start)) for part in parts]
+
+    def whole() -> np.ndarray:
+        return np.concatenate([kernels.to_host(image)[:, 0] for image in images], axis=3)
+
     poses = len(capture.trajectory)
     channels = int(np.prod(capture.frames.shape[1:3]))
     many = max(1, min(poses, _PROFILE_BYTES // (8 * channels * compression.steering.shape[1])))
@@ -162,16 +187,16 @@ def _factorise(
             np.float32(carrier),
             compression.excess,
         )
-        for done, total in _add_sub_apertures(kernels, scan, plan, fine, image):
-            if progress is not None:
-                progress(start + (some.stop - start) * done // total, poses)
+        for number, (part, image) in enumerate(zip(parts, images, strict=True)):
+            for done, total in _add_sub_apertures(kernels, scan, part.plan, (*fine[:2], fine[2][part.along]), image):
+                if progress is not None:
+                    progress(start + (some.stop - start) * (number * total + done) // (total * len(parts)), poses)
         check.add(
-            profiles, nearest, compression.per_metre, carrier, tx[some], rx[some], compression.excess,
-            lambda: kernels.to_host(image)[:, 0],
+            profiles, nearest, compression.per_metre, carrier, tx[some], rx[some], compression.excess, whole
         )  # fmt: skip
-    whole = kernels.to_host(image)[:, 0]
-    values = (whole[0] + 1j * whole[1]) / np.float32(capture.channels)
-    return np.ascontiguousarray(values.transpose(np.argsort(turn))), check.deviation(whole)
+    real, imag = both = whole()
+    values = (real + 1j * imag) / np.float32(capture.channels)
+    return np.ascontiguousarray(values.transpose(np.argsort(turn))), check.deviation(both)
 
 
 class _Scan(NamedTuple):
@@ -199,12 +224,12 @@ def _range_profiles(capture: Capture, some: slice, compression: Compression, win
 def _add_sub_apertures(
     kernels: Any, scan: _Scan, plan: Plan, axes: tuple[np.ndarray, ...], image: Any
 ) -> Iterator[tuple[int, int]]:
-    """Add the image of a scan to `image` (2, 1, X, Y, Z), one largest sub-aperture after the other."""
+    """Add the image of a scan to `image` (2, 1, X, Y, Z), one group of positions after the other."""
     levels = plan.levels
     tx, rx, inner = (kernels.to_device(a) for a in (scan.tx_rows, scan.rx_rows, _f32(axes[2])))
     middle = middles(scan.tx, scan.rx)
     corner = middle.min(axis=0)
-    tops = cells_of(middle, corner, levels[-1].size)
+    groups = cells_of(middle, corner, plan.group)
     targets = [*(level.axes for level in levels[1:]), (axes[0], axes[1])]
     weights = [
         [axis_weights(*pair, plan.band) for pair in zip(level.axes, target, strict=True)]
@@ -212,8 +237,8 @@ def _add_sub_apertures(
     ]
     points = [kernels.to_device(_f32(p.ravel())) for p in np.meshgrid(*levels[0].axes, axes[2], indexing="ij")]
     buffers = _Buffers(kernels)
-    for top in range(tops.max() + 1):
-        members = np.flatnonzero(tops == top)
+    for group in range(groups.max() + 1):
+        members = np.flatnonzero(groups == group)
         cells = [cells_of(middle[members], corner, level.size) for level in levels]
         centers = [antenna_rows(means_of(middle[members], cell), 0.0, 0.0, 0.0) for cell in cells]
         order = np.argsort(cells[0], kind="stable")
@@ -236,11 +261,11 @@ def _add_sub_apertures(
                 centers[n] if last else centers[n + 1], not last, scan.carrier, *pair, *map(_f32, target), inner, out,
             )  # fmt: skip
             fields = out
-        yield top + 1, tops.max() + 1
+        yield group + 1, groups.max() + 1
 
 
 class _Buffers:
-    """Arrays that are used again for one largest sub-aperture after the other: new memory costs more than the work."""
+    """Arrays that are used again for one group after the other: new memory costs more than the work."""
 
     def __init__(self, kernels: Any):
         self._kernels, self._kept = kernels, {}

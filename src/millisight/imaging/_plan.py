@@ -1,20 +1,21 @@
 """The plan of factorised backprojection: sub-apertures' sizes and coarse grids of the least cost within a tolerance.
 
-Nothing is assumed of the geometry. The error of carrying a sub-aperture's field from a coarse axis to the voxels is
-measured: for waves of random channels and frequencies at random voxels, the eight taps are summed and compared with the
-wave itself, in float64. Voxels and antennas that are near each other are taken more often than the rest (`_near`). That
-sees what a bound by local frequencies misses: wavefronts that bend across the taps, axes that reach beyond the
-antennas, taps that lie to one side at the rim.
+Nothing is assumed of the geometry: what interpolating a sub-aperture's field errs by is measured (`_probe`). Where a
+grid is deep its parts are imaged by plans of their own: further from the antennas a field turns less, and needs fewer
+points.
 """
 
+import itertools
+from collections.abc import Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from millisight.core import SPEED_OF_LIGHT
 from millisight.data import Capture
-from millisight.imaging._near import distances, near_first, some_ends
-from millisight.imaging._taps import TAPS, taps_at
+from millisight.imaging._probe import Probe, Scan, probe_of
+from millisight.imaging._taps import TAPS
 
 # Fractions of the Nyquist frequency below which the interpolation's weights are optimal, and the error they make there
 # even so: the wider the band the coarser the axis, and the larger the error.
@@ -29,9 +30,9 @@ class Costs(NamedTuple):
     leaf, direct : a voxel-channel pair in a leaf and in direct backprojection
     merge : a voxel of a merged field
     first, short : a voxel that is interpolated along the first axis alone; a row of them along the innermost axis
-    far, caches : a voxel more, where the fields of one largest sub-aperture's parts take more than `caches` [bytes]
+    far, caches : a voxel more, where the fields of one group take more than `caches` [bytes]
     part : a sub-aperture in one level
-    top : what is between kernels, for each largest sub-aperture and level
+    top : what is between kernels, for each group and level
     """
 
     leaf: float
@@ -58,8 +59,10 @@ _LEAST_PAIRS = 2e8  # of voxels and channels: below, a plan costs more than it s
 
 _SPARSE = 16  # cubes per place beyond which those with a place in them are found by sorting
 
-_VOXELS, _WAVES = 64, 16  # of a probe, and waves at each voxel
-_POOL = 1024  # random voxels of which those are taken
+# Of `Planner.parts`: how the distance from the antennas grows over one; the most of them; the least voxels of one; the
+# antennas that are asked, at most.
+_DEEP, _PARTS, _THIN, _SOME = 1.35, 4, 8, 256
+
 _MARGIN, _NARROW = 2, 1  # coarse steps that an axis reaches beyond the grid, or where that is enough
 
 
@@ -80,6 +83,7 @@ class Plan(NamedTuple):
     gain : estimated cost of direct backprojection over that of the plan
     error : relative L2 error that all interpolations together make, as probed
     band : fraction of the Nyquist frequency below which the weights are optimal
+    group : side of squares of positions that are imaged one after another [m]: what is held at a time
     """
 
     levels: tuple[Level, ...]
@@ -87,17 +91,16 @@ class Plan(NamedTuple):
     gain: float
     error: float = 0.0
     band: float = _BANDS[0][0]
+    group: float = np.inf
 
 
-class _Scan(NamedTuple):
-    """What of a capture decides the plan, in the plan's order of axes."""
+class _Rung(NamedTuple):
+    """Sub-apertures of one size [m]: their number, that of each pose's (P,), and their mean places (count, 3) [m]."""
 
-    tx: np.ndarray
-    rx: np.ndarray
-    middle: np.ndarray
-    axes: tuple[np.ndarray, ...]
-    frequencies: np.ndarray  # over c [1/m]
-    carrier: float
+    size: float
+    count: int
+    cells: np.ndarray
+    means: np.ndarray
 
 
 class _Step(NamedTuple):
@@ -106,6 +109,109 @@ class _Step(NamedTuple):
     level: Level
     count: int
     errors: tuple[float, float]
+
+
+class Planner:
+    """Makes plans for antennas tx (P, T, 3), rx (P, R, 3) [m] of a capture, on a device.
+
+    What positions alone decide is worked out once for all plans.
+    """
+
+    def __init__(self, tx: np.ndarray, rx: np.ndarray, capture: Capture, *, device: str = "cpu", seed: int = 0) -> None:
+        self.tx, self.rx, self.channels, self.costs, self.seed = tx, rx, capture.channels, COSTS[device], seed
+        self.middle = middles(tx, rx)
+        self.frequencies = capture.radar.waveform.frequencies / SPEED_OF_LIGHT
+        self.carrier = capture.radar.waveform.center_frequency / SPEED_OF_LIGHT
+
+    @cached_property
+    def rungs(self) -> list[_Rung]:
+        """Sub-apertures of half the extent, a quarter, ..., down to about one position each."""
+        extent, corner, rungs = np.ptp(self.middle, axis=0).max(), self.middle.min(axis=0), []
+        for halvings in range(1, 12):
+            size = float(extent / 2**halvings * (1 + 1e-9))
+            cells = cells_of(self.middle, corner, size)
+            count = int(cells.max()) + 1
+            if halvings > 1 and count > len(self.middle) / 1.5:
+                break
+            if not rungs or count != rungs[-1].count:
+                rungs.append(_Rung(size, count, cells, means_of(self.middle, cells)))
+        return rungs
+
+    def direct(self, axes: tuple[np.ndarray, ...]) -> float:
+        """What direct backprojection costs on grid axes [ns]."""
+        return self.costs.direct * self.channels * float(np.prod([len(a) for a in axes]))
+
+    def plan(self, axes: tuple[np.ndarray, ...], tolerance: float) -> Plan | None:
+        """The cheapest levels for grid axes [m] whose interpolations together err by no more than `tolerance`; None
+        where direct backprojection is cheaper."""
+        job, direct = self._job(axes), self.direct(axes)
+        if job is None:
+            return None
+        # Every axis of every level may make its share of the error. Three levels are typical; what they come to is
+        # known once they are chosen.
+        share = tolerance / np.sqrt(6)
+        for attempt in range(4):
+            band = next(b for b, floor in _BANDS if share >= floor)
+            # What local frequencies promise costs little, and the probe seldom finds axes that are much coarser.
+            if attempt == 0 and self._cheapest(job, None, band, _PROMISED * direct) is None:
+                return None
+            plan = self._cheapest(job, share, band, direct)
+            if plan is None or plan.error <= tolerance:
+                return plan
+            share *= 0.9 * tolerance / plan.error
+        return None
+
+    def parts(self, axes: tuple[np.ndarray, ...]) -> list[slice]:
+        """Slices of the innermost axis, of which each is to have a plan of its own.
+
+        Over each, the distance from the nearest antenna grows by `_DEEP` or somewhat more or less; one slice where it
+        does not go one way along the axis.
+        """
+        inner = order_of(axes)[2]
+        some = self.middle[:: len(self.middle) // _SOME + 1]
+        ends = np.array([[a.min(), a.max()] for a in axes])
+        beside = np.maximum(np.maximum(ends[:, 0] - some, some - ends[:, 1]), 0)
+        beside[:, inner] = 0
+        apart = np.square(np.subtract.outer(axes[inner], some[:, inner])) + np.square(beside).sum(axis=1)
+        away = np.sqrt(apart.min(axis=1))
+        depth, turned = len(away), away[0] > away[-1]
+        away = away[::-1] if turned else away
+        count = min(round(np.log(away[-1] / max(away[0], 1e-9)) / np.log(_DEEP)), _PARTS, depth // _THIN)
+        if count < 2 or (np.diff(away) < 0).any():
+            return [slice(0, depth)]
+        edges = np.searchsorted(away, away[0] * (away[-1] / away[0]) ** (np.arange(1, count) / count))
+        edges = [0, *np.clip(edges, _THIN * np.arange(1, count), depth - _THIN * np.arange(count - 1, 0, -1)), depth]
+        slices = [slice(int(start), int(stop)) for start, stop in itertools.pairwise(edges)]
+        return [slice(depth - part.stop, depth - part.start) for part in slices[::-1]] if turned else slices
+
+    def _job(self, axes: tuple[np.ndarray, ...]) -> "_Job | None":
+        """What a plan is made of; None where none can pay."""
+        order = order_of(axes)
+        if (
+            np.ptp(self.middle, axis=0).max() == 0
+            or self.channels < _LEAST_CHANNELS
+            or len(axes[order[0]]) <= TAPS
+            or self.direct(axes) / self.costs.direct < _LEAST_PAIRS
+        ):
+            return None
+        turn = np.array(order)
+        scan = Scan(
+            self.tx[..., turn], self.rx[..., turn], self.middle[:, turn], tuple(axes[a] for a in order),
+            self.frequencies, self.carrier,
+        )  # fmt: skip
+        return _Job(order, scan, probe_of(scan, np.random.default_rng(self.seed)))
+
+    def _cheapest(self, job: "_Job", share: float | None, band: float, direct: float) -> Plan | None:
+        steps = _candidates(job.scan, job.probe, self.rungs, np.array(job.order), share, band, self.seed)
+        return _cheapest(steps, job.scan, job.order, self.channels, direct, band, self.costs)
+
+
+class _Job(NamedTuple):
+    """A grid's order of axes, its scan in that order, and the waves that are tried."""
+
+    order: tuple[int, ...]
+    scan: Scan
+    probe: Probe
 
 
 def make_plan(
@@ -118,48 +224,24 @@ def make_plan(
     device: str = "cpu",
     seed: int = 0,
 ) -> Plan | None:
-    """The cheapest levels for antennas tx (P, T, 3), rx (P, R, 3) and grid axes [m] whose interpolations together err
-    by no more than `tolerance`; None where direct backprojection is cheaper on that device."""
-    channels, costs = capture.channels, COSTS[device]
-    pairs = channels * float(np.prod([len(a) for a in axes]))
-    direct = costs.direct * pairs
-    middle = middles(tx, rx)
-    # Coarse axes pay most where there are many voxels; the axis with the fewest stays as it is, innermost in memory.
-    order = tuple(int(a) for a in np.argsort([-len(a) for a in axes], kind="stable"))
-    if (
-        np.ptp(middle, axis=0).max() == 0
-        or channels < _LEAST_CHANNELS
-        or len(axes[order[0]]) <= TAPS
-        or pairs < _LEAST_PAIRS
-    ):
-        return None
-    turn = np.array(order)
-    frequencies = capture.radar.waveform.frequencies / SPEED_OF_LIGHT
-    scan = _Scan(
-        tx[..., turn], rx[..., turn], middle[:, turn], tuple(axes[a] for a in order), frequencies,
-        capture.radar.waveform.center_frequency / SPEED_OF_LIGHT,
-    )  # fmt: skip
-    probe = _probe(scan, np.random.default_rng(seed))
-    # Every axis of every level may make its share of the error. Three levels are typical; what they come to is known
-    # once they are chosen.
-    share = tolerance / np.sqrt(6)
-    for attempt in range(4):
-        band = next(b for b, floor in _BANDS if share >= floor)
-        if attempt == 0:
-            # What local frequencies promise costs little, and the probe seldom finds axes that are much coarser.
-            promised = _candidates(scan, probe, None, band, seed)
-            if _cheapest(promised, scan, order, channels, _PROMISED * direct, band, costs) is None:
-                return None
-        plan = _cheapest(_candidates(scan, probe, share, band, seed), scan, order, channels, direct, band, costs)
-        if plan is None or plan.error <= tolerance:
-            return plan
-        share *= 0.9 * tolerance / plan.error
-    return None
+    """`Planner.plan` for one grid."""
+    return Planner(tx, rx, capture, device=device, seed=seed).plan(axes, tolerance)
+
+
+def part_of(axes: tuple[np.ndarray, ...], axis: int, part: slice) -> tuple[np.ndarray, ...]:
+    """Grid axes of which one is cut."""
+    return *axes[:axis], axes[axis][part], *axes[axis + 1 :]
+
+
+def order_of(axes: Sequence[np.ndarray]) -> tuple[int, ...]:
+    """A plan's order of a grid's axes: coarse ones pay most where there are many voxels; the axis with the fewest stays
+    as it is, innermost in memory."""
+    return tuple(int(a) for a in np.argsort([-len(a) for a in axes], kind="stable"))
 
 
 def _cheapest(
     steps: list[_Step],
-    scan: _Scan,
+    scan: Scan,
     order: tuple[int, ...],
     channels: int,
     direct: float,
@@ -167,7 +249,7 @@ def _cheapest(
     costs: Costs,
 ) -> Plan | None:
     """The ladder of neighbouring levels of the least estimated cost, if that is below direct backprojection's."""
-    best, cheapest = None, direct / _LEAST_GAIN
+    best, cheapest, size = None, direct / _LEAST_GAIN, 0.0
     depth = len(scan.axes[2])
     first = costs.first + costs.short / depth
     for leaf in range(len(steps)):
@@ -175,132 +257,59 @@ def _cheapest(
             chosen = steps[top : leaf + 1]
             shapes = [(len(scan.axes[0]), len(scan.axes[1])), *(tuple(map(len, s.level.axes)) for s in chosen)]
             cost = costs.leaf * channels * shapes[-1][0] * shapes[-1][1] * depth
-            for step, target, own in zip(chosen, shapes, shapes[1:], strict=False):
-                held = 8 * depth * own[0] * own[1] * step.count / chosen[0].count
-                each = costs.merge + (costs.far if held > costs.caches else 0)
+            held = [8 * depth * own[0] * own[1] * step.count for step, own in zip(chosen, shapes[1:], strict=True)]
+            group = _group(steps[: top + 1], max(held), costs.caches)
+            for step, target, own, fields in zip(chosen, shapes, shapes[1:], held, strict=False):
+                each = costs.merge + (costs.far if fields / group.count > costs.caches else 0)
                 cost += step.count * depth * target[0] * (each * target[1] + first * own[1])
-                cost += costs.part * step.count + costs.top * chosen[0].count
+                cost += costs.part * step.count + costs.top * group.count
             if cost < cheapest:
-                best, cheapest = chosen, cost
+                best, cheapest, size = chosen, cost, group.size
     if best is None:
         return None
     error = float(np.sqrt(sum(e**2 for step in best for e in step.errors)))
-    return Plan(tuple(step.level for step in reversed(best)), order, float(direct / cheapest), error, band)
+    return Plan(tuple(step.level for step in reversed(best)), order, float(direct / cheapest), error, band, size)
 
 
-def _candidates(scan: _Scan, probe: "_Probe", share: float | None, band: float, seed: int) -> list[_Step]:
-    """Levels of sub-apertures of half the extent, a quarter, …, down to about one position each; without a `share` of
-    the error, on axes as coarse as local frequencies promise."""
+class _Group(NamedTuple):
+    """Squares of positions that are imaged one after another: their side [m], and their number."""
+
+    size: float
+    count: int
+
+
+def _group(steps: list[_Step], fields: float, caches: float) -> _Group:
+    """The largest groups of which `steps`' last sub-apertures are parts, and whose fields' share fits the caches."""
+    for size, count in ((np.inf, 1), *((step.level.size, step.count) for step in steps)):
+        if fields / count <= caches:
+            return _Group(size, count)
+    return _Group(steps[-1].level.size, steps[-1].count)
+
+
+def _candidates(
+    scan: Scan, probe: Probe, rungs: list[_Rung], turn: np.ndarray, share: float | None, band: float, seed: int
+) -> list[_Step]:
+    """Levels of sub-apertures, largest first; without a `share` of the error, on axes as coarse as local frequencies
+    promise."""
     rng = np.random.default_rng(seed)
-    extent = np.ptp(scan.middle, axis=0).max()
-    corner = scan.middle.min(axis=0)
     steps: list[_Step] = []
     most = [len(axis) for axis in scan.axes[:2]]
-    for halvings in range(1, 12):
-        size = float(extent / 2**halvings * (1 + 1e-9))
-        cells = cells_of(scan.middle, corner, size)
-        count = int(cells.max()) + 1
-        if halvings > 1 and count > len(scan.middle) / 1.5:
-            break
-        if steps and count == steps[-1].count:
-            continue
-        waves = probe._replace(centers=means_of(scan.middle, cells)[cells[probe.pose]])
+    for rung in rungs:
+        waves = probe._replace(centers=rung.means[rung.cells[probe.pose]][:, turn])
         found = []
         for i in (0, 1):
             # The field is wanted where the next larger sub-apertures' axis lies, a little beyond the grid.
             larger = steps[-1].level.axes[i] if steps else scan.axes[i]
             wanted = larger[1:-1] if len(larger) > TAPS else larger
             found.append(_coarsest(scan.axes[i], larger, i, most[i], waves.along(i, wanted, rng), share, band))
-        steps.append(_Step(Level(size, (found[0][0], found[1][0])), count, (found[0][1], found[1][1])))
+        steps.append(_Step(Level(rung.size, (found[0][0], found[1][0])), rung.count, (found[0][1], found[1][1])))
         # Smaller sub-apertures never need a finer axis.
         most = [min(n, len(axis)) for n, (axis, _) in zip(most, found, strict=True)]
     return steps
 
 
-class _Probe(NamedTuple):
-    """Waves (V, n) whose interpolation is tried, n of them at each of V voxels, the nearest voxels first.
-
-    Attributes
-    ----------
-    points : (V, 3) [m]
-    pose : (V n,) of the wave
-    tx, rx, centers : (V n, 3) antennas, and the centre of their sub-aperture [m]
-    waves : (V n,) frequency over c [1/m]
-    voxel_weights, wave_weights : (V,) and (n,), sums 1
-    carrier : over c [1/m]
-    """
-
-    points: np.ndarray
-    pose: np.ndarray
-    tx: np.ndarray
-    rx: np.ndarray
-    centers: np.ndarray
-    waves: np.ndarray
-    voxel_weights: np.ndarray
-    wave_weights: np.ndarray
-    carrier: float
-
-    def along(self, i: int, wanted: np.ndarray, rng: np.random.Generator) -> "_Probe":
-        """The same with places along axis i that are drawn from an axis (n,), its ends more often than the rest; the
-        nearest stay where they are."""
-        points = self.points.copy()
-        near = len(points) // 4
-        # What would lie beyond an end is folded back: next to it taps lie to one side, while it is a tap's own place.
-        part = np.abs(rng.uniform(-0.06, 1.06, len(points) - near))
-        part = np.minimum(part, 2 - part)
-        points[near:, i] = np.interp(part * (len(wanted) - 1), np.arange(len(wanted)), wanted)
-        return self._replace(points=points)
-
-    def error(self, i: int, coarse: np.ndarray, band: float) -> float:
-        """Relative rms error of carrying the waves from a coarse axis i to their points: over all voxels, or half of
-        that over the worst tenth of them, if that is more."""
-        from millisight.imaging._kernels import interpolation_errors
-
-        points = np.repeat(self.points, len(self.wave_weights), axis=0)
-        base, weights = taps_at(coarse, points[:, i], band)
-        squares = np.empty(len(points))
-        interpolation_errors(
-            points, self.tx, self.rx, self.centers, self.waves, self.carrier, i, coarse, base, weights, squares
-        )
-        each = squares.reshape(len(self.points), -1) @ self.wave_weights
-        worst = np.argsort(-each)
-        before = np.cumsum(self.voxel_weights[worst]) - self.voxel_weights[worst]
-        tenth = np.clip(0.1 - before, 0, self.voxel_weights[worst])
-        return float(np.sqrt(max(each @ self.voxel_weights, each[worst] @ tenth / 0.1 / 4)))
-
-    def rate(self, i: int) -> float:
-        """How fast nearly all of the waves turn along axis i [cycles/m]."""
-        points = np.repeat(self.points, len(self.wave_weights), axis=0)
-
-        def slope(ends: np.ndarray) -> np.ndarray:
-            away = points - ends
-            return away[:, i] / np.maximum(np.linalg.norm(away, axis=1), 1e-12)
-
-        turns = np.abs(self.waves * (slope(self.tx) + slope(self.rx)) - 2 * self.carrier * slope(self.centers))
-        order = np.argsort(turns)
-        share = np.cumsum(np.outer(self.voxel_weights, self.wave_weights).ravel()[order])
-        return float(turns[order[np.searchsorted(share, 0.97)]])
-
-
-def _probe(scan: _Scan, rng: np.random.Generator) -> _Probe:
-    """Waves at random voxels, with their sub-apertures' centres still to be told."""
-    pool = np.stack([rng.choice(axis, _POOL) for axis in scan.axes], axis=1)
-    pose, tx, rx = some_ends(scan.tx, scan.rx, rng)
-    away = distances(pool, tx, rx)
-    ranks, voxel_weights = near_first(_POOL, _VOXELS)
-    voxels = np.argsort(away.min(axis=1))[ranks]
-    ranks, wave_weights = near_first(len(pose), _WAVES)
-    ends = np.argsort(away[voxels], axis=1)[:, ranks].ravel()
-    # Both ends of the band as often as all that lies between.
-    part = np.clip(rng.uniform(-0.5, 1.5, len(ends)), 0, 1)
-    waves = scan.frequencies[0] + part * (scan.frequencies[-1] - scan.frequencies[0])
-    return _Probe(
-        pool[voxels], pose[ends], tx[ends], rx[ends], tx[ends], waves, voxel_weights, wave_weights, scan.carrier
-    )
-
-
 def _coarsest(
-    fine: np.ndarray, larger: np.ndarray, i: int, most: int, probe: _Probe, share: float | None, band: float
+    fine: np.ndarray, larger: np.ndarray, i: int, most: int, probe: Probe, share: float | None, band: float
 ) -> tuple[np.ndarray, float]:
     """The axis of the fewest points, less than `most`, from which the probe's waves are carried within `share`, and
     what they err by; without a share, as few as local frequencies promise. Where there is none: that of the next
