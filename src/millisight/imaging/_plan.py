@@ -279,11 +279,11 @@ class _Group(NamedTuple):
 
 
 def _group(steps: list[_Step], fields: float, caches: float) -> _Group:
-    """The largest groups of which `steps`' last sub-apertures are parts, and whose fields' share fits the caches."""
-    for size, count in ((np.inf, 1), *((step.level.size, step.count) for step in steps)):
-        if fields / count <= caches:
-            return _Group(size, count)
-    return _Group(steps[-1].level.size, steps[-1].count)
+    """The largest groups of which `steps`' last sub-apertures are parts, and whose fields' share fits the caches; not
+    all positions at once, or no progress would show."""
+    fits = (step for step in steps if fields / step.count <= caches)
+    step = next(fits, steps[-1])
+    return _Group(step.level.size, step.count)
 
 
 def _candidates(
