@@ -358,8 +358,10 @@ def middles(tx: np.ndarray, rx: np.ndarray) -> np.ndarray:
 
 def cells_of(places: np.ndarray, corner: np.ndarray, size: float) -> np.ndarray:
     """(P,) number of the cube of side `size` that each place lies in, counted without gaps."""
-    cube = np.floor((places - corner) / size).astype(np.int64)
-    one = np.ravel_multi_index(tuple(cube.T), tuple(cube.max(axis=0) + 1))
+    one = np.zeros(len(places), dtype=np.int64)
+    for place, start in zip(places.T, corner, strict=True):
+        along = np.floor((place - start) / size).astype(np.int64)
+        one = one * (along.max(initial=0) + 1) + along
     if one.max(initial=0) > _SPARSE * len(one):
         return np.unique(one, return_inverse=True)[1].reshape(-1)
     taken = np.zeros(one.max(initial=0) + 1, dtype=bool)  # a table is ten times as fast as sorting

@@ -2,13 +2,64 @@
 
 import numpy as np
 
-from millisight.core import inline, kernel, phase, prange
+from millisight.core import inline, kernel, phase, prange, subroutine
 from millisight.core import product as product  # here for whoever asks the kernels of a device
 
 _distance = inline(phase.distance)
 _wrapped = inline(phase.wrapped)
 _cosine = inline(phase.cosine, fastmath=True)
 _sine = inline(phase.sine, fastmath=True)
+
+
+_MANY = 64  # entries of a row that are asked together whether any of them is set
+
+
+@subroutine
+def _some(octets, start, stop):
+    """Whether some byte of `octets` from start to stop is not zero: vector code, with which long empty stretches are
+    passed over."""
+    found = np.uint8(0)
+    for i in range(np.uint64(start), np.uint64(stop)):
+        found |= octets[i]
+    return found != 0
+
+
+def set_places(rows):
+    """(n,) row and (n,) column of what is set in bool `rows` (R, C), in their order."""
+    octets = np.ascontiguousarray(rows).reshape(-1).view(np.uint8)
+    counts = np.empty(len(rows), np.int64)
+    _count(octets, counts)
+    starts = np.concatenate([np.zeros(1, np.int64), np.cumsum(counts)])
+    row, column = np.empty(starts[-1], np.int64), np.empty(starts[-1], np.int64)
+    _place(octets, starts, row, column)
+    return row, column
+
+
+@kernel(fastmath=True, error_model="numpy")
+def _count(octets, counts):
+    columns = len(octets) // max(len(counts), 1)
+    for r in prange(len(counts)):
+        count = 0
+        for first in range(r * columns, (r + 1) * columns, _MANY):
+            last = min(first + _MANY, (r + 1) * columns)
+            if _some(octets, first, last):
+                for i in range(first, last):
+                    count += octets[i]
+        counts[r] = count
+
+
+@kernel(fastmath=True, error_model="numpy")
+def _place(octets, starts, row, column):
+    columns = len(octets) // max(len(starts) - 1, 1)
+    for r in prange(len(starts) - 1):
+        at = starts[r]
+        for first in range(0, columns, _MANY):
+            last = min(first + _MANY, columns)
+            if at < starts[r + 1] and _some(octets, r * columns + first, r * columns + last):
+                for c in range(first, last):
+                    if octets[r * columns + c]:
+                        row[at], column[at] = r, c
+                        at += 1
 
 
 @kernel(fastmath=True, error_model="numpy")
@@ -49,6 +100,7 @@ def node_signals(weights, tx, rx, vertices, reflections, spread, center, path_of
     scene's `center`. Phases at the carrier are counted in float64 and wrapped, the rest is small enough for float32.
     """
     channels, points = weights.shape
+    octets, size = weights.reshape(-1).view(np.uint8), weights.itemsize
     for c in prange(channels):
         base = np.empty(points, np.float32)
         slope = np.empty(points, np.float32)
@@ -59,16 +111,19 @@ def node_signals(weights, tx, rx, vertices, reflections, spread, center, path_of
         d_c = _distance(center[0] - tx0, center[1] - tx1, center[2] - tx2)
         d_c += _distance(center[0] - rx0, center[1] - rx1, center[2] - rx2)
         count = 0
-        for v in range(points):
-            if weights[c, v]:
-                x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
-                d = _distance(x - tx0, y - tx1, z - tx2) + _distance(x - rx0, y - rx1, z - rx2)
-                amplitude = weights[c, v] / d if spread else weights[c, v] * 1.0
-                base[count] = _wrapped(carrier * (d + path_offset))
-                slope[count] = half_band * (d - d_c)
-                real[count] = amplitude * reflections[v].real
-                imag[count] = amplitude * reflections[v].imag
-                count += 1
+        for first in range(0, points, _MANY):
+            last = min(first + _MANY, points)
+            if _some(octets, size * (c * points + first), size * (c * points + last)):
+                for v in range(first, last):
+                    if weights[c, v]:
+                        x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
+                        d = _distance(x - tx0, y - tx1, z - tx2) + _distance(x - rx0, y - rx1, z - rx2)
+                        amplitude = weights[c, v] / d if spread else weights[c, v] * 1.0
+                        base[count] = _wrapped(carrier * (d + path_offset))
+                        slope[count] = half_band * (d - d_c)
+                        real[count] = amplitude * reflections[v].real
+                        imag[count] = amplitude * reflections[v].imag
+                        count += 1
         for n in range(len(nodes)):
             node = np.float32(nodes[n])
             total_real = np.float32(0.0)

@@ -174,7 +174,8 @@ def _add_signals(
         weights.reshape(len(tx), -1), tx, rx, points, reflections, spreading == "1/d", band.center, radar.path_offset,
         radar.waveform.center_frequency / SPEED_OF_LIGHT, band.frequencies[-1], band.nodes, signals,
     )  # fmt: skip
-    rows = np.arange(frames.size // frames.shape[-1]).reshape(frames.shape[:3])[block].ravel()
+    channels = frames.shape[1] * frames.shape[2]
+    rows = (np.asarray(block)[:, None] * channels + np.arange(channels)).ravel()
     kernels.restore_delay(
         kernels.product(signals, band.interpolation), tx, rx, band.center, radar.path_offset, band.frequencies[0],
         radar.waveform.frequency_step / SPEED_OF_LIGHT, rows, frames.reshape(-1, frames.shape[-1]),
