@@ -13,7 +13,7 @@ from millisight.imaging import _fast as module
 from millisight.imaging import _plan
 from millisight.imaging._kernels import merge
 from millisight.imaging._lengths import antenna_rows
-from millisight.imaging._plan import coarse_axis, make_plan
+from millisight.imaging._plan import Planner, coarse_axis, make_plan
 from millisight.imaging._taps import axis_weights
 
 
@@ -178,6 +178,44 @@ def test_small_problems_are_done_directly():
     # Many coincident positions have no aperture to factorise either.
     still = scan_of(ms.Radar.preset("iwr1443"), np.zeros((200, 3)), reflectors=1)
     assert plan_of(still, GRID) is None
+
+
+def parts_of(capture, grid):
+    axes = (grid.x, grid.y, grid.z)
+    return Planner(capture.tx_positions, capture.rx_positions, capture).parts(axes)
+
+
+@pytest.mark.parametrize("upwards", [True, False])
+def test_deep_grids_are_imaged_in_parts(upwards, monkeypatch):
+    """Of the nearest part the most points are needed; all of them together are the grid, and the image is right."""
+    side = 1.0 if upwards else -1.0
+    capture = scan_of(
+        ms.Radar.preset("iwr1443"), raster((0.2, 0.2), (28, 28), 0.0005),
+        box=((-0.1, -0.1, min(0.12 * side, 0.5 * side)), (0.1, 0.1, max(0.12 * side, 0.5 * side))),
+    )  # fmt: skip
+    grid = ms.VoxelGrid.regular(
+        (-0.1, -0.1, min(0.12 * side, 0.5 * side)), (0.1, 0.1, max(0.12 * side, 0.5 * side)), (0.0025, 0.0025, 0.01)
+    )
+    parts = parts_of(capture, grid)
+    assert len(parts) > 2
+    assert [i for part in parts for i in range(part.start, part.stop)] == list(range(len(grid.z)))
+    spans = [part.stop - part.start for part in parts]
+    assert spans == sorted(spans, reverse=not upwards)  # the distance grows by the same factor
+    made, factorise = [], module._factorise
+    monkeypatch.setattr(module, "_factorise", lambda *args: made.append(args[5]) or factorise(*args))
+    image = ms.form_image(capture, grid)
+    assert [part.along for part in made[0]] == parts
+    points = [np.prod([len(axis) for axis in part.plan.levels[0].axes]) for part in made[0]]
+    assert points == sorted(points, reverse=upwards)
+    picks = np.random.default_rng(6).choice(grid.size, 500, replace=False)
+    assert relative(image.values.ravel()[picks], exact_at(capture, grid, picks)) < 0.005
+
+
+def test_grids_that_are_flat_or_around_the_antennas_are_imaged_at_once():
+    capture = capture_of("77 GHz, four receivers, jittered")
+    for z in ([-0.27], np.linspace(-0.5, -0.4, 11), np.linspace(-0.2, 0.2, 41)):
+        grid = ms.VoxelGrid(x=GRID.x, y=GRID.y, z=z)
+        assert parts_of(capture, grid) == [slice(0, len(z))]
 
 
 def test_voxels_at_the_antennas_are_right_too():

@@ -8,6 +8,7 @@ import millisight as ms
 from helpers.oracles import paths, point_frames, relative
 from millisight.core.errors import CoverageError, InputError, UnknownNameError
 from millisight.simulation import scattering_model
+from millisight.simulation._kernels import set_places
 from millisight.simulation._scatterers import Scatterers
 
 
@@ -335,3 +336,12 @@ def test_progress_is_told_while_rays_are_cast(monkeypatch):
     ms.simulate(BOX, radar, trajectory, model="edge", progress=lambda done, total: told.append((done, total)))
     assert told.count((0, 9)) > 5
     assert told[-1] == (9, 9)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (3, 64), (5, 130), (40, 1000), (2, 63), (0, 8)])
+@pytest.mark.parametrize("share", [0.0, 0.002, 0.5, 1.0])
+def test_places_that_are_set_are_found_in_their_order(shape, share):
+    rows = np.random.default_rng(7).random(shape) < share
+    for found, expected in zip(set_places(rows), np.nonzero(rows), strict=True):
+        np.testing.assert_array_equal(found, expected)
+    np.testing.assert_array_equal(set_places(rows.T.copy().T), np.nonzero(rows))
