@@ -34,7 +34,7 @@ def steering(turns: np.ndarray, matrix: np.ndarray) -> Halved | np.ndarray:
 
 def compress(frames: np.ndarray, by: Halved | np.ndarray, out: np.ndarray | None = None) -> np.ndarray:
     """(..., M) complex64 range profiles of frames (..., N), by a `steering`; in `out`, on the host, if given."""
-    return (halved_product if isinstance(by, Halved) else product)(frames, by, out)
+    return halved_product(frames, by, out) if isinstance(by, Halved) else product(frames, by, out)
 
 
 # Voxels that one thread carries through all channels of a block: the scratch rows (nine of 4 bytes) and the range
