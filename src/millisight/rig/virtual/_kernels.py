@@ -102,13 +102,13 @@ def surface_echoes(transmitters, nodes, between, shares, antennas, light, legs, 
             ox, oy, oz = centers[g, 0], centers[g, 1], centers[g, 2]
             tx, ty, tz = antennas[t, 0] - ox, antennas[t, 1] - oy, antennas[t, 2] - oz
             to = _distance(tx, ty, tz)
-            if legs[t, g, 0] == 0 or not _faces(cones, g, tx, ty, tz, to):
+            if legs[t, g, 0] == 0 or not faces(cones, g, tx, ty, tz, to):
                 continue
             faced = False
             for i in range(receivers):
                 rx, ry, rz = antennas[r0 + i, 0] - ox, antennas[r0 + i, 1] - oy, antennas[r0 + i, 2] - oz
                 back = _distance(rx, ry, rz)
-                backs[i] = back if legs[r0 + i, g, 0] != 0 and _faces(cones, g, rx, ry, rz, back) else 0.0
+                backs[i] = back if legs[r0 + i, g, 0] != 0 and faces(cones, g, rx, ry, rz, back) else 0.0
                 faced = faced or backs[i] > 0
             if not faced:
                 continue
@@ -241,7 +241,7 @@ def _moments(first, second, share, waves, count, gain, series):
 
 
 @inline
-def _faces(cones, g, x, y, z, distance):
+def faces(cones, g, x, y, z, distance):
     """Whether some patch of cluster g may face an antenna at (x, y, z) from its centre."""
     along = cones[g, 0] * x + cones[g, 1] * y + cones[g, 2] * z
     return along > -(cones[g, 3] * distance + cones[g, 4])

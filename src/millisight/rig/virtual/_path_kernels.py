@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from millisight.core import inline, kernel, phase, prange
-from millisight.rig.virtual._kernels import BLOCK, FULL, LEG, ORDER, form_factor, polynomial
+from millisight.rig.virtual._kernels import BLOCK, FULL, LEG, ORDER, faces, form_factor, polynomial
 
 _distance = inline(phase.distance)
 _wrapped = inline(phase.wrapped)
@@ -13,7 +13,7 @@ _cosine = inline(phase.cosine)
 _sine = inline(phase.sine)
 
 _f32 = np.float32
-_ONE = _f32(1)
+_ONE, _ZERO = _f32(1), _f32(0)
 
 FULL_SLOPE, NO_SLOPE = 0.4, 0.8
 """Slope of the path over the second face up to which a double bounce counts in full, and from which not at all."""
@@ -28,73 +28,97 @@ _PLANE = 1e-6  # nearer to a sheet than this [m], a place lies in it and not beh
 
 
 @kernel(error_model="numpy")
-def fill_legs(antennas, axes, exponents, centers, own, sheets, tables, legs):
+def fill_legs(transmitters, nodes, between, shares, antennas, axes, exponents, centers, cones, edged, own, sheets,
+              tables, legs):  # fmt: skip
     """legs[a, g] of every antenna and cluster: the antenna's pattern, and the sheets that are crossed.
 
-    axes (A, 3, 3): the radar's x, y and the direction it looks in, as rows, in the world frame; exponents (2,) of its
-    pattern, see `antenna`; own (G,): the sheet that a cluster is a part of, which it does not look through, or below 0:
-    the middle of a tilted cluster's box lies a little off its plane; sheets (K, 14): corner, unit vectors along both
-    sides, normal, and the sides' lengths; tables (K, N, 4) over the cosine of incidence from 0 to 1: logarithm of the
-    transmission's amplitude, its delay [cycles], and the slope of the transmission's logarithm in ν (real, imaginary
-    part).
+    Of receivers between two nodes, what lies between the nodes'. Where a cluster faces away from an antenna all is 0,
+    unless it has edges, `edged` (G,), which may not.
+
+    axes (P, 3, 3): of each pose the radar's x, y and the direction it looks in, as rows, in the world frame;
+    exponents (2,) of its pattern, see `antenna`; own (G,): the sheet that a cluster is a part of, which it does not
+    look through, or below 0: the middle of a tilted cluster's box lies a little off its plane; sheets (K, 14): corner,
+    unit vectors along both sides, normal, and the sides' lengths; tables (K, N, 4) over the cosine of incidence from 0
+    to 1: logarithm of the transmission's amplitude, its delay [cycles], and the slope of the transmission's logarithm
+    in ν (real, imaginary part).
     """
+    receivers = len(between)
+    each = transmitters + receivers
+    for pose in prange(len(axes)):
+        first = pose * each + transmitters
+        for n in range(transmitters + len(nodes)):
+            a = pose * each + n if n < transmitters else first + nodes[n - transmitters]
+            for g in range(len(centers)):
+                x, y, z = _between(centers[g], antennas[a])
+                if edged[g] or faces(cones, g, x, y, z, _distance(x, y, z)):
+                    _fill_leg(antennas[a], axes[pose], exponents, centers[g], own[g], sheets, tables, legs[a, g])
+                else:
+                    legs[a, g, :] = _ZERO
+        for i in range(receivers):
+            one, other, share = first + nodes[between[i, 0]], first + nodes[between[i, 1]], shares[i]
+            if first + i != one and first + i != other:
+                for g in range(len(centers)):
+                    for k in range(LEG):
+                        legs[first + i, g, k] = legs[one, g, k] + share * (legs[other, g, k] - legs[one, g, k])
+
+
+@inline
+def _fill_leg(antenna, axes, exponents, center, own, sheets, tables, row):
+    """See `fill_legs`: one antenna, one cluster."""
     steps = tables.shape[1] - 1
-    for a in prange(len(antennas)):
-        for g in range(len(centers)):
-            x, y, z = _between(antennas[a], centers[g])
-            far = _distance(x, y, z)
-            level = phase = slope_re = slope_im = 0.0
-            gx = gy = gz = kx = ky = kz = 0.0
-            open_ = True
-            if exponents[0] > 0 or exponents[1] > 0:
-                ahead = x * axes[a, 2, 0] + y * axes[a, 2, 1] + z * axes[a, 2, 2]
-                open_ = ahead > 1e-3 * far
-                if open_:
-                    for i in range(2):
-                        ux, uy, uz = axes[a, i, 0], axes[a, i, 1], axes[a, i, 2]
-                        aside = x * ux + y * uy + z * uz
-                        square = ahead * ahead + aside * aside
-                        quarter = exponents[i] / 4
-                        level += quarter * math.log(ahead * ahead / square)
-                        by_ahead, by_aside = quarter * (2 / ahead - 2 * ahead / square), -quarter * 2 * aside / square
-                        gx += by_ahead * axes[a, 2, 0] + by_aside * ux
-                        gy += by_ahead * axes[a, 2, 1] + by_aside * uy
-                        gz += by_ahead * axes[a, 2, 2] + by_aside * uz
-            for k in range(len(sheets)):
-                if k == own[g]:
-                    continue
-                s = sheets[k]
-                px, py, pz = _between(s, antennas[a])
-                above = _along(s, 9, px, py, pz)
-                below = above + _along(s, 9, x, y, z)
-                if above * below >= 0 or abs(below) < _PLANE:
-                    continue
-                part = above / (above - below)
-                px, py, pz = px + part * x, py + part * y, pz + part * z
-                u, v = _along(s, 3, px, py, pz), _along(s, 6, px, py, pz)
-                if u < 0 or u > s[12] or v < 0 or v > s[13]:
-                    continue
-                side = -1.0 if below < 0 else 1.0
-                cosine = abs(above - below) / far
-                at = min(cosine * steps, steps - 1e-9)
-                i = int(at)
-                low, high = tables[k, i], tables[k, i + 1]
-                level += low[0] + (at - i) * (high[0] - low[0])
-                phase += low[1] + (at - i) * (high[1] - low[1])
-                slope_re += low[2] + (at - i) * (high[2] - low[2])
-                slope_im += low[3] + (at - i) * (high[3] - low[3])
-                # The cosine's gradient, from the place in the cluster.
-                cx = (side * s[9] - cosine * x / far) / far
-                cy = (side * s[10] - cosine * y / far) / far
-                cz = (side * s[11] - cosine * z / far) / far
-                by_level, by_phase = (high[0] - low[0]) * steps, (high[1] - low[1]) * steps
-                gx, gy, gz = gx + by_level * cx, gy + by_level * cy, gz + by_level * cz
-                kx, ky, kz = kx + by_phase * cx, ky + by_phase * cy, kz + by_phase * cz
-            row = legs[a, g]
-            row[0], row[1] = math.exp(level) if open_ else 0.0, phase
-            row[2], row[3], row[4] = gx, gy, gz
-            row[5], row[6], row[7] = kx, ky, kz
-            row[8], row[9] = slope_re, slope_im
+    x, y, z = _between(antenna, center)
+    far = _distance(x, y, z)
+    level = phase = slope_re = slope_im = 0.0
+    gx = gy = gz = kx = ky = kz = 0.0
+    open_ = True
+    if exponents[0] > 0 or exponents[1] > 0:
+        ahead = x * axes[2, 0] + y * axes[2, 1] + z * axes[2, 2]
+        open_ = ahead > 1e-3 * far
+        if open_:
+            for i in range(2):
+                ux, uy, uz = axes[i, 0], axes[i, 1], axes[i, 2]
+                aside = x * ux + y * uy + z * uz
+                square = ahead * ahead + aside * aside
+                quarter = exponents[i] / 4
+                level += quarter * math.log(ahead * ahead / square)
+                by_ahead, by_aside = quarter * (2 / ahead - 2 * ahead / square), -quarter * 2 * aside / square
+                gx += by_ahead * axes[2, 0] + by_aside * ux
+                gy += by_ahead * axes[2, 1] + by_aside * uy
+                gz += by_ahead * axes[2, 2] + by_aside * uz
+    for k in range(len(sheets)):
+        if k == own:
+            continue
+        s = sheets[k]
+        px, py, pz = _between(s, antenna)
+        above = _along(s, 9, px, py, pz)
+        below = above + _along(s, 9, x, y, z)
+        if above * below >= 0 or abs(below) < _PLANE:
+            continue
+        part = above / (above - below)
+        px, py, pz = px + part * x, py + part * y, pz + part * z
+        u, v = _along(s, 3, px, py, pz), _along(s, 6, px, py, pz)
+        if u < 0 or u > s[12] or v < 0 or v > s[13]:
+            continue
+        side = -1.0 if below < 0 else 1.0
+        cosine = abs(above - below) / far
+        at = min(cosine * steps, steps - 1e-9)
+        i = int(at)
+        low, high = tables[k, i], tables[k, i + 1]
+        level += low[0] + (at - i) * (high[0] - low[0])
+        phase += low[1] + (at - i) * (high[1] - low[1])
+        slope_re += low[2] + (at - i) * (high[2] - low[2])
+        slope_im += low[3] + (at - i) * (high[3] - low[3])
+        # The cosine's gradient, from the place in the cluster.
+        cx = (side * s[9] - cosine * x / far) / far
+        cy = (side * s[10] - cosine * y / far) / far
+        cz = (side * s[11] - cosine * z / far) / far
+        by_level, by_phase = (high[0] - low[0]) * steps, (high[1] - low[1]) * steps
+        gx, gy, gz = gx + by_level * cx, gy + by_level * cy, gz + by_level * cz
+        kx, ky, kz = kx + by_phase * cx, ky + by_phase * cy, kz + by_phase * cz
+    row[0], row[1] = math.exp(level) if open_ else 0.0, phase
+    row[2], row[3], row[4] = gx, gy, gz
+    row[5], row[6], row[7] = kx, ky, kz
+    row[8], row[9] = slope_re, slope_im
 
 
 @kernel(error_model="numpy")

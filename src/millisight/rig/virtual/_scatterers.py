@@ -120,6 +120,8 @@ class SurfaceScatterers:
         strengths = [-complex(surface.coherent(band.center, 1.0)) for surface in surfaces]
         self._tree = KDTree(self._centers)
         self._edges, self._edge_cluster = _edge_table(found, strengths, self._centers, self._tree)
+        self._edged = np.zeros(len(self._centers), dtype=bool)
+        self._edged[self._edge_cluster] = True
         lifted = [edge.middles + LIFT * edge.lift for edge in found]
         self.places = np.concatenate([self._centroids + LIFT * self._normals, *lifted])
         one, other = [edge.normals for edge in found], [edge.others for edge in found]
@@ -151,7 +153,8 @@ class SurfaceScatterers:
 
     def _bounce_tables(self, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, ...]:
         """(20, M), (M, 2), (K + 1,) and (K, 2), see `_path_kernels.bounce_echoes`."""
-        surfaces = self._surface[self._cluster[np.column_stack([first, second])]]
+        clusters = self._cluster[np.column_stack([first, second])]
+        surfaces = self._surface[clusters]
         order = np.lexsort(surfaces.T)
         first, second = first[order], second[order]
         changes = np.flatnonzero((np.diff(surfaces[order], axis=0) != 0).any(axis=1)) + 1
@@ -162,8 +165,9 @@ class SurfaceScatterers:
             self._areas[first], np.einsum("mi,mi->m", start - self._centroids[second], normal),
             start - self._centers[self._cluster[first]],
         )  # fmt: skip
-        table = np.ascontiguousarray(np.column_stack(columns).T)
-        return table, self._cluster[np.column_stack([first, second])], starts, surfaces[order][starts[:-1]]
+        table = np.empty((20, len(first)))
+        np.concatenate([np.atleast_2d(column.T) for column in columns], out=table)
+        return table, clusters[order], starts, surfaces[order][starts[:-1]]
 
     def frames(
         self,
@@ -182,15 +186,9 @@ class SurfaceScatterers:
         flat = antennas.reshape(-1, 3)
         legs = np.empty((len(flat), len(self._centers), _kernels.LEG), dtype=np.float32)
         _path_kernels.fill_legs(
-            flat,
-            np.repeat(axes, count, axis=0),
-            self._exponents,
-            self._centers,
-            self._own,
-            self._sheets,
-            self._sheet_tables,
-            legs,
-        )
+            *nodes, flat, axes, self._exponents, self._centers, self._cones, self._edged, self._own, self._sheets,
+            self._sheet_tables, legs,
+        )  # fmt: skip
         each = nodes.transmitters * len(nodes.between)
         lowest, bins = self._bins(flat, poses * each, far=len(mirrors) > 0)
         scale = self._band.carrier, self._band.slope, lowest, self._band.width
