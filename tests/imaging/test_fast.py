@@ -211,6 +211,19 @@ def test_deep_grids_are_imaged_in_parts(upwards, monkeypatch):
     assert relative(image.values.ravel()[picks], exact_at(capture, grid, picks)) < 0.005
 
 
+UNEVEN = np.concatenate([np.linspace(-0.6, -0.58, 20), np.linspace(-0.2, -0.19, 20)])
+
+
+@pytest.mark.parametrize("z", [np.linspace(-0.4, 0, 41), UNEVEN, -UNEVEN[::-1], np.linspace(-0.2, -0.101, 15), [0.0]])
+def test_parts_are_all_of_the_grid_whatever_its_planes(z):
+    """Planes in that of the antennas, or with a gap that no edge falls into; a grid too thin for parts."""
+    capture = capture_of("77 GHz, monostatic, plane")
+    parts = parts_of(capture, ms.VoxelGrid(x=GRID.x, y=GRID.y, z=z))
+    assert [i for part in parts for i in range(part.start, part.stop)] == list(range(len(z)))
+    assert min(part.stop - part.start for part in parts) > 0
+    assert (len(parts) > 1) == (len(z) > 15)
+
+
 def test_grids_that_are_flat_or_around_the_antennas_are_imaged_at_once():
     capture = capture_of("77 GHz, four receivers, jittered")
     for z in ([-0.27], np.linspace(-0.5, -0.4, 11), np.linspace(-0.2, 0.2, 41)):

@@ -132,7 +132,9 @@ class _Part(NamedTuple):
 def _parts(planner: Planner, axes: tuple[np.ndarray, ...], tolerance: float) -> list[_Part]:
     """The parts that a grid is imaged in; none where direct backprojection is cheaper."""
     inner = order_of(axes)[2]
-    for some in (planner.parts(axes), [slice(0, len(axes[inner]))]):
+    slices = planner.parts(axes)
+    whole = [slice(0, len(axes[inner]))]
+    for some in [slices, whole] if len(slices) > 1 else [whole]:
         plans = [planner.plan(part_of(axes, inner, along), tolerance) for along in some]
         made = [_Part(along, plan) for along, plan in zip(some, plans, strict=True) if plan is not None]
         if len(made) == len(some):

@@ -176,12 +176,15 @@ class Planner:
         away = np.sqrt(apart.min(axis=1))
         depth, turned = len(away), away[0] > away[-1]
         away = away[::-1] if turned else away
-        count = min(round(np.log(away[-1] / max(away[0], 1e-9)) / np.log(_DEEP)), _PARTS, depth // _THIN)
+        nearest = max(away[0], 0.01 * away[-1])
+        count = round(np.log(away[-1] / nearest) / np.log(_DEEP)) if nearest > 0 else 0
+        count = min(count, _PARTS, depth // _THIN)
         if count < 2 or (np.diff(away) < 0).any():
             return [slice(0, depth)]
-        edges = np.searchsorted(away, away[0] * (away[-1] / away[0]) ** (np.arange(1, count) / count))
-        edges = [0, *np.clip(edges, _THIN * np.arange(1, count), depth - _THIN * np.arange(count - 1, 0, -1)), depth]
-        slices = [slice(int(start), int(stop)) for start, stop in itertools.pairwise(edges)]
+        edges = np.searchsorted(away, nearest * (away[-1] / nearest) ** (np.arange(1, count) / count))
+        edges = np.clip(edges, _THIN * np.arange(1, count), depth - _THIN * np.arange(count - 1, 0, -1))
+        edges = sorted({0, *edges.tolist(), depth})  # some meet where planes lie unevenly
+        slices = [slice(*ends) for ends in itertools.pairwise(edges)]
         return [slice(depth - part.stop, depth - part.start) for part in slices[::-1]] if turned else slices
 
     def _job(self, axes: tuple[np.ndarray, ...]) -> "_Job | None":
