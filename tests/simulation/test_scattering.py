@@ -191,6 +191,16 @@ def test_a_model_of_one_s_own():
     assert relative(capture.frames, expected) < 2e-5
 
 
+class Ordered(Top):
+    def weights(self, tx_positions, rx_positions, points, normals):
+        return np.asfortranarray(super().weights(tx_positions, rx_positions, points, normals))
+
+
+def test_weights_may_lie_in_any_order():
+    frames = [ms.simulate(BOX, RADAR, RASTER, model=model).frames for model in (Top(), Ordered())]
+    np.testing.assert_array_equal(*frames)
+
+
 class Wrong(Top):
     def weights(self, tx_positions, rx_positions, points, normals):
         return np.ones(len(points))

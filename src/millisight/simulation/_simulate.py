@@ -170,8 +170,9 @@ def _add_signals(
         return
     tx, rx = of_channels(tx, rx)
     signals = np.empty((len(tx), len(band.nodes)), dtype=np.complex64)
+    weights = np.ascontiguousarray(weights.reshape(len(tx), -1))  # a model of one's own may order them otherwise
     kernels.node_signals(
-        weights.reshape(len(tx), -1), tx, rx, points, reflections, spreading == "1/d", band.center, radar.path_offset,
+        weights, tx, rx, points, reflections, spreading == "1/d", band.center, radar.path_offset,
         radar.waveform.center_frequency / SPEED_OF_LIGHT, band.frequencies[-1], band.nodes, signals,
     )  # fmt: skip
     channels = frames.shape[1] * frames.shape[2]
