@@ -29,6 +29,7 @@ class Mutation(NamedTuple):
     tests: tuple[str, ...]
 
 
+MATRIX = ("core/test_matrix.py",)
 PHASE = ("imaging/test_exact.py", "imaging/test_backprojection.py")
 SIMULATED = ("simulation/test_simulate.py", "simulation/test_scattering.py")
 WINDOWS = ("imaging/test_windows.py", "imaging/test_laws.py")
@@ -48,7 +49,9 @@ SIGNS = [
     Mutation("core/phase.py", "return cycles - np.rint(cycles)", "return np.rint(cycles) - cycles", PHASE),
     Mutation("imaging/_kernels.py", "total += frames[p, t, r, j] * complex(math.cos(angle), math.sin(angle))",
              "total += frames[p, t, r, j] * complex(math.cos(angle), -math.sin(angle))", PHASE),
-    Mutation("imaging/_backprojection.py", "* np.exp(2j * np.pi * cycles)", "* np.exp(-2j * np.pi * cycles)", PHASE),
+    Mutation("core/_matrix.py", "columns - 1 - column] = complex(a + d, b - c)",
+             "columns - 1 - column] = complex(a - d, b + c)", MATRIX),
+    Mutation("imaging/_backprojection.py", "around = np.exp(2j * np.pi", "around = np.exp(-2j * np.pi", PHASE),
     Mutation("simulation/_kernels.py", "complex(_cosine(turn), -_sine(turn))", "complex(_cosine(turn), _sine(turn))",
              SIMULATED),
     Mutation("simulation/_kernels.py", "total_imag += imag[i] * cosine - real[i] * sine",
@@ -98,8 +101,8 @@ BANDS = [
     Mutation("data/_radar.py", "return self.samples_per_chirp * abs(self.frequency_step)",
              "return (self.samples_per_chirp - 1) * abs(self.frequency_step)", RADAR),
     Mutation("data/_radar.py", "return self.slope / self.sample_rate", "return self.slope * self.sample_rate", RADAR),
-    Mutation("imaging/_backprojection.py", "+ carrier * offset\n", "\n", PHASE),
-    Mutation("imaging/_backprojection.py", "paths + offset)", "paths)", PHASE),
+    Mutation("imaging/_backprojection.py", " + carrier * offset))", "))", PHASE),
+    Mutation("imaging/_backprojection.py", "middle / per_metre + offset)", "middle / per_metre)", PHASE),
     Mutation("imaging/_backprojection.py", "weights = weights / np.sinc(baseband / per_metre) ** 2", "pass", PHASE),
     Mutation("imaging/_exact.py", "return sums / frames.size", "return sums / len(frames)", PHASE),
     Mutation("simulation/_simulate.py", "nodes = np.cos(np.pi * (np.arange(count) + 0.5) / count)",
