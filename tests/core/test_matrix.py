@@ -47,6 +47,8 @@ def test_products_go_where_they_are_wanted():
         assert np.shares_memory(multiply(left, right, out[1:5]), out)
         np.testing.assert_array_equal(out[1:5], multiply(left, right))
         assert not out[[0, 5]].any()
+        with pytest.raises(ValueError, match="C's order"):
+            multiply(left, right, np.zeros((9, 4), dtype=np.complex64).T)
 
 
 def test_a_matrix_whose_halves_do_not_mirror_is_not_halved():

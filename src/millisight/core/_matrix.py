@@ -38,9 +38,9 @@ def _room(left: np.ndarray, columns: int, out: np.ndarray | None) -> np.ndarray:
 
 
 def _as_rows(out: np.ndarray) -> np.ndarray:
-    rows = out.view()
-    rows.shape = -1, out.shape[-1]  # raises where that would be a copy
-    return rows
+    if not out.flags.c_contiguous:
+        raise ValueError(f"out {out.shape} does not lie in C's order: its rows would be a copy")
+    return out.reshape(-1, out.shape[-1])
 
 
 @kernel(fastmath=True)
