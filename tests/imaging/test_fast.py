@@ -13,7 +13,7 @@ from millisight.imaging import _fast as module
 from millisight.imaging import _plan
 from millisight.imaging._kernels import merge
 from millisight.imaging._lengths import antenna_rows
-from millisight.imaging._plan import Planner, coarse_axis, make_plan
+from millisight.imaging._plan import Planner, coarse_axis
 from millisight.imaging._taps import axis_weights
 
 
@@ -152,7 +152,7 @@ def test_a_capture_that_does_not_fit_at_once_is_imaged_in_parts(case, tmp_path, 
 
 def plan_of(capture, grid, tolerance=0.003):
     axes = (grid.x, grid.y, grid.z)
-    return make_plan(capture.tx_positions, capture.rx_positions, axes, capture, tolerance)
+    return Planner(capture.tx_positions, capture.rx_positions, capture).plan(axes, tolerance)
 
 
 def test_the_plan_follows_the_geometry_and_the_tolerance(case):

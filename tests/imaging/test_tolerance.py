@@ -54,7 +54,7 @@ def plan_of(problem):
     origin = problem.grid.bounds.mean(axis=0)
     axes = tuple(a - o for a, o in zip((problem.grid.x, problem.grid.y, problem.grid.z), origin, strict=True))
     tx, rx = problem.capture.tx_positions - origin, problem.capture.rx_positions - origin
-    return _plan.make_plan(tx, rx, axes, problem.capture, 0.003)
+    return _plan.Planner(tx, rx, problem.capture).plan(axes, 0.003)
 
 
 @pytest.fixture

@@ -137,14 +137,10 @@ class Planner:
                 rungs.append(_Rung(size, count, cells, means_of(self.middle, cells)))
         return rungs
 
-    def direct(self, axes: tuple[np.ndarray, ...]) -> float:
-        """What direct backprojection costs on grid axes [ns]."""
-        return self.costs.direct * self.channels * float(np.prod([len(a) for a in axes]))
-
     def plan(self, axes: tuple[np.ndarray, ...], tolerance: float) -> Plan | None:
         """The cheapest levels for grid axes [m] whose interpolations together err by no more than `tolerance`; None
         where direct backprojection is cheaper."""
-        job, direct = self._job(axes), self.direct(axes)
+        job, direct = self._job(axes), self.costs.direct * self._pairs(axes)
         if job is None:
             return None
         # Every axis of every level may make its share of the error. Three levels are typical; what they come to is
@@ -187,6 +183,10 @@ class Planner:
         slices = [slice(*ends) for ends in itertools.pairwise(edges)]
         return [slice(depth - part.stop, depth - part.start) for part in slices[::-1]] if turned else slices
 
+    def _pairs(self, axes: tuple[np.ndarray, ...]) -> float:
+        """Of voxels and channels."""
+        return self.channels * float(np.prod([len(a) for a in axes]))
+
     def _job(self, axes: tuple[np.ndarray, ...]) -> "_Job | None":
         """What a plan is made of; None where none can pay."""
         order = order_of(axes)
@@ -194,13 +194,12 @@ class Planner:
             np.ptp(self.middle, axis=0).max() == 0
             or self.channels < _LEAST_CHANNELS
             or len(axes[order[0]]) <= TAPS
-            or self.direct(axes) / self.costs.direct < _LEAST_PAIRS
+            or self._pairs(axes) < _LEAST_PAIRS
         ):
             return None
         turn = np.array(order)
         scan = Scan(
-            self.tx[..., turn], self.rx[..., turn], self.middle[:, turn], tuple(axes[a] for a in order),
-            self.frequencies, self.carrier,
+            self.tx[..., turn], self.rx[..., turn], tuple(axes[a] for a in order), self.frequencies, self.carrier
         )  # fmt: skip
         return _Job(order, scan, probe_of(scan, np.random.default_rng(self.seed)))
 
@@ -215,20 +214,6 @@ class _Job(NamedTuple):
     order: tuple[int, ...]
     scan: Scan
     probe: Probe
-
-
-def make_plan(
-    tx: np.ndarray,
-    rx: np.ndarray,
-    axes: tuple[np.ndarray, ...],
-    capture: Capture,
-    tolerance: float,
-    *,
-    device: str = "cpu",
-    seed: int = 0,
-) -> Plan | None:
-    """`Planner.plan` for one grid."""
-    return Planner(tx, rx, capture, device=device, seed=seed).plan(axes, tolerance)
 
 
 def part_of(axes: tuple[np.ndarray, ...], axis: int, part: slice) -> tuple[np.ndarray, ...]:
@@ -267,26 +252,17 @@ def _cheapest(
                 cost += step.count * depth * target[0] * (each * target[1] + first * own[1])
                 cost += costs.part * step.count + costs.top * group.count
             if cost < cheapest:
-                best, cheapest, size = chosen, cost, group.size
+                best, cheapest, size = chosen, cost, group.level.size
     if best is None:
         return None
     error = float(np.sqrt(sum(e**2 for step in best for e in step.errors)))
     return Plan(tuple(step.level for step in reversed(best)), order, float(direct / cheapest), error, band, size)
 
 
-class _Group(NamedTuple):
-    """Squares of positions that are imaged one after another: their side [m], and their number."""
-
-    size: float
-    count: int
-
-
-def _group(steps: list[_Step], fields: float, caches: float) -> _Group:
-    """The largest groups of which `steps`' last sub-apertures are parts, and whose fields' share fits the caches; not
-    all positions at once, or no progress would show."""
-    fits = (step for step in steps if fields / step.count <= caches)
-    step = next(fits, steps[-1])
-    return _Group(step.level.size, step.count)
+def _group(steps: list[_Step], fields: float, caches: float) -> _Step:
+    """Of `steps`, largest first, the first whose share of the fields of all positions fits the caches, else the last:
+    one of its sub-apertures after another is imaged. Never all positions at once, or no progress would show."""
+    return next((step for step in steps if fields / step.count <= caches), steps[-1])
 
 
 def _candidates(

@@ -22,7 +22,6 @@ class Scan(NamedTuple):
 
     tx: np.ndarray
     rx: np.ndarray
-    middle: np.ndarray
     axes: tuple[np.ndarray, ...]
     frequencies: np.ndarray  # over c [1/m]
     carrier: float
