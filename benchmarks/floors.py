@@ -62,15 +62,11 @@ def counting() -> Iterator[Counter[str]]:
     def rays(_: Any, origins: np.ndarray, vertices: np.ndarray) -> None:
         counted["rays"] += len(vertices)
 
-    def signals(
-        _: Any, weights: np.ndarray, tx: np.ndarray, rx: np.ndarray, points: np.ndarray, *args: Any, **_band: Any
-    ) -> None:
-        radar, frames = args[1], args[-1]
-        frequencies = (radar.waveform.frequencies - radar.waveform.center_frequency) / 299_792_458.0
-        phase = 2 * np.pi * abs(frequencies[-1]) * float(np.linalg.norm(np.ptp(points, axis=0)))
-        nodes = len(_simulate._band_nodes(frequencies, phase)[0])
+    def signals(_: Any, weights: np.ndarray, *args: Any, band: Any) -> None:
+        frames, nodes = args[-1], len(band.nodes)
         channels = weights.shape[0] * weights.shape[1] * weights.shape[2]
-        counted["complex products"] += nodes * (np.count_nonzero(weights) + channels * frames.shape[-1])
+        # Real numbers times complex ones: half a product for each sample.
+        counted["complex products"] += nodes * (np.count_nonzero(weights) + channels * frames.shape[-1] // 2)
         counted["angles"] += weights.size
         counted["bytes"] += 8 * channels * frames.shape[-1]
 

@@ -153,7 +153,7 @@ def capture(rng):
     lit = rng.uniform(size=(4, 50)) < 0.4
     reflections, nodes = random_complex(rng, 50).astype(complex), np.cos(np.pi * (np.arange(6) + 0.5) / 6)
     center = np.array([0.001, 0.002, 0.003])
-    signals = np.empty((2, 4, 6), np.complex64)
+    signals = np.empty((2, 4, 2, 6), np.complex64)
     weights = np.where(lit, rng.uniform(size=lit.shape), 0).astype(np.float32)
     for weight, spread in ((weights, True), (weights, False), (lit, False), (lit, True)):
         for kernels, result in ((capture_cuda, signals[0]), (capture_cpu, signals[1])):
@@ -161,10 +161,15 @@ def capture(rng):
                 weight, tx, rx, vertices, reflections, spread, center, 0.15, 80.0, 0.7, nodes, result
             )  # fmt: skip
         yield f"node_signals, {weight.dtype} weights, {'1/d' if spread else 'no'} spreading", *signals
-    frames = np.zeros((2, 6, 6), np.complex64)
-    for kernels, result in ((capture_cuda, frames[0]), (capture_cpu, frames[1])):
-        kernels.restore_delay(signals[1], tx, rx, center, 0.15, -0.7, 0.3, np.array([5, 0, 3, 2]), result)
-    yield "restore_delay", *frames
+    for samples in (9, 10):
+        interpolation = rng.normal(size=(2, 6, (samples + 1) // 2)).astype(np.float32)
+        interpolation[1, :, -1] *= samples % 2 == 0  # the odd part has none in the middle
+        frames, offsets = np.zeros((2, 6, samples), np.complex64), np.linspace(0.7, 0.0, (samples + 1) // 2)
+        for kernels, result in ((capture_cuda, frames[0]), (capture_cpu, frames[1])):
+            kernels.write_frames(
+                signals[1], interpolation, tx, rx, center, 0.15, offsets, np.array([5, 0, 3, 2]), result
+            )  # fmt: skip
+        yield f"write_frames of {samples} samples", *frames
 
 
 def doors(rng):

@@ -24,7 +24,7 @@ def gpu_is_there():
 
 
 GPU = gpu_is_there()
-CHECKS = 23
+CHECKS = 24
 
 
 @pytest.fixture(scope="module", params=["simulator", *["gpu"] * GPU])

@@ -112,6 +112,40 @@ def test_antennas_anywhere_light_what_their_bisector_meets():
     assert np.array_equal(lit, expected)
 
 
+@pytest.mark.parametrize("two_sided", [False, True])
+@pytest.mark.parametrize("tau", [2.0, 30.0, 120.0])
+def test_what_a_block_of_antennas_leaves_out_mirrors_to_none_of_them(tau, two_sided):
+    """Blocks of any width and nearness, transmitters and receivers together and apart."""
+    rng, left_out = np.random.default_rng(11), 0
+    model = scattering_model("specular", tau_deg=tau, two_sided=two_sided)
+    points, normals = SPHERE.mesh.vertices, SPHERE.mesh.vertex_normals
+    for width in (0.0, 0.003, 0.03, 0.1):
+        for apart in (0.0, 0.01, 0.3):
+            tx = rng.uniform([-0.3, -0.3, 0.06], [0.3, 0.3, 0.6]) + rng.uniform(-width, width, (20, 1, 3))
+            rx = tx + rng.uniform(-apart, apart, 3)
+            found = model.within_reach(tx, rx, points, normals)
+            lit = model.weights(tx, rx, points, normals).any(axis=(0, 1, 2))
+            assert not (lit & ~found).any()
+            left_out += (~found).sum()
+            if width == 0.0:  # and no more than rounding is in doubt
+                assert (found & ~lit).sum() <= 1
+    assert left_out > 1000 or (tau > 90 and two_sided)
+
+
+def test_frames_are_the_same_where_every_vertex_is_asked(monkeypatch):
+    """Blocks that ask fewer vertices, and rays for fewer of them, give what all vertices give."""
+    scene = ms.Scene.from_mesh("mug", vertices=2000, rotate_deg=(20, 30, 0))
+    trajectory = ms.Trajectory.raster(size=(0.2, 0.2), step=0.004)
+    for radar in map(ms.Radar.preset, ("mito-sim-24ghz", "position2go")):
+        some = ms.simulate(scene, radar, trajectory)
+        with monkeypatch.context() as patch:
+            patch.delattr(type(scattering_model("specular")), "within_reach")
+            every = ms.simulate(scene, radar, trajectory)
+        assert np.abs(every.frames).max() > 0
+        assert relative(some.frames, every.frames) < 1e-6
+        assert some.metadata["lit_fraction"] == every.metadata["lit_fraction"]
+
+
 @pytest.mark.slow
 def test_swapping_transmitter_and_receiver_changes_nothing():
     rng = np.random.default_rng(3)

@@ -1,9 +1,9 @@
 """The simulator's inner loops on a GPU: the functions of `_kernels` under the same names, for NumPy or device arrays.
 
-The CPU finds the vertices' weights, with rays; the GPU sums their signals and restores their delay. A thread has one
-channel and node of the band: it counts phases in float64, wraps them and adds up in float32. A warp is at one or two
-channels, so vertices in the dark cost it one read. Each of some 25 nodes counts the same phases: that is less than to
-write them to memory, and nothing beside the memory's allocation.
+The CPU finds the vertices' weights, with rays; the GPU sums their signals and writes frames. A thread has one channel
+and node of the half band: it counts phases in float64, wraps them and adds up in float32. A warp is at a few channels,
+so vertices in the dark cost it one read. Each of some 13 nodes counts the same phases: that is less than to write them
+to memory, and nothing beside the memory's allocation.
 """
 
 import numpy as np
@@ -12,6 +12,7 @@ from millisight.core.gpu import (
     cosine,
     cuda,
     distance,
+    empty,
     kernel,
     launch,
     product,
@@ -21,7 +22,7 @@ from millisight.core.gpu import (
     wrapped,
 )
 
-__all__ = ["node_signals", "product", "restore_delay"]
+__all__ = ["node_signals", "write_frames"]
 
 
 @kernel(fastmath=True)
@@ -36,34 +37,42 @@ def _node_sums(weights, tx, rx, vertices, reflections, spread, center, path_offs
     rx0, rx1, rx2 = rx[c, 0], rx[c, 1], rx[c, 2]
     d_c = distance(center[0] - tx0, center[1] - tx1, center[2] - tx2)
     d_c += distance(center[0] - rx0, center[1] - rx1, center[2] - rx2)
-    total_re, total_im = np.float32(0.0), np.float32(0.0)
+    even_re, even_im, odd_re, odd_im = np.float32(0.0), np.float32(0.0), np.float32(0.0), np.float32(0.0)
     for v in range(weights.shape[1]):
         if weights[c, v]:
             x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
             d = distance(x - tx0, y - tx1, z - tx2) + distance(x - rx0, y - rx1, z - rx2)
             amplitude = np.float32(weights[c, v] / d if spread else weights[c, v] * 1.0)
-            base, slope = np.float32(wrapped(carrier * (d + path_offset))), np.float32(half_band * (d - d_c))
-            turn = wrapped(base + slope * node)
+            turn = np.float32(wrapped(carrier * (d + path_offset)))
             cos, sin = cosine(turn), sine(turn)
-            re, im = amplitude * reflections[v].real, amplitude * reflections[v].imag
+            a, b = amplitude * reflections[v].real, amplitude * reflections[v].imag
             # a (cos - i sin): the sign of primer (3)
-            total_re += re * cos + im * sin
-            total_im += im * cos - re * sin
-    out[c, n] = complex(total_re, total_im)
+            re, im = a * cos + b * sin, b * cos - a * sin
+            turn = wrapped(np.float32(half_band * (d - d_c)) * node)
+            cos, sin = cosine(turn), sine(turn)
+            even_re += re * cos
+            even_im += im * cos
+            odd_re += re * sin
+            odd_im += im * sin
+    out[c, 0, n] = complex(even_re, even_im)
+    out[c, 1, n] = complex(odd_re, odd_im)
 
 
 @kernel(fastmath=True)
-def _restore_delay(tx, rx, center, path_offset, start, step, signals):
+def _samples(parts, tx, rx, center, path_offset, offsets, out):
     j = cuda.grid(1)
-    if j >= signals.shape[1]:
+    if j >= offsets.shape[0]:
         return
-    for c in range(cuda.blockIdx.y, signals.shape[0], cuda.gridDim.y):
+    for c in range(cuda.blockIdx.y, out.shape[0], cuda.gridDim.y):
         d_c = distance(center[0] - tx[c, 0], center[1] - tx[c, 1], center[2] - tx[c, 2])
         d_c += distance(center[0] - rx[c, 0], center[1] - rx[c, 1], center[2] - rx[c, 2])
-        turn = np.float32(wrapped((start + j * step) * (d_c + path_offset)))
+        turn = np.float32(wrapped(offsets[j] * (d_c + path_offset)))
         cos, sin = cosine(turn), sine(turn)
-        re, im = signals[c, j].real, signals[c, j].imag
-        signals[c, j] = complex(re * cos + im * sin, im * cos - re * sin)
+        a, b = parts[c, 0, j], parts[c, 1, offsets.shape[0] + j]
+        even_re, even_im = a.real * cos - b.real * sin, a.imag * cos - b.imag * sin
+        odd_re, odd_im = a.real * sin + b.real * cos, a.imag * sin + b.imag * cos
+        out[c, j] = complex(even_re - odd_im, even_im + odd_re)
+        out[c, out.shape[1] - 1 - j] = complex(even_re + odd_im, even_im - odd_re)
 
 
 def node_signals(weights, tx, rx, vertices, reflections, spread, center, path_offset, carrier, half_band, nodes, out):
@@ -76,11 +85,14 @@ def node_signals(weights, tx, rx, vertices, reflections, spread, center, path_of
     )  # fmt: skip
 
 
-def restore_delay(signals, tx, rx, center, path_offset, start, step, rows, frames):
-    """See `_kernels.restore_delay`; `signals` may lie on the GPU, and is then written to, `frames` is a NumPy array."""
-    signals = to_device(signals)
+def write_frames(signals, interpolation, tx, rx, center, path_offset, offsets, rows, frames):
+    """See `_kernels.write_frames`; `signals` may lie on the GPU, `frames` is a NumPy array."""
+    channels, _, count = signals.shape
+    # One product of both parts with both matrices, of which half is used, spares copies of either part.
+    parts = product(to_device(signals).reshape(2 * channels, count), np.hstack(interpolation).astype(np.complex64))
+    samples = empty((channels, frames.shape[1]), np.complex64)
     launch(
-        _restore_delay, (signals.shape[1], signals.shape[0]), tx, rx, center, float(path_offset), float(start),
-        float(step), out=(signals,),
+        _samples, (len(offsets), channels), parts.reshape(channels, 2, 2 * len(offsets)), tx, rx, center,
+        float(path_offset), offsets, out=(samples,),
     )  # fmt: skip
-    frames[rows] = to_host(signals)
+    frames[rows] = to_host(samples)

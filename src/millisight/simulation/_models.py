@@ -23,6 +23,9 @@ class ScatteringModel(Protocol):
     A dataclass whose fields are its parameters. Declare them with `parameter`, then `simulate` takes them as
     keywords and `millisight simulate` as options.
 
+    It may also have a method `within_reach`, with the arguments of `weights`, for a block of neighbouring poses: (V,)
+    bool, False where all weights are 0. `weights` is then asked for the other vertices alone, which saves time.
+
     Attributes
     ----------
     name : of the model

@@ -6,7 +6,8 @@ changes inside the cell is cast one by one. An occluder's shadow is magnified on
 antennas, so that few are narrower than a cell: the tests compare with casting every ray.
 """
 
-from collections.abc import Callable
+import copy
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -19,7 +20,12 @@ from millisight.simulation._models import ScatteringModel
 # 0.3 m are good to about 1e-7, and a real gap of 1e-5, 3 micrometres, is no gap for a millimetre wave.
 _ARRIVED = float(np.float32(1 - 1e-5))
 
-_TOLD_BY = 16  # one of so many antennas tells how many vertices are wanted
+# Vertex-channel pairs looked at together: about 80 bytes each while rays are cast, so a quarter of a gigabyte.
+_BLOCK_PAIRS = 3_000_000
+
+# Poses of a block where the model tells which vertices may answer: fewer are nearer together, and leave out more; more
+# cost less Python.
+_TOGETHER = 512
 
 # Cells per distance to the mesh: 6 mm at 0.2 m.
 _CELLS = 32
@@ -46,6 +52,27 @@ class Scatterers:
         self._center = mesh.bounds.mean(axis=0)
         self._caster = RayCaster(self._vertices[mesh.faces], each=each)
 
+    def blocks(self, tx_positions: np.ndarray, rx_positions: np.ndarray) -> "Iterator[tuple[np.ndarray, Scatterers]]":
+        """Blocks of all poses: the numbers of neighbours, and the scatterers that may answer to any of them."""
+        order = self.neighbours_first(tx_positions.mean(axis=1))
+        channels, done = tx_positions.shape[1] * rx_positions.shape[1], 0
+        chosen = hasattr(self.model, "within_reach")
+        while done < len(order):
+            block, some = order[done:], self
+            if chosen:
+                block = block[:_TOGETHER]
+                some = self._within_reach(tx_positions[block], rx_positions[block])
+            block = block[: max(1, _BLOCK_PAIRS // (max(1, len(some.indices)) * channels))]
+            done += len(block)
+            yield block, some
+
+    def _within_reach(self, tx_positions: np.ndarray, rx_positions: np.ndarray) -> "Scatterers":
+        """Those that may answer to any of these antennas, as the model has it; rays meet what they met."""
+        some = copy.copy(self)
+        chosen = np.flatnonzero(self.model.within_reach(tx_positions, rx_positions, self.points, self._normals))
+        some.indices, some.points, some._normals = self.indices[chosen], self.points[chosen], self._normals[chosen]
+        return some
+
     def weights(self, tx_positions: np.ndarray, rx_positions: np.ndarray) -> np.ndarray:
         """(P, T, R, V) how strongly `indices` answer to antennas (P, T, 3), (P, R, 3) [m]; hidden: 0."""
         poses, transmitters = tx_positions.shape[:2]
@@ -61,15 +88,15 @@ class Scatterers:
         if transmitters == receivers == 1 and np.array_equal(tx_positions, rx_positions):
             # No pass over all pairs that a model of bool does not need.
             wanted = weights[:, 0, 0] if weights.dtype == bool else weights[:, 0, 0] != 0
-            clear = self._clear(tx_positions[:, 0], wanted)
+            clear = self._shared_view(tx_positions[:, 0], wanted)
             if weights.dtype == bool:
                 return clear[:, None, None]
             weights[:, 0, 0] *= clear
             return weights
         for t in range(transmitters):
-            weights[:, t] *= self._clear(tx_positions[:, t], np.any(weights[:, t], axis=1))[:, None]
+            weights[:, t] *= self._shared_view(tx_positions[:, t], np.any(weights[:, t], axis=1))[:, None]
         for r in range(receivers):
-            weights[:, :, r] *= self._clear(rx_positions[:, r], np.any(weights[:, :, r], axis=1))[:, None]
+            weights[:, :, r] *= self._shared_view(rx_positions[:, r], np.any(weights[:, :, r], axis=1))[:, None]
         return weights
 
     def neighbours_first(self, antennas: np.ndarray) -> np.ndarray:
@@ -90,14 +117,6 @@ class Scatterers:
         arrived[early] = (self.mesh.faces[face[early]] == vertices[early, None]).any(axis=1)
         return arrived
 
-    def _clear(self, antennas: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-        """(P, V) bool: whether antenna p (P, 3) sees vertex v; only where `wanted` (P, V), which may be overwritten."""
-        # Corners of cells see every vertex, which pays only where many are wanted: some antennas tell.
-        some = wanted[::_TOLD_BY]
-        if np.count_nonzero(some) > some.size / 10:
-            return self._shared_view(antennas, wanted)
-        return self._each_ray(antennas, wanted, wanted)
-
     def _each_ray(self, antennas: np.ndarray, wanted: np.ndarray, clear: np.ndarray) -> np.ndarray:
         """`clear` (P, V), perhaps `wanted` itself, in which a ray each has settled what is wanted."""
         from millisight.simulation._kernels import set_places  # Numba: not for --help
@@ -111,8 +130,13 @@ class Scatterers:
         return float(np.median(np.linalg.norm(antennas - self._center, axis=1))) / _CELLS
 
     def _shared_view(self, antennas: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-        """As `_clear`, with rays from the corners of cells, which settle most of it."""
-        cell, vertices = self._cell_size(antennas), self.indices
+        """(P, V) bool: whether antenna p (P, 3) sees vertex v; only where `wanted` (P, V), which may be overwritten.
+
+        Rays from the corners of cells settle most of it, where antennas are near enough together to share them.
+        """
+        from millisight.simulation._kernels import any_of_groups, set_places  # Numba: not for --help
+
+        cell = self._cell_size(antennas)
         # A layer of antennas thinner than a cell has its corners in the layer's middle.
         flat = np.ptp(antennas, axis=0) < cell
         anchor = np.where(flat, (antennas.min(axis=0) + antennas.max(axis=0)) / 2, 0.0)
@@ -120,13 +144,20 @@ class Scatterers:
         used, home = np.unique(cells, axis=0, return_inverse=True)
         steps = np.stack(np.meshgrid(*([0] if f else [0, 1] for f in flat), indexing="ij"), axis=-1).reshape(-1, 3)
         corners, corner_of = np.unique((used[:, None] + steps).reshape(-1, 3), axis=0, return_inverse=True)
-        corner_of = corner_of.reshape(len(used), len(steps))
+        if len(corners) >= len(antennas):
+            return self._each_ray(antennas, wanted, wanted)
+        corner_of, home = corner_of.reshape(len(used), len(steps)), home.reshape(-1)
+        asked = any_of_groups(wanted, home, len(used))
+        asked_from = np.zeros((len(corners), len(self.indices)), dtype=bool)
+        for column in corner_of.T:  # no corner twice in one
+            asked_from[column] |= asked
+        if np.count_nonzero(asked_from) >= np.count_nonzero(wanted):
+            return self._each_ray(antennas, wanted, wanted)
 
-        places = np.where(flat, anchor, corners * cell)
-        view = self.sees(np.repeat(places, len(vertices), axis=0), np.tile(vertices, len(places)))
-        view = view.reshape(len(places), len(vertices))[corner_of]
-        agreed = view[:, 0] & view.all(axis=1)
+        corner, vertex = set_places(asked_from)
+        view = np.zeros(asked_from.shape, dtype=bool)
+        view[corner, vertex] = self.sees(np.where(flat, anchor, corners * cell)[corner], self.indices[vertex])
+        view = view[corner_of]
+        agreed = view.all(axis=1)
         settled = agreed | ~view.any(axis=1)
-
-        home = home.reshape(-1)
         return self._each_ray(antennas, wanted & ~settled[home], wanted & agreed[home])

@@ -14,9 +14,6 @@ from millisight.simulation._scatterers import Scatterers
 
 SPREADINGS = ("none", "1/d")
 
-# Vertex-channel pairs looked at together: about 80 bytes each while rays are cast, so a quarter of a gigabyte.
-_BLOCK_PAIRS = 3_000_000
-
 
 def simulate(
     scene: Scene,
@@ -82,20 +79,18 @@ def simulate(
 
     poses, samples = len(trajectory), radar.waveform.samples_per_chirp
     frames = np.zeros((poses, len(array.tx_positions), len(array.rx_positions), samples), dtype=np.complex64)
-    reflections = scene.reflections[scatterers.indices]
+    reflections = scene.reflections
     band = _band_over(scatterers.points, radar)
-    ever_lit = np.zeros(len(scatterers.indices), dtype=bool)
-    order = scatterers.neighbours_first(trajectory.positions)
-    step = max(1, _BLOCK_PAIRS // (max(1, len(scatterers.indices)) * frames.shape[1] * frames.shape[2]))
-    for start in range(0, poses, step):
-        block = order[start : start + step]
-        weights = scatterers.weights(tx[block], rx[block])
-        ever_lit |= weights.any(axis=(0, 1, 2))
-        _add_signals(
-            kernels, weights, tx[block], rx[block], scatterers.points, reflections, radar, spreading, block, frames,
-            band=band,
-        )  # fmt: skip
-        done = start + len(block)
+    ever_lit = np.zeros(len(scene.mesh.vertices), dtype=bool)
+    for block, some in scatterers.blocks(tx, rx):
+        if len(some.indices):
+            weights = some.weights(tx[block], rx[block])
+            ever_lit[some.indices] |= weights.any(axis=(0, 1, 2))
+            _add_signals(
+                kernels, weights, tx[block], rx[block], some.points, reflections[some.indices], radar, spreading, block,
+                frames, band=band,
+            )  # fmt: skip
+        done += len(block)
         tell(done, poses)
 
     settings = {
@@ -109,7 +104,7 @@ def simulate(
     metadata = {
         "phase_sign": PHASE_SIGN,
         "simulated": True,
-        "lit_fraction": float(ever_lit.sum() / len(scene.mesh.vertices)),
+        "lit_fraction": float(ever_lit.mean()),
         "scene_bounds": scene.mesh.bounds.tolist(),
     }
     capture = Capture(
@@ -134,9 +129,9 @@ class _Band(NamedTuple):
     Attributes
     ----------
     center : (3,) the middle of the points [m]
-    frequencies : (N,) of the samples, less the band's middle, over c [1/m]
-    nodes : (n,) on [-1, 1] of the half band
-    interpolation : (n, N) complex64
+    frequencies : (N / 2,) of the samples above the band's middle, less the middle, over c, the highest first [1/m]
+    nodes : (n,) on [0, 1] of the half band
+    interpolation : (2, n, N / 2) float32, of the even and of the odd part
     """
 
     center: np.ndarray
@@ -149,7 +144,8 @@ def _band_over(points: np.ndarray, radar: Radar) -> _Band | None:
     """The nodes that signals of these points need; None without points.
 
     Less the common delay of the scene's centre, the signal varies slowly with frequency: it is summed at a few
-    Chebyshev nodes of the band, from which a matrix product gives every sample: see `_band_nodes`.
+    Chebyshev nodes of the band, from which a matrix product gives every sample: see `_band_nodes`. Samples and nodes
+    are even about the band's middle, so that even and odd parts of the signal need half of each.
     """
     if not len(points):
         return None
@@ -158,7 +154,14 @@ def _band_over(points: np.ndarray, radar: Radar) -> _Band | None:
     frequencies = (waveform.frequencies - waveform.center_frequency) / SPEED_OF_LIGHT
     # A path differs from the centre's by at most 2 radii, and a frequency by half the band.
     phase = 2 * np.pi * abs(frequencies[-1]) * float(np.linalg.norm(upper - lower))
-    return _Band((lower + upper) / 2, frequencies, *_band_nodes(frequencies, phase))
+    nodes, matrix = _band_nodes(frequencies, phase)
+    samples, some = (len(frequencies) + 1) // 2, (len(nodes) + 1) // 2
+    upper_half, mirrored = matrix[:some, ::-1][:, :samples], matrix[::-1, ::-1][:some, :samples]
+    even, odd = upper_half + mirrored, upper_half - mirrored
+    if len(nodes) % 2:
+        even[-1] /= 2  # the middle one meets itself
+    interpolation = np.stack([even, odd]).astype(np.float32)
+    return _Band((lower + upper) / 2, frequencies[::-1][:samples].copy(), nodes[:some].copy(), interpolation)
 
 
 def _add_signals(
@@ -169,22 +172,22 @@ def _add_signals(
     if band is None:
         return
     tx, rx = of_channels(tx, rx)
-    signals = np.empty((len(tx), len(band.nodes)), dtype=np.complex64)
+    signals = np.empty((len(tx), 2, len(band.nodes)), dtype=np.complex64)
     weights = np.ascontiguousarray(weights.reshape(len(tx), -1))  # a model of one's own may order them otherwise
     kernels.node_signals(
         weights, tx, rx, points, reflections, spreading == "1/d", band.center, radar.path_offset,
-        radar.waveform.center_frequency / SPEED_OF_LIGHT, band.frequencies[-1], band.nodes, signals,
+        radar.waveform.center_frequency / SPEED_OF_LIGHT, band.frequencies[0], band.nodes, signals,
     )  # fmt: skip
     channels = frames.shape[1] * frames.shape[2]
     rows = (np.asarray(block)[:, None] * channels + np.arange(channels)).ravel()
-    kernels.restore_delay(
-        kernels.product(signals, band.interpolation), tx, rx, band.center, radar.path_offset, band.frequencies[0],
-        radar.waveform.frequency_step / SPEED_OF_LIGHT, rows, frames.reshape(-1, frames.shape[-1]),
+    kernels.write_frames(
+        signals, band.interpolation, tx, rx, band.center, radar.path_offset, band.frequencies, rows,
+        frames.reshape(-1, frames.shape[-1]),
     )  # fmt: skip
 
 
 def _band_nodes(frequencies: np.ndarray, phase: float) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes (n,) on [-1, 1] of the band and the (n, N) complex64 matrix that gives the samples from them.
+    """Nodes (n,) on [-1, 1] of the band, falling, and the (n, N) matrix that gives the samples from them.
 
     exp(i phase x) is held to 1e-7 by so many Chebyshev nodes: its coefficients are the Bessel functions J_n(phase),
     which vanish faster than exponentially once n exceeds the phase by a few times its cube root. Where the samples
@@ -194,11 +197,11 @@ def _band_nodes(frequencies: np.ndarray, phase: float) -> tuple[np.ndarray, np.n
     places = frequencies / half_band if half_band else frequencies
     count = int(np.ceil(phase + 5 * np.cbrt(phase) + 8))
     if count >= len(frequencies):
-        return places, np.eye(len(frequencies), dtype=np.complex64)
+        return places[::-1], np.eye(len(frequencies))[::-1]
     nodes = np.cos(np.pi * (np.arange(count) + 0.5) / count)
     vandermonde = np.polynomial.chebyshev.chebvander
     matrix = vandermonde(places, count - 1) @ np.linalg.inv(vandermonde(nodes, count - 1))
-    return nodes, matrix.T.astype(np.complex64)
+    return nodes, matrix.T
 
 
 def _check_clearance(scene: Scene, *antennas: np.ndarray) -> None:

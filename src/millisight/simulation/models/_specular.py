@@ -44,3 +44,18 @@ class SpecularModel:
             lit.reshape(-1, len(points)),
         )
         return lit
+
+    def within_reach(self, tx_positions, rx_positions, points, normals) -> np.ndarray:
+        """(V,) bool: vertices that may answer to any of these antennas."""
+        from millisight.simulation import _kernels as _kernels
+
+        middles = [places.reshape(-1, 3).mean(axis=0) for places in (tx_positions, rx_positions)]
+        around = [
+            np.linalg.norm(places - middle, axis=-1).max()
+            for places, middle in zip((tx_positions, rx_positions), middles, strict=True)
+        ]
+        found = np.empty(len(points), dtype=bool)
+        _kernels.may_mirror(
+            *middles, np.array(around), points, normals, np.radians(self.tau_deg), self.two_sided, found
+        )  # fmt: skip
+        return found
