@@ -8,6 +8,7 @@ antennas, so that few are narrower than a cell: the tests compare with casting e
 
 import copy
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 
@@ -56,10 +57,10 @@ class Scatterers:
         """Blocks of all poses: the numbers of neighbours, and the scatterers that may answer to any of them."""
         order = self.neighbours_first(tx_positions.mean(axis=1))
         channels, done = tx_positions.shape[1] * rx_positions.shape[1], 0
-        chosen = hasattr(self.model, "within_reach")
+        told = hasattr(self.model, "within_reach")
         while done < len(order):
             block, some = order[done:], self
-            if chosen:
+            if told:
                 block = block[:_TOGETHER]
                 some = self._within_reach(tx_positions[block], rx_positions[block])
             block = block[: max(1, _BLOCK_PAIRS // (max(1, len(some.indices)) * channels))]
@@ -68,8 +69,9 @@ class Scatterers:
 
     def _within_reach(self, tx_positions: np.ndarray, rx_positions: np.ndarray) -> "Scatterers":
         """Those that may answer to any of these antennas, as the model has it; rays meet what they met."""
+        model: Any = self.model  # of its protocol this method is no part, since models need not have it
+        chosen = np.flatnonzero(model.within_reach(tx_positions, rx_positions, self.points, self._normals))
         some = copy.copy(self)
-        chosen = np.flatnonzero(self.model.within_reach(tx_positions, rx_positions, self.points, self._normals))
         some.indices, some.points, some._normals = self.indices[chosen], self.points[chosen], self._normals[chosen]
         return some
 
@@ -157,7 +159,7 @@ class Scatterers:
         corner, vertex = set_places(asked_from)
         view = np.zeros(asked_from.shape, dtype=bool)
         view[corner, vertex] = self.sees(np.where(flat, anchor, corners * cell)[corner], self.indices[vertex])
-        view = view[corner_of]
-        agreed = view.all(axis=1)
-        settled = agreed | ~view.any(axis=1)
+        around = view[corner_of]  # (cells, corners of each, V)
+        agreed = np.all(around, axis=1)
+        settled = agreed | ~np.any(around, axis=1)
         return self._each_ray(antennas, wanted & ~settled[home], wanted & agreed[home])
