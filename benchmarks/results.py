@@ -2,9 +2,9 @@
 
     python benchmarks/results.py DATASET [DATASET ...] --recipe examples/recipes/unseen.toml
 
-The datasets are made by examples/recipes/unseen.toml, or by a part of it such as unseen18.toml. Compares `wave` with
-blind masks, and with the one threshold that suits these very images best; counts the empty cartons in which nothing is
-found; and classifies what was found. The page states date, commit, weights and number of scenes.
+The datasets are made by examples/recipes/unseen.toml, or by its parts unseen18.toml and unseen19.toml. Compares `wave`
+with blind masks, and with the one threshold that suits these very images best; counts the empty cartons in which
+nothing is found; and classifies what was found. The page states date, commit, weights and number of scenes.
 """
 
 import argparse
@@ -137,22 +137,43 @@ def segmentation(roots: Sequence[Path], cache: Path, support: float | None) -> s
             found = [one.scores.f1 == 1 for _, one in empty if (one.method, one.input) == kind]
             counted.append((*kind, share(sum(found), len(found))))
         text.append(table(("segmenter", "input", "nothing found"), counted) + "\n")
+    if len(roots) > 1:
+        text.append("### Each dataset by itself\n")
+        text.append(by_dataset(rows) + "\n")
     return "\n".join(text)
+
+
+def by_dataset(rows: Sequence[tuple[Path, Any]]) -> str:
+    """What `wave` reaches in each dataset: some may have been measured before, and others never."""
+    lines = []
+    for root in dict.fromkeys(root for root, _ in rows):
+        for kind in dict.fromkeys(one.input for _, one in rows if one.method == "wave"):
+            mine = [one for at, one in rows if at == root and one.method == "wave" and one.input == kind]
+            f1 = {sight: [one.scores.f1 for one in mine if one.sight == sight] for sight in (*SIGHTS, "empty")}
+            cells = [figure(f1[sight]) if f1[sight] else "" for sight in SIGHTS]
+            empty = share(f1["empty"].count(1), len(f1["empty"])) if f1["empty"] else ""
+            lines.append((root.name, kind, *cells, empty))
+    header = ("dataset", "wave on", *(f"F1 {words} [%]" for words in SIGHTS.values()), "empty: nothing found")
+    return table(header, lines)
 
 
 def classification(roots: Sequence[Path], cache: Path, classes: Sequence[str]) -> str:
     """The table of classes, and what each class was taken for; of objects of these classes, none: of all."""
-    rows = []
+    rows: list[Any] = []
+    by_root: dict[str, list[Any]] = {}
     for root in roots:
         result = ms.evaluate(
             "classification", root, output=cache / f"{root.name}-classes", truth="exact", mistakes=0, workers=2,
             classes=classes,
         )  # fmt: skip
         rows += result.rows
+        by_root[root.name] = [one for one in result.rows if one.masks == "predicted"]
     lines = []
-    for masks in ("predicted", "true"):
+    alone = [(f"predicted, {name}", some) for name, some in by_root.items() if len(by_root) > 1]
+    together = [(masks, [one for one in rows if one.masks == masks]) for masks in ("predicted", "true")]
+    for masks, some in (*together, *alone):
         for sight in (*SIGHTS, None):
-            mine = [one for one in rows if one.masks == masks and sight in (None, one.sight)]
+            mine = [one for one in some if sight in (None, one.sight)]
             every = accuracy(mine)
             if every is None:
                 continue
@@ -175,9 +196,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("datasets", nargs="+", type=Path)
     parser.add_argument("-o", "--output", type=Path, default=Path("docs/explanation/results.md"))
-    parser.add_argument("--recipe", default="examples/recipes/unseen.toml", help="that the datasets were made by")
+    parser.add_argument(
+        "--recipe", nargs="+", default=["examples/recipes/unseen.toml"], help="that the datasets were made by"
+    )
     parser.add_argument("--support", type=float, help="height of what the objects stand on [m]")
     options = parser.parse_args()
+    recipes = " and ".join(f"`{recipe}`" for recipe in options.recipe)
     commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=True)
     weights = {"wave": WaveSegmenter().description["sha256"][:8], "classifier": classifier().description["sha256"][:8]}
     with tempfile.TemporaryDirectory() as cache:
@@ -191,7 +215,7 @@ weights {told}.
 
 Whole scenes by the virtual rig, simulated, not real: objects that no network, threshold or look used (`test` of
 `examples/objects.toml`), off the middle of images that show 9 to 15 cm around them; cartons of random size, thickness,
-place and tilt of the lid, drawn by `{options.recipe}`. Networks were trained on other objects by other
+place and tilt of the lid, drawn by {recipes}. Networks were trained on other objects by other
 physics. Medians over scenes; in brackets 95 % bootstrap intervals. "Support told": `--support`, the height of what the
 objects stand on, is known.
 

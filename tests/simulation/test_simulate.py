@@ -8,6 +8,7 @@ import millisight as ms
 from helpers.oracles import paths, point_frames, relative
 from millisight.core.errors import CoverageError, InputError, UnknownNameError
 from millisight.simulation import scattering_model
+from millisight.simulation._bodies import Bodies, enclosing
 from millisight.simulation._kernels import set_places
 from millisight.simulation._scatterers import Scatterers
 
@@ -132,18 +133,51 @@ def test_what_a_block_of_antennas_leaves_out_mirrors_to_none_of_them(tau, two_si
     assert left_out > 1000 or (tau > 90 and two_sided)
 
 
-def test_frames_are_the_same_where_every_vertex_is_asked(monkeypatch):
+@pytest.mark.slow
+@pytest.mark.parametrize("model", ["specular", "edge", "diffuse", "rough"])
+def test_frames_are_the_same_where_every_vertex_is_asked(model, monkeypatch):
     """Blocks that ask fewer vertices, and rays for fewer of them, give what all vertices give."""
     scene = ms.Scene.from_mesh("mug", vertices=2000, rotate_deg=(20, 30, 0))
-    trajectory = ms.Trajectory.raster(size=(0.2, 0.2), step=0.004)
+    trajectory = ms.Trajectory.raster(size=(0.2, 0.2), step=0.008)
     for radar in map(ms.Radar.preset, ("mito-sim-24ghz", "position2go")):
-        some = ms.simulate(scene, radar, trajectory)
+        some = ms.simulate(scene, radar, trajectory, model=model)
         with monkeypatch.context() as patch:
-            patch.delattr(type(scattering_model("specular")), "within_reach")
-            every = ms.simulate(scene, radar, trajectory)
+            patch.setattr(Scatterers, "_within_reach", lambda scatterers, *_: scatterers)
+            every = ms.simulate(scene, radar, trajectory, model=model)
         assert np.abs(every.frames).max() > 0
         assert relative(some.frames, every.frames) < 1e-6
         assert some.metadata["lit_fraction"] == every.metadata["lit_fraction"]
+
+
+def test_what_is_turned_away_from_a_block_is_seen_from_nowhere_in_it():
+    """A hollow mug, from blocks all around it; an open or inverted mesh has no side that is turned away."""
+    mesh = ms.Scene.from_mesh("mug", vertices=2000, rotate_deg=(20, 30, 0)).mesh
+    assert enclosing(mesh).all()
+    bodies, scatterers = Bodies(mesh), Scatterers(mesh, scattering_model("diffuse"))
+    rng, shares = np.random.default_rng(5), []
+    for width in (0.0, 0.01, 0.08):
+        middle = rng.normal(size=3)
+        antennas = 0.3 * middle / np.linalg.norm(middle) + rng.uniform(-width, width, (30, 3))
+        away = bodies.turned_away(antennas)
+        antenna, vertex = np.nonzero(np.broadcast_to(away, (30, len(away))))
+        assert not scatterers.sees(antennas[antenna], vertex).any()
+        shares.append(away.mean())
+    assert shares[0] > shares[1] > shares[2] > 0.05
+    for faces in (mesh.faces[1:], mesh.faces[:, ::-1]):
+        other = ms.TriangleMesh(vertices=mesh.vertices, faces=faces)
+        assert not enclosing(other).any()
+        assert not Bodies(other).turned_away(antennas)[faces].any()
+
+
+def test_each_part_of_a_mesh_is_closed_or_open_by_itself():
+    box = trimesh.creation.box((0.1, 0.1, 0.1))
+    shifted = box.vertices + np.array([0.2, 0, 0])
+    both = ms.TriangleMesh(
+        vertices=np.concatenate([box.vertices, shifted]), faces=np.concatenate([box.faces, box.faces[1:] + 8])
+    )
+    assert enclosing(both).tolist() == [True] * 12 + [False] * 11
+    doubled = ms.TriangleMesh(vertices=box.vertices, faces=np.concatenate([box.faces, box.faces[:1]]))
+    assert not enclosing(doubled).any()
 
 
 @pytest.mark.slow

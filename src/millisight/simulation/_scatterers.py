@@ -15,6 +15,7 @@ import numpy as np
 from millisight.core.errors import InputError
 from millisight.data import TriangleMesh
 from millisight.meshes import RayCaster
+from millisight.simulation._bodies import Bodies
 from millisight.simulation._models import ScatteringModel
 
 # A ray that first meets a face this close to its vertex (relative to the distance) has arrived: float32 rays of
@@ -51,6 +52,7 @@ class Scatterers:
         self._normals = mesh.vertex_normals[self.indices]
         self._vertices = mesh.vertices.astype(np.float32)
         self._center = mesh.bounds.mean(axis=0)
+        self._bodies = Bodies(mesh)
         self._caster = RayCaster(self._vertices[mesh.faces], each=each)
 
     def blocks(self, tx_positions: np.ndarray, rx_positions: np.ndarray) -> "Iterator[tuple[np.ndarray, Scatterers]]":
@@ -58,21 +60,24 @@ class Scatterers:
         order = self.neighbours_first(tx_positions.mean(axis=1))
         channels, done = tx_positions.shape[1] * rx_positions.shape[1], 0
         told = hasattr(self.model, "within_reach")
+        longest = _TOGETHER if told else max(1, _BLOCK_PAIRS // (max(1, len(self.indices)) * channels))
         while done < len(order):
-            block, some = order[done:], self
-            if told:
-                block = block[:_TOGETHER]
-                some = self._within_reach(tx_positions[block], rx_positions[block])
+            block = order[done : done + longest]
+            some = self._within_reach(tx_positions[block], rx_positions[block], told)
             block = block[: max(1, _BLOCK_PAIRS // (max(1, len(some.indices)) * channels))]
             done += len(block)
             yield block, some
 
-    def _within_reach(self, tx_positions: np.ndarray, rx_positions: np.ndarray) -> "Scatterers":
-        """Those that may answer to any of these antennas, as the model has it; rays meet what they met."""
-        model: Any = self.model  # of its protocol this method is no part, since models need not have it
-        chosen = np.flatnonzero(model.within_reach(tx_positions, rx_positions, self.points, self._normals))
-        some = copy.copy(self)
-        some.indices, some.points, some._normals = self.indices[chosen], self.points[chosen], self._normals[chosen]
+    def _within_reach(self, tx_positions: np.ndarray, rx_positions: np.ndarray, told: bool) -> "Scatterers":
+        """Those that may answer to any of these antennas; rays meet what they met."""
+        if told:
+            model: Any = self.model  # of its protocol this method is no part, since models need not have it
+            chosen = model.within_reach(tx_positions, rx_positions, self.points, self._normals)
+        else:
+            away = self._bodies.turned_away(tx_positions) | self._bodies.turned_away(rx_positions)
+            chosen = ~away[self.indices]
+        numbers, some = np.flatnonzero(chosen), copy.copy(self)
+        some.indices, some.points, some._normals = self.indices[numbers], self.points[numbers], self._normals[numbers]
         return some
 
     def weights(self, tx_positions: np.ndarray, rx_positions: np.ndarray) -> np.ndarray:
