@@ -7,6 +7,7 @@ import millisight as ms
 from millisight.core.errors import InputError
 from millisight.imaging import DetectedSheet, SheetRemoval
 from millisight.perception.segmentation._heights import beneath, between, lid_height, tells_height
+from millisight.perception.segmentation._parts import judged_apart
 
 X, Z = 0.004 * np.arange(40), -0.37 + 0.01 * np.arange(22)
 SUPPORT, LID = -0.30, -0.20
@@ -66,6 +67,31 @@ def test_where_nothing_would_be_left_what_was_taken_for_the_lid_may_be_a_floor()
     every = mask_of("low", "tall")
     np.testing.assert_array_equal(between(every, image_of(), lid=SUPPORT), every)
     assert not between(mask_of("edge"), image_of(), lid=LID, support=SUPPORT).any()
+
+
+def test_an_object_that_touches_its_lids_edge_stays_where_a_smaller_mask_has_it_apart():
+    bridge = np.zeros((40, 40), bool)
+    bridge[6:30, 20:31] = True
+    wide, apart, inner = mask_of("tall", "edge") | bridge, mask_of("tall", "edge"), mask_of("tall")
+    inner[2] = False
+    values = image_of().values.copy()
+    values[PIXELS["edge"]] *= 3  # as bright as all else together
+    image = ms.SarImage(grid=image_of().grid, values=values)
+
+    def below(masks):
+        return [between(mask, image, lid=LID, support=SUPPORT) for mask in masks]
+
+    assert not below([wide])[0].any()
+    np.testing.assert_array_equal(judged_apart([wide], [apart, inner], below)[0], mask_of("tall"))
+    np.testing.assert_array_equal(judged_apart([wide], [inner], below)[0], inner)
+    larger, smaller = judged_apart([wide, inner], [], below)
+    np.testing.assert_array_equal(larger, inner)
+    np.testing.assert_array_equal(smaller, inner)
+    # Where nothing is left out, no other mask is asked; and none adds to a mask that does not hold it.
+    asked = []
+    judged_apart([inner], [wide], lambda masks: asked.extend(masks) or masks)
+    assert len(asked) == 1
+    np.testing.assert_array_equal(judged_apart([mask_of("edge")], [inner], below)[0], mask_of())
 
 
 def removal_of(image, height):

@@ -35,7 +35,7 @@ from millisight.perception import (
 from millisight.perception.segmentation._edges import at_edges
 from millisight.perception.segmentation._ghosts import without_ghosts
 from millisight.perception.segmentation._heights import beneath, between, lid_height, tells_height
-from millisight.perception.segmentation._parts import parts_of
+from millisight.perception.segmentation._parts import judged_apart, parts_of
 from millisight.perception.segmentation._segmentation import SEGMENTERS, Candidates
 
 WAVE_SLICES = 8
@@ -110,6 +110,7 @@ PRESENCE_WEIGHTS = WAVE_WEIGHTS.with_name("presence.onnx")
 """Of a second network of the same kind, which judges whether anything lies in a covered scene; shipped."""
 
 _STEPS = (0.0, 0.15, -0.15, 0.3)  # from the description's cut: one mask each
+_PARTING = (0.55, 0.7, 0.85)  # further ones, at which an object and its lid's edge may be apart
 _SMALLEST_PART = 0.1  # of a mask, as a share of its largest part
 _LEAST_AREA = 5e-5  # of what is left of a mask [m²]
 
@@ -222,7 +223,8 @@ class WaveSegmenter:
 
         Parts that are ghosts of a scan's steps, or lie no higher than the picture's support, are left out. Of a scene
         that is known to be covered, dark pixels of which the network is not sure are left out, too, and parts that lie
-        no lower than the lid or beside it: the lid's edges, the walls below them, and grating lobes.
+        no lower than the lid or beside it: the lid's edges, the walls below them, and grating lobes. Where an object
+        and such an edge are one part, higher probabilities part them.
 
         The borders of what is left then follow the image's edges, see `at_edges`, where an echo is short along z, as at
         77 GHz. At 24 GHz the image is no finer than the network's pixels.
@@ -256,8 +258,11 @@ class WaveSegmenter:
         sides = _pixel(image)
         if picture.covered:
             bright = _bright(probability, cleaned.magnitude.max(axis=2), sides)
-            likely = [mask & bright for mask in likely]
-        placed = [_without_small_parts(mask) for mask in _placed(likely, picture)]
+            further = [(probability > c) & bright for c in _PARTING]
+            placed = judged_apart([mask & bright for mask in likely], further, lambda masks: _placed(masks, picture))
+        else:
+            placed = _placed(likely, picture)
+        placed = [_without_small_parts(mask) for mask in placed]
         if tells_height(placed[0], cleaned):
             edged = at_edges(placed, probability, cuts, cleaned.magnitude.mean(axis=2), sides)
             placed = [_without_small_parts(mask) for mask in edged]
