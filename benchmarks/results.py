@@ -139,6 +139,7 @@ def segmentation(roots: Sequence[Path], cache: Path, support: float | None) -> s
         text.append(table(("segmenter", "input", "nothing found"), counted) + "\n")
     if len(roots) > 1:
         text.append("### Each dataset by itself\n")
+        text.append("Where a dataset was measured before, rules of today may have been kept because of it.\n")
         text.append(by_dataset(rows) + "\n")
     return "\n".join(text)
 
