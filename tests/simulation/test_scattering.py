@@ -201,9 +201,43 @@ def test_weights_may_lie_in_any_order():
     np.testing.assert_array_equal(*frames)
 
 
+class Beside(Top):
+    """Only to antennas on its own side in x, which it tells of a whole block."""
+
+    def weights(self, tx_positions, rx_positions, points, normals):
+        beside = (tx_positions[..., :1] > 0) == (points[:, 0] > 0)
+        return super().weights(tx_positions, rx_positions, points, normals) * beside[:, :, None]
+
+
+class Telling(Beside):
+    asked: ClassVar[list[int]] = []
+
+    def weights(self, tx_positions, rx_positions, points, normals):
+        self.asked.append(len(points))
+        return super().weights(tx_positions, rx_positions, points, normals)
+
+    def within_reach(self, tx_positions, rx_positions, points, normals):
+        right = tx_positions[..., 0] > 0
+        return np.where(points[:, 0] > 0, right.any(), ~right.all())
+
+
+def test_a_model_may_tell_what_a_block_need_not_ask():
+    """A scan beside the box: half of its vertices are asked, and the frames are the same."""
+    beside = ms.Trajectory.raster(size=(0.05, 0.05), step=0.01, center=(0.1, 0, 0.2))
+    frames = [ms.simulate(BOX, RADAR, beside, model=model).frames for model in (Beside(), Telling())]
+    assert np.abs(frames[0]).max() > 0
+    np.testing.assert_allclose(frames[1], frames[0], atol=1e-6 * np.abs(frames[0]).max())
+    assert 0 < max(Telling.asked) < 0.7 * np.count_nonzero(Top().candidates(BOX.mesh))
+
+
 class Wrong(Top):
     def weights(self, tx_positions, rx_positions, points, normals):
         return np.ones(len(points))
+
+
+class WrongReach(Top):
+    def within_reach(self, tx_positions, rx_positions, points, normals):
+        return np.ones(3)
 
 
 @pytest.mark.parametrize(
@@ -220,6 +254,11 @@ class Wrong(Top):
             {"model": Wrong()},
             InputError,
             r"weights of the scattering model 'top' are float64 \(\d+,\); expected bool or",
+        ),
+        (
+            {"model": WrongReach()},
+            InputError,
+            r"within_reach of the scattering model 'top' is float64 \(3,\); expected bool \(\d+,\)",
         ),
     ],
 )

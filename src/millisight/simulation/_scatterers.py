@@ -52,6 +52,7 @@ class Scatterers:
         self._normals = mesh.vertex_normals[self.indices]
         self._vertices = mesh.vertices.astype(np.float32)
         self._center = mesh.bounds.mean(axis=0)
+        self._named = f"the scattering model {model.name!r}"
         self._bodies = Bodies(mesh)
         self._caster = RayCaster(self._vertices[mesh.faces], each=each)
 
@@ -73,6 +74,7 @@ class Scatterers:
         if told:
             model: Any = self.model  # of its protocol this method is no part, since models need not have it
             chosen = model.within_reach(tx_positions, rx_positions, self.points, self._normals)
+            _check_answer(chosen, f"within_reach of {self._named} is", (len(self.points),), bool)
         else:
             away = self._bodies.turned_away(tx_positions) | self._bodies.turned_away(rx_positions)
             chosen = ~away[self.indices]
@@ -86,11 +88,7 @@ class Scatterers:
         receivers = rx_positions.shape[1]
         weights = self.model.weights(tx_positions, rx_positions, self.points, self._normals)
         shape = (poses, transmitters, receivers, len(self.indices))
-        if not isinstance(weights, np.ndarray) or weights.shape != shape or weights.dtype not in (bool, np.float32):
-            got = f"{weights.dtype} {weights.shape}" if isinstance(weights, np.ndarray) else type(weights).__name__
-            raise InputError(
-                f"the weights of the scattering model {self.model.name!r} are {got}; expected bool or float32 {shape}"
-            )
+        _check_answer(weights, f"the weights of {self._named} are", shape, bool, np.float32)
         # A leg is cast only where some pair of antennas still needs it, and once where TX and RX are one antenna.
         if transmitters == receivers == 1 and np.array_equal(tx_positions, rx_positions):
             # No pass over all pairs that a model of bool does not need.
@@ -168,3 +166,10 @@ class Scatterers:
         agreed = np.all(around, axis=1)
         settled = agreed | ~np.any(around, axis=1)
         return self._each_ray(antennas, wanted & ~settled[home], wanted & agreed[home])
+
+
+def _check_answer(answer: Any, said: str, shape: tuple[int, ...], *dtypes: type) -> None:
+    """Refuse what a model of one's own answers in another form than its protocol has."""
+    if not isinstance(answer, np.ndarray) or answer.shape != shape or answer.dtype not in dtypes:
+        got = f"{answer.dtype} {answer.shape}" if isinstance(answer, np.ndarray) else type(answer).__name__
+        raise InputError(f"{said} {got}; expected {' or '.join(np.dtype(one).name for one in dtypes)} {shape}")
