@@ -31,6 +31,10 @@ class RayCaster:
     centered : count from the middle of all, where float32 is finest, at the price of an addition a ray
     each : called after every hundred thousand rays
 
+    Attributes
+    ----------
+    bounds : (2, 3) smallest and largest coordinates of the triangles, with `LIFT` to spare; inf, -inf without any [m]
+
     Raises
     ------
     MeshError
@@ -42,6 +46,7 @@ class RayCaster:
     def __init__(self, triangles: np.ndarray, *, centered: bool = False, each: Callable[[], object] = lambda: None):
         self._scene: Any = None
         self._middle, self._each = None, each
+        self.bounds = np.multiply.outer([np.inf, -np.inf], np.ones(3))
         if not len(triangles):
             return
         from embreex.mesh_construction import TriangleMesh as EmbreeMesh
@@ -49,6 +54,7 @@ class RayCaster:
 
         corners = triangles.reshape(-1, 3)
         lower, upper = corners.min(axis=0), corners.max(axis=0)
+        self.bounds = np.stack([lower - LIFT, upper + LIFT]).astype(float)
         # No ray need be longer to meet anything.
         size = float(np.linalg.norm(upper - lower))
         if 0 < size < _SMALLEST:

@@ -171,7 +171,9 @@ class EchoModel:
         runs = []
         for cell, run in groupby(cells):
             if cell not in self._pairs and self._scatterers is not None:
-                self._pairs[cell] = self._scatterers.bounces_from(self._shadows.center(cell))
+                self._pairs[cell] = self._scatterers.bounces_from(
+                    self._shadows.center(cell), self._shadows.seen_about(cell)
+                )
             runs.append((len(list(run)), self._pairs[cell]))
         return runs
 

@@ -24,15 +24,16 @@ _STEEPEST = NO_SLOPE + 0.2  # slope of a path in the middle of a cell, over whic
 
 
 def double_bounces(
-    place: np.ndarray, centroids: np.ndarray, normals: np.ndarray, caster: RayCaster
+    place: np.ndarray, lit: np.ndarray, centroids: np.ndarray, normals: np.ndarray, caster: RayCaster
 ) -> tuple[np.ndarray, np.ndarray]:
     """(M,) patches that mirror a wave from `place` (3,) [m], and (M,) the ones that it meets next and that see `place`.
 
-    `centroids` and `normals` (N, 3) are those of the patches, the triangles of `caster`.
+    `centroids` and `normals` (N, 3) are those of the patches, the triangles of `caster`; `lit` (N,) bool is False where
+    a patch is known to be hidden from `place`.
     """
     numbers = np.empty(len(centroids), dtype=np.int64)
     starts, ways = np.empty((2, len(centroids), 3))
-    count = mirror_ways(place, centroids, normals, _SLANT, LIFT, numbers, starts, ways)
+    count = mirror_ways(place, lit, centroids, normals, _SLANT, LIFT, numbers, starts, ways)
     first, starts, ways = numbers[:count], starts[:count], ways[:count]
     second, reach = caster.first(starts, ways)
     kept, ends = np.empty(count, dtype=np.int64), np.empty((count, 3))

@@ -146,9 +146,9 @@ class SurfaceScatterers:
                 f"a surface; expected at least {2000 * self._band.cell:.0f} mm: raise the aperture, or lower the object"
             )
 
-    def bounces_from(self, place: np.ndarray) -> Pairs:
-        """Double bounces for antennas about `place` (3,) [m]."""
-        first, second = double_bounces(place, *self._mirrors, self.caster)
+    def bounces_from(self, place: np.ndarray, seen: np.ndarray) -> Pairs:
+        """Double bounces for antennas about `place` (3,) [m]; the first off those of `places` that are `seen` (V,)."""
+        first, second = double_bounces(place, seen[self._solid], *self._mirrors, self.caster)
         return self._solid[first], self._solid[second]
 
     def _bounce_tables(self, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, ...]:

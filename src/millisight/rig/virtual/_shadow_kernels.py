@@ -27,13 +27,16 @@ def blend_views(views, corners, shares, light):
 
 
 @serial(error_model="numpy")
-def mirror_ways(place, centroids, normals, slant, lift, first, starts, ways):
+def mirror_ways(place, lit, centroids, normals, slant, lift, first, starts, ways):
     """How many patches (N) mirror a wave from `place`, their numbers, and the `starts` and unit `ways` of what leaves.
 
-    `slant` is the cosine of incidence under which they mirror nothing, `lift` how far over a patch a way starts [m].
+    Only those that are `lit` (N,) are asked. `slant` is the cosine of incidence under which they mirror nothing, `lift`
+    how far over a patch a way starts [m].
     """
     count = 0
     for n in range(len(centroids)):
+        if not lit[n]:
+            continue
         x, y, z = centroids[n, 0] - place[0], centroids[n, 1] - place[1], centroids[n, 2] - place[2]
         over = 1 / _distance(x, y, z)
         x, y, z = x * over, y * over, z * over
@@ -78,11 +81,25 @@ def returning_ways(place, starts, ways, second, reach, normals, slant, slope, li
 
 
 @kernel(error_model="numpy")
-def facing_places(place, places, normals, facing):
-    """facing (V,) bool: whether one of the faces, with normals (S, V, 3), that lie at `places` (V, 3) faces `place`."""
+def doubtful_places(place, places, normals, lower, upper, doubtful):
+    """doubtful (V,) bool: whether something may lie between `place` (3,) and one of `places` (V, 3), and it matters.
+
+    It does where one of the faces, with normals (S, V, 3), on which it lies faces the place; something may where the
+    way there meets the box from `lower` to `upper` (3,), that holds all that blocks it.
+    """
     for v in prange(len(places)):
         x, y, z = place[0] - places[v, 0], place[1] - places[v, 1], place[2] - places[v, 2]
         found = False
         for s in range(len(normals)):
             found |= x * normals[s, v, 0] + y * normals[s, v, 1] + z * normals[s, v, 2] >= 0
-        facing[v] = found
+        into, out_of = 0.0, 1.0
+        for i in range(3):
+            way = place[i] - places[v, i]
+            near, far = lower[i] - places[v, i], upper[i] - places[v, i]
+            if way < 0:
+                near, far = far, near
+            if way != 0:
+                into, out_of = max(into, near / way), min(out_of, far / way)
+            elif near > 0 or far < 0:
+                out_of = -1.0
+        doubtful[v] = found and into <= out_of

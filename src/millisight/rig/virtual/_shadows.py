@@ -10,7 +10,7 @@ import numpy as np
 
 from millisight.meshes import RayCaster
 from millisight.rig.virtual._kernels import FULL
-from millisight.rig.virtual._shadow_kernels import blend_views, facing_places
+from millisight.rig.virtual._shadow_kernels import blend_views, doubtful_places
 
 _CELLS = 8  # in the distance to the scatterers
 
@@ -48,6 +48,12 @@ class ShadowCells:
         """(3,) [m]"""
         return self._anchor + self._side * np.where(self._flat, 0.0, np.array(cell) + 0.5)
 
+    def seen_about(self, cell: Cell) -> np.ndarray:
+        """(V,) bool: what some corner of a cell sees, or may see; what none does is hidden from within, too."""
+        if self._each:
+            return np.ones(len(self._places), dtype=bool)
+        return np.any([self._corner(np.array(cell) + step) for step in self._steps], axis=0)
+
     def light(self, antennas: np.ndarray) -> np.ndarray:
         """(A, V) uint8: how much of each scatterer antennas (A, 3) see, 255: all."""
         if self._each:
@@ -77,8 +83,8 @@ class ShadowCells:
 
     def _view(self, place: np.ndarray) -> np.ndarray:
         # What faces away answers nobody, so nothing is asked about it; to antennas beside the corner it may face.
-        facing = np.empty(len(self._places), dtype=bool)
-        facing_places(np.asarray(place, dtype=float), self._places, self._normals, facing)
+        asked = np.empty(len(self._places), dtype=bool)
+        doubtful_places(np.asarray(place, dtype=float), self._places, self._normals, *self._caster.bounds, asked)
         view = np.full(len(self._places), FULL, dtype=np.uint8)
-        view[facing] = np.where(self._caster.blocked(self._places[facing], place), 0, FULL)
+        view[asked] = np.where(self._caster.blocked(self._places[asked], place), 0, FULL)
         return view
