@@ -27,6 +27,10 @@ class SpecularModel:
     def __post_init__(self) -> None:
         check_angle(self.tau_deg, "tau_deg")
 
+    @property
+    def _tau(self) -> float:
+        return float(np.radians(self.tau_deg))
+
     def candidates(self, mesh: TriangleMesh) -> np.ndarray:
         return np.ones(len(mesh.vertices), dtype=bool)
 
@@ -39,7 +43,7 @@ class SpecularModel:
             *of_channels(tx_positions, rx_positions),
             np.ascontiguousarray(points.T),
             np.ascontiguousarray(normals.T),
-            np.cos(np.radians(self.tau_deg)),
+            np.cos(self._tau),
             self.two_sided,
             lit.reshape(-1, len(points)),
         )
@@ -56,6 +60,6 @@ class SpecularModel:
         ]
         found = np.empty(len(points), dtype=bool)
         _kernels.may_mirror(
-            *middles, np.array(around), points, normals, np.radians(self.tau_deg), self.two_sided, found
+            *middles, np.array(around), points, normals, self._tau, self.two_sided, found
         )  # fmt: skip
         return found
