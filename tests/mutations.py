@@ -59,7 +59,7 @@ SIGNS = [
     Mutation("simulation/_kernels.py", "odd_imag += imag[i] * sine", "odd_imag -= imag[i] * sine", SIMULATED),
     Mutation("simulation/_kernels.py", "= sums[j] + sums[h3 + j], sums[h + j] - sums[h2 + j]",
              "= sums[j] - sums[h3 + j], sums[h + j] + sums[h2 + j]", SIMULATED),
-    Mutation("simulation/_bodies.py", "volumes > 0", "volumes < 0", SIMULATED),
+    Mutation("simulation/_bodies.py", "volumes > 0)", "volumes < 0)", SIMULATED),
     Mutation("simulation/_bodies.py", ">= -around - _GRAZING", ">= around", SIMULATED),
     Mutation("core/_rotations.py", "[2 * (x * y + z * w), 1", "[2 * (x * y - z * w), 1", TURNS),
     Mutation("core/_rotations.py", "[[1, 0, 0], [0, cx, -sx], [0, sx, cx]]", "[[1, 0, 0], [0, cx, sx], [0, -sx, cx]]",

@@ -196,9 +196,17 @@ class Ordered(Top):
         return np.asfortranarray(super().weights(tx_positions, rx_positions, points, normals))
 
 
+class Frozen(Top):
+    def weights(self, tx_positions, rx_positions, points, normals):
+        weights = super().weights(tx_positions, rx_positions, points, normals)
+        weights.flags.writeable = False
+        return weights
+
+
 def test_weights_may_lie_in_any_order():
     frames = [ms.simulate(BOX, RADAR, RASTER, model=model).frames for model in (Top(), Ordered())]
     np.testing.assert_array_equal(*frames)
+    np.testing.assert_array_equal(frames[0], ms.simulate(BOX, RADAR, RASTER, model=Frozen()).frames)
 
 
 class Beside(Top):
@@ -235,6 +243,21 @@ class Wrong(Top):
         return np.ones(len(points))
 
 
+class Negative(Top):
+    def weights(self, tx_positions, rx_positions, points, normals):
+        return -super().weights(tx_positions, rx_positions, points, normals)
+
+
+class NotANumber(Top):
+    def weights(self, tx_positions, rx_positions, points, normals):
+        return np.nan * super().weights(tx_positions, rx_positions, points, normals)
+
+
+class WrongCandidates(Top):
+    def candidates(self, mesh):
+        return np.flatnonzero(super().candidates(mesh))
+
+
 class WrongReach(Top):
     def within_reach(self, tx_positions, rx_positions, points, normals):
         return np.ones(3)
@@ -254,6 +277,13 @@ class WrongReach(Top):
             {"model": Wrong()},
             InputError,
             r"weights of the scattering model 'top' are float64 \(\d+,\); expected bool or",
+        ),
+        ({"model": Negative()}, InputError, "a weight of the scattering model 'top' is negative, infinite or NaN"),
+        ({"model": NotANumber()}, InputError, "a weight of the scattering model 'top' is negative, infinite or NaN"),
+        (
+            {"model": WrongCandidates()},
+            InputError,
+            r"the candidates of the scattering model 'top' are int64 \(\d+,\); expected bool \(\d+,\)",
         ),
         (
             {"model": WrongReach()},

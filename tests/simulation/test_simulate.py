@@ -8,7 +8,7 @@ import millisight as ms
 from helpers.oracles import paths, point_frames, relative
 from millisight.core.errors import CoverageError, InputError, UnknownNameError
 from millisight.simulation import scattering_model
-from millisight.simulation._bodies import Bodies, enclosing
+from millisight.simulation._bodies import Bodies, parts_of
 from millisight.simulation._kernels import set_places
 from millisight.simulation._scatterers import Scatterers
 
@@ -149,6 +149,12 @@ def test_frames_are_the_same_where_every_vertex_is_asked(model, monkeypatch):
         assert some.metadata["lit_fraction"] == every.metadata["lit_fraction"]
 
 
+def enclosing(mesh):
+    """(F,) bool: faces of closed parts."""
+    part, closed = parts_of(mesh)
+    return closed[part]
+
+
 def test_what_is_turned_away_from_a_block_is_seen_from_nowhere_in_it():
     """A hollow mug, from blocks all around it; an open or inverted mesh has no side that is turned away."""
     mesh = ms.Scene.from_mesh("mug", vertices=2000, rotate_deg=(20, 30, 0)).mesh
@@ -167,6 +173,30 @@ def test_what_is_turned_away_from_a_block_is_seen_from_nowhere_in_it():
         other = ms.TriangleMesh(vertices=mesh.vertices, faces=faces)
         assert not enclosing(other).any()
         assert not Bodies(other).turned_away(antennas)[faces].any()
+
+
+def test_of_a_body_that_crosses_itself_what_is_inside_out_is_seen():
+    """A cube whose top is pushed down through its bottom: the tube that comes out below is inside out."""
+    cube = trimesh.creation.box((0.03, 0.03, 0.03)).subdivide_to_size(0.003)
+    vertices = cube.vertices.copy()
+    pushed = (vertices[:, 2] > 0.0149) & (np.hypot(vertices[:, 0], vertices[:, 1]) < 0.008)
+    vertices[pushed, 2] -= 0.045
+    mesh = ms.TriangleMesh(vertices=vertices, faces=cube.faces)
+    assert enclosing(mesh).all()
+    below = np.array([[[0.03, 0.02, -0.2]], [[-0.05, 0.01, -0.18]]])
+    bodies = Bodies(mesh)
+    scatterers = Scatterers(mesh, scattering_model("diffuse"))
+    vertex = np.arange(len(vertices))
+    hidden = bodies.turned_away(below[0, 0])
+    seen = scatterers.sees(np.tile(below[0, 0], (len(vertex), 1)), vertex)
+    assert (hidden & seen).sum() > 10
+    bodies.distrust(np.flatnonzero(hidden & seen)[:1])
+    assert not bodies.turned_away(below[0, 0]).any()
+    block, some = next(scatterers.blocks(below, below))
+    assert len(block) == 2
+    lit = np.zeros(len(vertex), bool)
+    lit[some.indices] = some.weights(below[block], below[block])[block == 0].any(axis=(0, 1, 2))
+    np.testing.assert_array_equal(lit, seen)
 
 
 def test_each_part_of_a_mesh_is_closed_or_open_by_itself():

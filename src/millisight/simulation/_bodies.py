@@ -10,30 +10,37 @@ _GRAZING = 1e-5  # an antenna this little behind a face's plane may see it by ro
 
 
 class Bodies:
-    """The faces of a mesh that enclose bodies, for what antennas cannot see of these."""
+    """The bodies that the faces of a mesh enclose, for what antennas cannot see of these."""
 
     def __init__(self, mesh: TriangleMesh) -> None:
         self._faces, self._count = mesh.faces, len(mesh.vertices)
         self._normals = mesh.face_normals
         self._heights = np.einsum("fi,fi->f", self._normals, mesh.vertices[mesh.faces[:, 0]])
-        self._open = ~enclosing(mesh)
+        self._part, self._closed = parts_of(mesh)
 
     def turned_away(self, antennas: np.ndarray) -> np.ndarray:
         """(V,) bool: vertices of closed bodies, all of whose faces look away from all antennas (..., 3) [m].
 
-        Next to such a vertex, the way to an antenna runs inside the body, and so meets a face on its way out.
+        Next to such a vertex, the way to an antenna runs inside the body, and so meets a face on its way out. Where a
+        body crosses itself, parts of it may be inside out, of which this is not true: see `distrust`.
         """
         places = antennas.reshape(-1, 3)
         middle = places.mean(axis=0)
         around = np.linalg.norm(places - middle, axis=1).max()
-        shown = self._open | (self._normals @ middle - self._heights >= -around - _GRAZING)
+        shown = ~self._closed[self._part] | (self._normals @ middle - self._heights >= -around - _GRAZING)
         away = np.ones(self._count, dtype=bool)
         away[self._faces[shown]] = False
         return away
 
+    def distrust(self, vertices: np.ndarray) -> None:
+        """Let no vertex of the bodies that these vertices (n,) belong to be turned away: they were, and were seen."""
+        seen = np.zeros(self._count, dtype=bool)
+        seen[vertices] = True
+        self._closed[self._part[seen[self._faces].any(axis=1)]] = False
 
-def enclosing(mesh: TriangleMesh) -> np.ndarray:
-    """(F,) bool: faces of parts that enclose a volume and face outward.
+
+def parts_of(mesh: TriangleMesh) -> tuple[np.ndarray, np.ndarray]:
+    """(F,) which part of the mesh a face belongs to, and (parts,) bool, which of them enclose a volume, facing outward.
 
     Each side of such a part's faces is run through once each way, and its volume is positive.
     """
@@ -48,4 +55,4 @@ def enclosing(mesh: TriangleMesh) -> np.ndarray:
     part = connected_components(links, directed=False)[1]
     unpaired = np.bincount(part, ~paired.reshape(-1, 3).all(axis=1))
     volumes = np.bincount(part, np.linalg.det(mesh.vertices[mesh.faces] - mesh.bounds.mean(axis=0)))
-    return ((unpaired == 0) & (volumes > 0))[part]
+    return part, (unpaired == 0) & (volumes > 0)

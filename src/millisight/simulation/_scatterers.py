@@ -29,6 +29,8 @@ _BLOCK_PAIRS = 3_000_000
 # cost less Python.
 _TOGETHER = 512
 
+_TRIED = 24  # poses from which closed bodies are tried
+
 # Cells per distance to the mesh: 6 mm at 0.2 m.
 _CELLS = 32
 
@@ -44,7 +46,10 @@ class Scatterers:
     def __init__(self, mesh: TriangleMesh, model: ScatteringModel, *, each: Callable[[], object] = lambda: None):
         candidates = np.zeros(len(mesh.vertices), dtype=bool)
         candidates[mesh.faces] = True
-        candidates &= model.candidates(mesh)
+        self._named = f"the scattering model {model.name!r}"
+        answer = model.candidates(mesh)
+        _check_answer(answer, f"the candidates of {self._named} are", candidates.shape, bool)
+        candidates &= answer
         self.mesh = mesh
         self.model = model
         self.indices = np.flatnonzero(candidates)
@@ -52,7 +57,6 @@ class Scatterers:
         self._normals = mesh.vertex_normals[self.indices]
         self._vertices = mesh.vertices.astype(np.float32)
         self._center = mesh.bounds.mean(axis=0)
-        self._named = f"the scattering model {model.name!r}"
         self._bodies = Bodies(mesh)
         self._caster = RayCaster(self._vertices[mesh.faces], each=each)
 
@@ -60,7 +64,9 @@ class Scatterers:
         """Blocks of all poses: the numbers of neighbours, and the scatterers that may answer to any of them."""
         order = self.neighbours_first(tx_positions.mean(axis=1))
         channels, done = tx_positions.shape[1] * rx_positions.shape[1], 0
-        told = hasattr(self.model, "within_reach")
+        told = callable(getattr(self.model, "within_reach", None))
+        if not told:
+            self._try_bodies(tx_positions[order[:: max(1, len(order) // _TRIED)], 0])
         longest = _TOGETHER if told else max(1, _BLOCK_PAIRS // (max(1, len(self.indices)) * channels))
         while done < len(order):
             block = order[done : done + longest]
@@ -68,6 +74,12 @@ class Scatterers:
             block = block[: max(1, _BLOCK_PAIRS // (max(1, len(some.indices)) * channels))]
             done += len(block)
             yield block, some
+
+    def _try_bodies(self, antennas: np.ndarray) -> None:
+        """Cast rays to what should be hidden from some antennas (A, 3), and distrust the bodies of what is not."""
+        for antenna in antennas:
+            hidden = self.indices[self._bodies.turned_away(antenna)[self.indices]]
+            self._bodies.distrust(hidden[self.sees(np.broadcast_to(antenna, (len(hidden), 3)), hidden)])
 
     def _within_reach(self, tx_positions: np.ndarray, rx_positions: np.ndarray, told: bool) -> "Scatterers":
         """Those that may answer to any of these antennas; rays meet what they met."""
@@ -89,6 +101,12 @@ class Scatterers:
         weights = self.model.weights(tx_positions, rx_positions, self.points, self._normals)
         shape = (poses, transmitters, receivers, len(self.indices))
         _check_answer(weights, f"the weights of {self._named} are", shape, bool, np.float32)
+        if weights.dtype != bool and not (np.isfinite(weights) & (weights >= 0)).all():
+            raise InputError(
+                f"a weight of {self._named} is negative, infinite or NaN; expected amplitudes of at least 0"
+            )
+        if not weights.flags.writeable:
+            weights = weights.copy()
         # A leg is cast only where some pair of antennas still needs it, and once where TX and RX are one antenna.
         if transmitters == receivers == 1 and np.array_equal(tx_positions, rx_positions):
             # No pass over all pairs that a model of bool does not need.
