@@ -220,8 +220,8 @@ place and tilt of the lid, drawn by {recipes}. Networks were trained on other ob
 physics. Medians over scenes; in brackets 95 % bootstrap intervals. "Support told": `--support`, the height of what the
 objects stand on, is known. Of other segmenters, `threshold` marks what is brighter than one level, chosen on training
 scenes, in the first image given, sheets taken off; the best single threshold is chosen with the truth of these very
-images, at 77 GHz. The blind masks are the largest ellipse in the image, a disc of 10 cm in its middle, the middle half of
-its width and height, and all of it. Gains are means over scenes of paired differences, not differences of medians.
+images, at 77 GHz. The blind masks are the largest ellipse in the image, a disc of 10 cm in its middle, the middle half
+of its width and height, and all of it. Gains are means over scenes of paired differences, not differences of medians.
 
 ## Masks
 

@@ -161,8 +161,8 @@ def simulate(
         capture = add_noise(capture, snr_db=snr_db, rng=seed)
     if not capture.metadata["lit_fraction"]:
         say(
-            "warning: no vertex is lit from any position: the capture is empty; rotate the object, try another model, or "
-            "--two-sided, where faces point inwards"
+            "warning: no vertex is lit from any position: the capture is empty; rotate the object, try another model, "
+            "or --two-sided, where faces point inwards"
         )
     else:
         say(f"lit: {100 * capture.metadata['lit_fraction']:.0f} % of the vertices, from at least one position")
