@@ -46,7 +46,7 @@ class RayCaster:
     def __init__(self, triangles: np.ndarray, *, centered: bool = False, each: Callable[[], object] = lambda: None):
         self._scene: Any = None
         self._middle, self._each = None, each
-        self.bounds = np.multiply.outer([np.inf, -np.inf], np.ones(3))
+        self.bounds: np.ndarray = np.multiply.outer([np.inf, -np.inf], np.ones(3))
         if not len(triangles):
             return
         from embreex.mesh_construction import TriangleMesh as EmbreeMesh
