@@ -1,8 +1,6 @@
 """Closed bodies: a vertex whose faces all look away from an antenna lies behind its own body, and needs no ray."""
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from millisight.data import TriangleMesh
 
@@ -44,6 +42,9 @@ def parts_of(mesh: TriangleMesh) -> tuple[np.ndarray, np.ndarray]:
 
     Each side of such a part's faces is run through once each way, and its volume is positive.
     """
+    from scipy.sparse import coo_array  # not for --help
+    from scipy.sparse.csgraph import connected_components
+
     sides = mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     there, back = sides @ [len(mesh.vertices), 1], sides @ [1, len(mesh.vertices)]
     known, first, number, count = np.unique(there, return_index=True, return_inverse=True, return_counts=True)
