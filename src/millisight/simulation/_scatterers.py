@@ -57,7 +57,6 @@ class Scatterers:
         self._normals = mesh.vertex_normals[self.indices]
         self._vertices = mesh.vertices.astype(np.float32)
         self._center = mesh.bounds.mean(axis=0)
-        self._bodies = Bodies(mesh)
         self._caster = RayCaster(self._vertices[mesh.faces], each=each)
 
     def blocks(self, tx_positions: np.ndarray, rx_positions: np.ndarray) -> "Iterator[tuple[np.ndarray, Scatterers]]":
@@ -65,31 +64,32 @@ class Scatterers:
         order = self.neighbours_first(tx_positions.mean(axis=1))
         channels, done = tx_positions.shape[1] * rx_positions.shape[1], 0
         told = callable(getattr(self.model, "within_reach", None))
-        if not told:
-            self._try_bodies(tx_positions[order[:: max(1, len(order) // _TRIED)], 0])
+        bodies = None if told else self._bodies(tx_positions[order[:: max(1, len(order) // _TRIED)], 0])
         longest = _TOGETHER if told else max(1, _BLOCK_PAIRS // (max(1, len(self.indices)) * channels))
         while done < len(order):
             block = order[done : done + longest]
-            some = self._within_reach(tx_positions[block], rx_positions[block], told)
+            some = self._within_reach(tx_positions[block], rx_positions[block], bodies)
             block = block[: max(1, _BLOCK_PAIRS // (max(1, len(some.indices)) * channels))]
             done += len(block)
             yield block, some
 
-    def _try_bodies(self, antennas: np.ndarray) -> None:
-        """Cast rays to what should be hidden from some antennas (A, 3), and distrust the bodies of what is not."""
+    def _bodies(self, antennas: np.ndarray) -> Bodies:
+        """The bodies that the mesh encloses, less those of which some antennas (A, 3) see what should be hidden."""
+        bodies = Bodies(self.mesh)
         for antenna in antennas:
-            hidden = self.indices[self._bodies.turned_away(antenna)[self.indices]]
-            self._bodies.distrust(hidden[self.sees(np.broadcast_to(antenna, (len(hidden), 3)), hidden)])
+            hidden = self.indices[bodies.turned_away(antenna)[self.indices]]
+            bodies.distrust(hidden[self.sees(np.broadcast_to(antenna, (len(hidden), 3)), hidden)])
+        return bodies
 
-    def _within_reach(self, tx_positions: np.ndarray, rx_positions: np.ndarray, told: bool) -> "Scatterers":
-        """Those that may answer to any of these antennas; rays meet what they met."""
-        if told:
+    def _within_reach(self, tx_positions: np.ndarray, rx_positions: np.ndarray, bodies: Bodies | None) -> "Scatterers":
+        """Those that may answer to any of these antennas, as the model has it, or without it as the bodies have; rays
+        meet what they met."""
+        if bodies is None:
             model: Any = self.model  # of its protocol this method is no part, since models need not have it
             chosen = model.within_reach(tx_positions, rx_positions, self.points, self._normals)
             _check_answer(chosen, f"within_reach of {self._named} is", (len(self.points),), bool)
         else:
-            away = self._bodies.turned_away(tx_positions) | self._bodies.turned_away(rx_positions)
-            chosen = ~away[self.indices]
+            chosen = ~(bodies.turned_away(tx_positions) | bodies.turned_away(rx_positions))[self.indices]
         numbers, some = np.flatnonzero(chosen), copy.copy(self)
         some.indices, some.points, some._normals = self.indices[numbers], self.points[numbers], self._normals[numbers]
         return some
