@@ -48,6 +48,23 @@ def examples(recipe, folder):
     return make_scenes(recipe, folder)
 
 
+@pytest.mark.slow
+def test_processes_make_the_same_scenes_and_raise_the_same_errors(recipe, examples, folder, tmp_path):
+    made = make_scenes(recipe, tmp_path, workers=2)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {
+        path.name: path.read_bytes() for path in folder.iterdir()
+    }
+    for one, other in zip(made["training"], examples["training"], strict=True):
+        assert (one.name, one.label) == (other.name, other.label)
+        assert np.array_equal(one.whole.objects, other.whole.objects)
+    for path in tmp_path.glob("dice-*"):
+        path.write_bytes(b"half")
+    with pytest.raises(DamagedFileError, match="dice-"):
+        make_scenes(recipe, tmp_path, workers=2)
+    with pytest.raises(InputError, match="workers"):
+        make_scenes(recipe, tmp_path, workers=0)
+
+
 def test_classes_are_the_papers_four_without_what_is_left_out():
     recipe = ClassifierRecipe(without=("dice", "apple"))
     assert list(recipe.objects) == ["can", "handle", "box", "sphere"]

@@ -52,8 +52,7 @@ def demo(
     Example: millisight demo -o demo && xdg-open demo/index.html
     """
     from millisight.cli.demo_carton import look_into_carton
-    from millisight.core import own_folder
-    from millisight.datasets import beside
+    from millisight.core import beside, own_folder
     from millisight.viz import PageItem, write_page
 
     started = time.monotonic()

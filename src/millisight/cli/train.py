@@ -20,6 +20,10 @@ SceneFolder = Annotated[
     typer.Option(metavar="DIR", help="Folder for the scenes; several trainings may share it. [default: DIR/scenes]"),
 ]
 Device = Annotated[str, typer.Option(help="Device to train on: cpu, or cuda where there is a GPU.")]
+Workers = Annotated[
+    int | None,
+    typer.Option(min=1, help="Number of processes that make the scenes. [default: one per core, at most eight]"),
+]
 Tensorboard = Annotated[bool, typer.Option(help="Also log to DIR/tensorboard.")]
 
 
@@ -40,10 +44,11 @@ class _Recipes(TyperGroup):
             recipe: Recipe,
             output: Output = None,
             scenes: SceneFolder = None,
+            workers: Workers = None,
             device: Device = "cpu",
             tensorboard: Tensorboard = False,
         ) -> None:
-            _train(cmd_name, recipe, output, scenes, device=device, tensorboard=tensorboard)
+            _train(cmd_name, recipe, output, scenes, workers, device=device, tensorboard=tensorboard)
 
         return typer.main.get_command(plugin)
 
@@ -56,6 +61,7 @@ def segmenter(
     recipe: Recipe,
     output: Output = None,
     scenes: SceneFolder = None,
+    workers: Workers = None,
     device: Device = "cpu",
     tensorboard: Tensorboard = False,
 ) -> None:
@@ -66,7 +72,7 @@ def segmenter(
 
     Example: millisight train segmenter examples/training/segmenter.toml -o wave
     """
-    _train("segmenter", recipe, output, scenes, device=device, tensorboard=tensorboard)
+    _train("segmenter", recipe, output, scenes, workers, device=device, tensorboard=tensorboard)
 
 
 @app.command("classifier")
@@ -87,6 +93,7 @@ def classifier(
             "--all-objects", help="Also train on the objects in the recipe's `tests`, to test on known objects."
         ),
     ] = False,
+    workers: Workers = None,
     device: Device = "cpu",
     tensorboard: Tensorboard = False,
 ) -> None:
@@ -98,7 +105,7 @@ def classifier(
     Example: millisight train classifier examples/training/classifier.toml -o classifier
     """
     changes = {"parts": parts, "network": network, "tests": () if all_objects else None}
-    _train("classifier", recipe, output, scenes, device=device, tensorboard=tensorboard, **changes)
+    _train("classifier", recipe, output, scenes, workers, device=device, tensorboard=tensorboard, **changes)
 
 
 @app.command("released")
@@ -138,7 +145,15 @@ def released(
 
 
 def _train(
-    kind: str, path: Path, output: Path | None, scenes: Path | None, *, device: str, tensorboard: bool, **changes: Any
+    kind: str,
+    path: Path,
+    output: Path | None,
+    scenes: Path | None,
+    workers: int | None,
+    *,
+    device: str,
+    tensorboard: bool,
+    **changes: Any,
 ) -> None:
     """Train what the registry has under this name; `changes` take the place of the recipe's keys, but for None."""
     from millisight.datasets.generation import record_from_file
@@ -149,7 +164,7 @@ def _train(
     check_installed()  # before scenes are made, which takes long
     folder = output or Path(recipe.name)
     with progress("make scenes") as report:
-        made = make_scenes(recipe, scenes or folder / "scenes", progress=report)
+        made = make_scenes(recipe, scenes or folder / "scenes", workers=workers, progress=report)
     with progress("train", compiles=False) as report:
         done = train(recipe, made, folder, device=device, tensorboard=tensorboard, progress=report)
     count, best = done.description["epochs"], done.description["best_epoch"]

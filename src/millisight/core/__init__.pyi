@@ -87,5 +87,11 @@ from ._sealed import write_sealed as write_sealed
 from ._tables import record_from_file as record_from_file
 from ._tables import record_from_table as record_from_table
 from ._tables import toml_of as toml_of
+from ._workers import Outcome as Outcome
+from ._workers import attempt as attempt
+from ._workers import beside as beside
+from ._workers import default_workers as default_workers
+from ._workers import each as each
+from ._workers import on_threads as on_threads
 from .errors import check_known as check_known
 from .errors import quoted as quoted

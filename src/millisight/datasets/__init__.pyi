@@ -39,5 +39,3 @@ from ._scenes import SceneFiles as SceneFiles
 from ._scenes import SimulationFiles as SimulationFiles
 from ._torch import TorchDataset as TorchDataset
 from ._verify import verify as verify
-from ._workers import beside as beside
-from ._workers import each as each

@@ -17,6 +17,7 @@ from millisight.core import (
     alone,
     atomic_path,
     checked_number,
+    each,
     file_version,
     make_folder,
     move_into,
@@ -39,7 +40,6 @@ from millisight.datasets._manifest import (
     read_manifest,
     write_manifest,
 )
-from millisight.datasets._workers import each
 from millisight.io import SCHEMA_VERSION, mito, save
 
 _VERSION = 2  # of the conversion: another one, and everything is converted anew

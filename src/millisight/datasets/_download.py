@@ -9,14 +9,13 @@ from contextlib import closing
 from pathlib import Path
 from typing import NamedTuple
 
-from millisight.core import OWN_NAME
+from millisight.core import OWN_NAME, each
 from millisight.core.errors import InputError
 from millisight.datasets._hub import explained, hub_library
 from millisight.datasets._manifest import size_of
 from millisight.datasets._remote import OF_THE_HUB, Download, RemoteFile, check_inside, check_room, chosen, claim_folder
 from millisight.datasets._store import is_url
 from millisight.datasets._store_download import download_from_store
-from millisight.datasets._workers import each
 
 REPOSITORY = "SignalKinetics/MITO_Dataset"
 

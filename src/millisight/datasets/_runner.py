@@ -11,6 +11,7 @@ from typing import Any, NamedTuple, cast
 
 from millisight.core import (
     alone,
+    each,
     file_version,
     files_under,
     make_folder,
@@ -24,7 +25,6 @@ from millisight.core.errors import FileError, InputError, MillisightError
 from millisight.datasets import _mito
 from millisight.datasets._dataset import Dataset
 from millisight.datasets._find_scenes import DatasetFiles, find_empties, find_scenes
-from millisight.datasets._workers import each
 from millisight.evaluation import TASKS, EvaluationItem, EvaluationSet, Result, Task
 
 Progress = Callable[[int, int], None]

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-from millisight.core import OWN_NAME, atomic_path, make_folder, printable
+from millisight.core import OWN_NAME, atomic_path, attempt, make_folder, printable
 from millisight.core.errors import DamagedFileError, FileError
 from millisight.datasets._hub_card import CARD_NAME
 from millisight.datasets._manifest import (
@@ -23,7 +23,6 @@ from millisight.datasets._manifest import (
 )
 from millisight.datasets._remote import Download, RemoteFile, check_inside, check_room, chosen, claim_folder
 from millisight.datasets._store import Store, in_threads, told_md5
-from millisight.datasets._workers import attempt
 from millisight.io.mito import SPLITS_NAME
 
 

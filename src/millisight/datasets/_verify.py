@@ -7,11 +7,10 @@ from contextlib import closing
 from pathlib import Path
 from typing import NamedTuple
 
-from millisight.core import record
+from millisight.core import each, record
 from millisight.datasets import _mito
 from millisight.datasets._dataset import CANNOT_LIST, Dataset, Item
 from millisight.datasets._manifest import MANIFEST_NAME, ManifestEntry, checksum, read_manifest
-from millisight.datasets._workers import each
 from millisight.io import open_capture
 from millisight.io.mito import RAW, TRUTH
 

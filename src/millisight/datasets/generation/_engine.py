@@ -16,9 +16,8 @@ from contextlib import closing, contextmanager, suppress
 from functools import partial
 from typing import Any, NamedTuple, TypeVar
 
-from millisight.core import checked_integer
+from millisight.core import Outcome, attempt, checked_integer, default_workers, each, on_threads
 from millisight.core.errors import DeviceError, InputError, UnknownNameError
-from millisight.datasets._workers import Outcome, attempt, default_workers, each, on_threads
 
 T = TypeVar("T")
 

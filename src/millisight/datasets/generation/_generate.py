@@ -14,10 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from millisight.core import make_folder, printable, record, sha256_of
+from millisight.core import attempt, make_folder, printable, record, sha256_of
 from millisight.core.errors import FileError, InputError
 from millisight.datasets import DatasetObject, Manifest, ManifestEntry, prepare_objects
-from millisight.datasets._workers import attempt
 from millisight.datasets.generation._card import write_card
 from millisight.datasets.generation._cost import Cost, Remaining, Slowness, Total, slowness, slowness_of, total
 from millisight.datasets.generation._engine import Engine

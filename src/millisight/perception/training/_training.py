@@ -8,13 +8,14 @@ import dataclasses
 import json
 import os
 from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import closing
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
-from millisight.core import Registry, make_folder
+from millisight.core import Registry, checked_integer, default_workers, each, make_folder, on_threads
 from millisight.perception import write_network
 from millisight.perception.training._loop import Lesson, Schedule, fit, one_thread
 from millisight.perception.training._published import read_simulation, simulation_digest
@@ -130,7 +131,11 @@ class Trained(NamedTuple):
 
 
 def make_scenes(
-    recipe: TrainingRecipe, folder: str | os.PathLike[str], *, progress: Callable[[int, int], None] | None = None
+    recipe: TrainingRecipe,
+    folder: str | os.PathLike[str],
+    *,
+    workers: int | None = 1,
+    progress: Callable[[int, int], None] | None = None,
 ) -> dict[str, list[TrainingScene]]:
     """The recipe's scenes, by "training" and "validation"; those that the folder holds already are read.
 
@@ -140,27 +145,42 @@ def make_scenes(
     ----------
     recipe : SegmenterRecipe, ClassifierRecipe, or another TrainingRecipe
     folder : of the scenes; recipes may share it
+    workers : number of processes, which make the same scenes; None: one per core, eight at most
     progress : called with (scenes made, scenes in all)
 
     Raises
     ------
     InputError
-        Images and masks of a dataset do not fit each other.
+        Images and masks of a dataset do not fit each other; `workers` is no whole number from 1 on.
     FileError, FormatError, DamagedFileError
     """
-    folder, requests, whole = make_folder(folder), recipe.scene_requests(), recipe.whole
-    by_side = {side: [one for one in requests if one.side == side] for side in SIDES}
-    scenes: dict[str, list[TrainingScene]] = {side: [] for side in SIDES}
-    done, total = 0, whole.views * len(requests)
-    for request in requests:
-        maker = _Maker(recipe, request, by_side[request.side], folder)
-        for view in range(whole.views):
-            scene = maker.scene(view)
-            scenes[request.side].append(TrainingScene(request.name, request.label, maker.angles_deg, scene))
-            done += 1
+    folder, requests, views = make_folder(folder), recipe.scene_requests(), recipe.whole.views
+    workers = default_workers() if workers is None else checked_integer(workers, name="workers")
+    make = partial(_scenes_of, recipe, {side: [one for one in requests if one.side == side] for side in SIDES}, folder)
+    if workers > 1:
+        make = partial(on_threads, make, max(1, default_workers() // workers))
+    found: dict[int, list[TrainingScene]] = {}
+    with closing(each(make, requests, workers=workers)) as outcomes:
+        for number, made, failure in outcomes:
+            # What failed is done again, here, where its error is raised as it is.
+            found[number] = make(requests[number]) if failure else made
             if progress is not None:
-                progress(done, total)
+                progress(views * len(found), views * len(requests))
+    scenes: dict[str, list[TrainingScene]] = {side: [] for side in SIDES}
+    for number, request in enumerate(requests):
+        scenes[request.side] += found[number]
     return scenes
+
+
+def _scenes_of(
+    recipe: TrainingRecipe, by_side: Mapping[str, Sequence[SceneRequest]], folder: Path, request: SceneRequest
+) -> list[TrainingScene]:
+    """The whole scenes of one request."""
+    maker = _Maker(recipe, request, by_side[request.side], folder)
+    return [
+        TrainingScene(request.name, request.label, maker.angles_deg, maker.scene(view))
+        for view in range(recipe.whole.views)
+    ]
 
 
 class _Maker:

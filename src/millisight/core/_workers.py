@@ -11,7 +11,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from typing import Any, NamedTuple, TypeVar
 
-from millisight.core import checked_integer
+from millisight.core._records import checked_integer
 from millisight.core.errors import MillisightError
 
 T = TypeVar("T")
@@ -38,7 +38,7 @@ def default_workers() -> int:
 
 def on_threads(function: Callable[[T], Any], threads: int, thing: T) -> Any:
     """`function` of `thing`, its kernels on so many cores."""
-    from millisight.core import numba
+    from millisight.core._numba import numba
 
     before = numba.get_num_threads()
     numba.set_num_threads(min(threads, numba.config.NUMBA_NUM_THREADS))  # ty: ignore[missing-attribute]: set as numba loads

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from millisight.core import beside, each
 from millisight.core.errors import InputError
-from millisight.datasets import beside, each
 
 WRONG = "__import__('millisight.core.errors').errors.FileError"
 
