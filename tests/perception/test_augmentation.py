@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from scipy.ndimage import affine_transform
 
 from helpers.whole_scenes import object_parts
 from millisight.perception.training import _augmentation as augmentation
+from millisight.perception.training._augmentation_kernels import sampled
 
 DONE = (
     augmentation.moved, augmentation.blurred, augmentation.distorted, augmentation.erased, augmentation.seen_otherwise
@@ -40,6 +42,14 @@ def test_moving_keeps_sizes_within_what_is_said():
     ]
     assert 0.85**2 * 0.98 < min(sizes) < 0.85
     assert 1.15 < max(sizes) < 1.15**2 * 1.02
+
+
+def test_moving_interpolates_as_scipy_does():
+    turn, offset = np.array([[0.8, -0.5], [0.6, 0.9]]), np.array([20.3, -9.1])
+    some = np.random.default_rng(3).random((3, 40, 50), dtype=np.float32)
+    expected = [affine_transform(one, turn, offset, order=1) for one in some]
+    np.testing.assert_allclose(sampled(some, turn, offset), expected, atol=1e-6)
+    assert (sampled(some, turn, offset) == 0).any()
 
 
 def test_erasing_takes_a_part_of_the_object_and_no_more():

@@ -33,6 +33,7 @@ class Costs(NamedTuple):
     far, caches : a voxel more, where the fields of one group take more than `caches` [bytes]
     part : a sub-aperture in one level
     top : what is between kernels, for each group and level
+    parts : of a grid along its innermost axis at most, each of which has a plan of its own; more cost more kernels
     """
 
     leaf: float
@@ -44,12 +45,13 @@ class Costs(NamedTuple):
     caches: float
     part: float
     top: float
+    parts: int
 
 
 COSTS = {
-    "cpu": Costs(1.35, 1.3, 1.7, 0.5, 1.5, 0.5, 3e7, 2000.0, 400_000.0),
+    "cpu": Costs(1.35, 1.3, 1.7, 0.5, 1.5, 0.5, 3e7, 2000.0, 400_000.0, 4),
     # Of an H100: pairs and `top` as `benchmarks/gpu.py` has them, the rest guessed, and small beside starting kernels.
-    "cuda": Costs(0.004, 0.004, 0.1, 0.05, 0.1, 0.0, 3e7, 100.0, 3_500_000.0),
+    "cuda": Costs(0.004, 0.004, 0.1, 0.05, 0.1, 0.0, 3e7, 100.0, 3_500_000.0, 1),
 }
 
 _LEAST_GAIN = 1.3
@@ -59,9 +61,9 @@ _LEAST_PAIRS = 2e8  # of voxels and channels: below, a plan costs more than it s
 
 _SPARSE = 16  # cubes per place beyond which those with a place in them are found by sorting
 
-# Of `Planner.parts`: how the distance from the antennas grows over one; the most of them; the least voxels of one; the
+# Of `Planner.parts`: how the distance from the antennas grows over one; the least voxels of one; the
 # antennas that are asked, at most.
-_DEEP, _PARTS, _THIN, _SOME = 1.35, 4, 8, 256
+_DEEP, _THIN, _SOME = 1.35, 8, 256
 
 _MARGIN, _NARROW = 2, 1  # coarse steps that an axis reaches beyond the grid, or where that is enough
 
@@ -174,7 +176,7 @@ class Planner:
         away = away[::-1] if turned else away
         nearest = max(away[0], 0.01 * away[-1])
         count = round(np.log(away[-1] / nearest) / np.log(_DEEP)) if nearest > 0 else 0
-        count = min(count, _PARTS, depth // _THIN)
+        count = min(count, self.costs.parts, depth // _THIN)
         if count < 2 or (np.diff(away) < 0).any():
             return [slice(0, depth)]
         edges = np.searchsorted(away, nearest * (away[-1] / nearest) ** (np.arange(1, count) / count))

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from millisight.perception.training._augmentation_kernels import sampled
 from millisight.perception.training._scenes import SceneParts
 
 
@@ -119,15 +120,13 @@ def distorted(levels: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 def moved(channels: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Channels (C, S, S) turned by any angle, 0.85 to 1.15 times as large, shifted a little, perhaps mirrored."""
-    from scipy.ndimage import affine_transform
-
     angle, scale, shift = rng.uniform(0, 2 * np.pi), rng.uniform(0.85, 1.15), rng.uniform(-3, 3, 2)
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]) / scale
     if rng.random() < 0.5:
         turn[:, 0] *= -1
     middle = (np.array(channels.shape[1:]) - 1) / 2
     offset: Any = middle - turn @ (middle + shift)
-    return np.stack([affine_transform(one, turn, offset, order=1) for one in channels])
+    return sampled(np.ascontiguousarray(channels, np.float32), turn, offset)
 
 
 def blurred(channels: np.ndarray, rng: np.random.Generator) -> np.ndarray:
@@ -195,7 +194,8 @@ def seen_otherwise(channels: np.ndarray, rng: np.random.Generator) -> np.ndarray
     if rng.random() < 0.6:
         channels[1:] = distorted(channels[1:], rng)
     if rng.random() < 0.25:
-        channels[1:] += (channels[1:] > 0) * rng.normal(0, rng.uniform(0, 0.1), channels[1:].shape).astype(np.float32)
+        spread = np.float32(rng.uniform(0, 0.1))
+        channels[1:] += (channels[1:] > 0) * spread * rng.standard_normal(channels[1:].shape, np.float32)
     if rng.random() < 0.15:
         channels = erased(channels, rng)
     return np.clip(channels, 0, 1).astype(np.float32)
