@@ -18,12 +18,15 @@ from millisight.meshes import CATALOGUE, PUBLISHED_CLASSES
 from millisight.perception.classification import CLASSIFIER_CHANNELS, CLASSIFIER_WEIGHTS, NetworkClassifier
 from millisight.perception.training import ClassifierRecipe, Schedule, TrainingScene, make_scenes, train
 from millisight.perception.training._calibration import (
+    answer_scores,
     area_under_curve,
     best_temperature,
     best_threshold,
     calibration_of,
     cross_entropy,
     novelty_scores,
+    scaled,
+    weights_of,
 )
 from millisight.perception.training._classifier_examples import balanced, example_aside, example_of
 
@@ -322,6 +325,38 @@ def test_what_lay_under_sheets_is_calibrated_apart():
     assert set(calibration_of(logits, labels, np.arange(400) < 99, np.arange(400))) == {
         "open"
     }  # too few for one of their own
+
+
+def test_answers_count_as_often_as_their_class_occurs():
+    labels = np.array([0, 0, 0, 1])
+    prior = np.array([0.2, 0.8])
+    np.testing.assert_allclose(weights_of(labels, prior), [0.2 / 3, 0.2 / 3, 0.2 / 3, 0.8])
+    np.testing.assert_array_equal(weights_of(labels, None), np.ones(4))
+    logits = np.log([[0.9, 0.1], [0.9, 0.1], [0.1, 0.9], [0.1, 0.9]])
+    assert answer_scores(logits, labels)["accuracy"] == 0.75
+    assert answer_scores(logits, labels, weights_of(labels, prior))["accuracy"] == pytest.approx(
+        0.4 / 3 + 0.8, abs=1e-4
+    )
+
+
+def test_what_is_calibrated_for_a_prior_holds_where_classes_occur_so():
+    rng = np.random.default_rng(3)
+    prior = np.array([0.1, 0.9])
+    # One feature, a unit normal about +1 or -1 by class: its log likelihood ratio is 2 x.
+    labels = rng.integers(0, 2, 20_000)
+    logits = 3.0 * np.stack([rng.normal(np.where(labels == 0, 1.0, -1.0)) * 2, np.zeros(20_000)], axis=1)
+    temperature = best_temperature(logits, labels, prior)
+    assert temperature == pytest.approx(3, rel=0.05)
+    answers, weights = scaled(logits, temperature, prior), weights_of(labels, prior)
+    threshold = best_threshold(answers, labels, weights=weights)
+    probabilities = np.exp(answers - np.logaddexp.reduce(answers, axis=1, keepdims=True))
+    sure = probabilities.max(axis=1) >= threshold
+    right = probabilities.argmax(axis=1) == labels
+    assert np.average(right[sure], weights=weights[sure]) == pytest.approx(0.95, abs=0.01)
+    apart = calibration_of(logits, labels, np.arange(20_000) % 2 == 0, np.arange(20_000), prior)
+    assert {kind: one["temperature"] for kind, one in apart.items()} == pytest.approx(
+        {"open": temperature, "covered": temperature}, rel=0.06
+    )
 
 
 def test_an_image_whose_lid_was_brightest_has_the_calibration_of_such(monkeypatch):

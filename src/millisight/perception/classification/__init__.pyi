@@ -10,6 +10,7 @@ from ._network import check_mask_of as check_mask_of
 from ._network import classifier_input as classifier_input
 from ._network import masked_channels as masked_channels
 from ._network import novelty_of as novelty_of
+from ._network import prior_shares as prior_shares
 from ._network import sheet_was_brightest as sheet_was_brightest
 from ._network import square_symmetries as square_symmetries
 from ._novelty import beside_db as beside_db

@@ -4,14 +4,14 @@ What it was taught, and how well it does on other images, is in its model card.
 """
 
 import os
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from millisight.core import check_readable, checked_record, printable
-from millisight.core.errors import DamagedFileError, FormatError, InputError
+from millisight.core import check_known, check_readable, checked_number, checked_record, printable
+from millisight.core.errors import DamagedFileError, FormatError, InputError, MillisightError
 from millisight.data import Mask, Prediction, SarImage, grid_difference
 from millisight.perception import (
     HIGH_BAND,
@@ -152,6 +152,23 @@ def _slices(power: np.ndarray, z: np.ndarray) -> np.ndarray:
     return np.moveaxis(power @ resampling_weights(z, depths).T, -1, 0)
 
 
+def prior_shares(prior: Mapping[str, float], class_names: Collection[str]) -> np.ndarray:
+    """(C,) how often each class occurs, 1 in all; each as often where `prior` is empty.
+
+    Raises
+    ------
+    UnknownNameError, InputError
+        It names another class, lacks one, or is no positive number for one.
+    """
+    for name in prior:
+        check_known("class", name, class_names)
+    missing = [name for name in class_names if prior and name not in prior]
+    if missing:
+        raise InputError(f"prior lacks {', '.join(missing)}; expected a number for each of {', '.join(class_names)}")
+    shares = [checked_number(prior.get(name, 1.0), name=f"prior of {name}", above=0) for name in class_names]
+    return np.array(shares) / sum(shares)
+
+
 def novelty_of(logits: np.ndarray) -> np.ndarray:
     """(N,) probability of the last of the classes, what is of none, of logits (N, C + 1)."""
     return np.exp(logits[..., -1] - np.logaddexp.reduce(logits, axis=-1))
@@ -173,6 +190,8 @@ class NetworkClassifier:
     Parameters
     ----------
     weights : ONNX file as `millisight train classifier` writes it, its description beside it; None: the shipped one
+    prior : how often each class occurs where it is used, in any unit, for each of the classes; None: as the description
+        says, the shipped one's as in the published list of objects. The thresholds of sure answers stay as they are
 
     Attributes
     ----------
@@ -188,11 +207,15 @@ class NetworkClassifier:
         ONNX Runtime is not installed.
     DamagedFileError, FormatError, FileError
         The weights are damaged, are no classifier's, or cannot be read.
+    UnknownNameError, InputError
+        `prior` names another class, lacks one, or is no positive number for one.
     """
 
     takes_sheets_off = True
 
-    def __init__(self, weights: str | os.PathLike[str] | None = None):
+    def __init__(
+        self, weights: str | os.PathLike[str] | None = None, *, prior: Mapping[str, float] | None = None
+    ) -> None:
         path = check_readable(CLASSIFIER_WEIGHTS if weights is None else weights)
         self.description: Mapping[str, Any] = _description(path.with_suffix(".json"))
         self.name: str = self.description["name"]
@@ -201,6 +224,8 @@ class NetworkClassifier:
         self._session = open_network(
             path, self.description["sha256"], needed_by="the classifier", channels=len(CLASSIFIER_CHANNELS)
         )
+        own = self.description.get("prior") if prior is None else checked_record(prior, Mapping, name="prior")
+        self._added: np.ndarray = np.log(prior_shares(own or {}, self.class_names))
         self._limit: float | None = self.description.get("novelty", {}).get("limit")
         outputs, expected = self._session.get_outputs()[0].shape[1:], len(self.class_names) + (self._limit is not None)
         if outputs != [expected]:
@@ -238,7 +263,7 @@ class NetworkClassifier:
         logits = views.mean(axis=0, dtype=np.float64)
         covered = sheet_was_brightest(taken_db(cleaned))
         how = self.description.get("calibration", {}).get("covered" if covered else "open", self.description)
-        scaled = logits[: len(self.class_names)] / how["temperature"]
+        scaled = logits[: len(self.class_names)] / how["temperature"] + self._added
         probabilities = np.exp(scaled - scaled.max())
         unproven = self.class_names[int(scaled.argmax())] in self.description.get("never_sure", ())
         novel: dict[str, Any] = {}
@@ -285,6 +310,10 @@ def _description(path: Path) -> dict[str, Any]:
     unproven = held.get("never_sure", [])
     if not isinstance(unproven, list) or not all(name in names for name in unproven):
         raise DamagedFileError(f"{printable(path)}: never_sure is {unproven!r}; expected a list of classes")
+    try:
+        prior_shares(checked_record(held.get("prior", {}), dict, name="prior"), names)
+    except MillisightError as error:
+        raise DamagedFileError(f"{printable(path)}: {error}") from error
     novelty = held.get("novelty", {})
     limit = novelty.get("limit", 0.5) if isinstance(novelty, dict) else None
     if isinstance(limit, bool) or not isinstance(limit, int | float) or not 0 < limit <= 1:

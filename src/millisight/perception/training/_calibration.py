@@ -21,20 +21,33 @@ def cross_entropy(logits: np.ndarray, labels: np.ndarray) -> np.ndarray:
     return np.log(np.exp(shifted).sum(axis=1)) - shifted[np.arange(len(labels)), labels]
 
 
-def best_temperature(logits: np.ndarray, labels: np.ndarray) -> float:
+def weights_of(labels: np.ndarray, prior: np.ndarray | None) -> np.ndarray:
+    """(N,) what an answer about each of labels (N,) counts, so that classes are as frequent as in `prior` (C,); None:
+    each counts as much."""
+    if prior is None:
+        return np.ones(len(labels))
+    return (prior / np.maximum(np.bincount(labels, minlength=len(prior)), 1))[labels]
+
+
+def best_temperature(logits: np.ndarray, labels: np.ndarray, prior: np.ndarray | None = None) -> float:
     """The number by which logits (N, C) are divided so that the mean cross-entropy is least.
 
-    Guo et al. 2017, "On Calibration of Modern Neural Networks".
+    Guo et al. 2017, "On Calibration of Modern Neural Networks". With the shares `prior` (C,) of the classes, their
+    logarithms are added to what is divided, and answers count as `weights_of` says.
     """
     from scipy.optimize import minimize_scalar
 
+    weights = weights_of(labels, prior)
     found: Any = minimize_scalar(
-        lambda power: cross_entropy(logits / 2**power, labels).mean(), bounds=(-3, 5), method="bounded"
-    )
+        lambda power: np.average(cross_entropy(scaled(logits, 2**power, prior), labels), weights=weights),
+        bounds=(-3, 5), method="bounded",
+    )  # fmt: skip
     return round(float(2**found.x), 4)
 
 
-def best_threshold(logits: np.ndarray, labels: np.ndarray, objects: np.ndarray | None = None) -> float:
+def best_threshold(
+    logits: np.ndarray, labels: np.ndarray, objects: np.ndarray | None = None, weights: np.ndarray | None = None
+) -> float:
     """The lowest confidence from which on 95 % of the answers are right.
 
     Parameters
@@ -43,21 +56,26 @@ def best_threshold(logits: np.ndarray, labels: np.ndarray, objects: np.ndarray |
     labels : (N,) indices of the right classes
     objects : (N,) numbers of what was seen: each counts as one, however often it was, and ten of them must have
         answers; None: every answer counts
+    weights : (N,) what each counts, the same for all answers about an object; None: 1
     """
     right, confidence = _answers(logits, labels)
+    weights = np.ones(len(labels)) if weights is None else weights
     _, numbers = np.unique(np.arange(len(labels)) if objects is None else objects, return_inverse=True)
-    hits, seen, found = np.zeros(numbers.max() + 1), np.zeros(numbers.max() + 1), None
+    hits, seen, counts = np.zeros((3, numbers.max() + 1))
+    counts[numbers], found = weights, None
     for i in np.argsort(-confidence, kind="stable"):
         hits[numbers[i]] += right[i]
         seen[numbers[i]] += 1
         some = seen > 0
-        if (objects is None or some.sum() >= _FEWEST_OBJECTS) and (hits[some] / seen[some]).mean() >= _SURE:
+        if (objects is None or some.sum() >= _FEWEST_OBJECTS) and np.average(
+            hits[some] / seen[some], weights=counts[some]
+        ) >= _SURE:
             found = confidence[i]
     return round(float(confidence.max() if found is None else found), 4)
 
 
 def calibration_of(
-    logits: np.ndarray, labels: np.ndarray, covered: np.ndarray, objects: np.ndarray
+    logits: np.ndarray, labels: np.ndarray, covered: np.ndarray, objects: np.ndarray, prior: np.ndarray | None = None
 ) -> dict[str, dict[str, float]]:
     """Temperature and threshold of the answers about "covered" and about "open" objects, each where there are many.
 
@@ -67,14 +85,22 @@ def calibration_of(
     labels : (N,) indices of the right classes
     covered : (N,) bool, whether the brightest of the image was a sheet's
     objects : (N,) see `best_threshold`
+    prior : (C,) see `best_temperature`
     """
-    found = {}
+    found: dict[str, dict[str, float]] = {}
     for name, some in (("open", ~covered), ("covered", covered)):
         if some.sum() >= _FEWEST:
-            temperature = best_temperature(logits[some], labels[some])
-            threshold = best_threshold(logits[some] / temperature, labels[some], objects[some])
+            temperature = best_temperature(logits[some], labels[some], prior)
+            threshold = best_threshold(
+                scaled(logits[some], temperature, prior), labels[some], objects[some], weights_of(labels[some], prior)
+            )
             found[name] = {"temperature": temperature, "threshold": threshold}
     return found
+
+
+def scaled(logits: np.ndarray, temperature: float, prior: np.ndarray | None) -> np.ndarray:
+    """(N, C) logarithms of what the classes' probabilities are proportional to."""
+    return logits / temperature + (0.0 if prior is None else np.log(prior))
 
 
 def novelty_scores(novelty: np.ndarray, shown: Sequence[str], known: np.ndarray) -> dict[str, Any]:
@@ -112,14 +138,11 @@ def area_under_curve(low: np.ndarray, high: np.ndarray) -> float:
     return float((ranks.sum() - len(high) * (len(high) + 1) / 2) / (len(low) * len(high)))
 
 
-def answer_scores(logits: np.ndarray, labels: np.ndarray) -> dict[str, float]:
+def answer_scores(logits: np.ndarray, labels: np.ndarray, weights: np.ndarray | None = None) -> dict[str, float]:
     """Accuracy, mean confidence and mean cross-entropy ("surprise", as descriptions of weights call it)."""
     right, confidence = _answers(logits, labels)
-    scores = {
-        "accuracy": right.mean(),
-        "mean confidence": confidence.mean(),
-        "surprise": cross_entropy(logits, labels).mean(),
-    }
+    every = {"accuracy": right, "mean confidence": confidence, "surprise": cross_entropy(logits, labels)}
+    scores = {name: np.average(values, weights=weights) for name, values in every.items()}
     return {"examples": len(labels)} | {name: round(float(value), 4) for name, value in scores.items()}
 
 

@@ -1,42 +1,18 @@
-"""Training of classifiers: the recipe, and the lesson."""
+"""Training of classifiers: the recipe."""
 
 import dataclasses
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from millisight.core import check_known, checked_integer, checked_number, checked_record, printable, put, record
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.meshes import CATALOGUE, NO_SHAPE_CLASS, ODD, PAPER_CLASSES, PUBLISHED_CLASSES, object_name
-from millisight.perception.classification import (
-    CLASSIFIER_CHANNELS,
-    CLASSIFIER_SIDE,
-    novelty_of,
-    square_symmetries,
-)
-from millisight.perception.training import _augmentation as augmentation
-from millisight.perception.training._calibration import (
-    answer_scores,
-    best_temperature,
-    best_threshold,
-    calibration_of,
-    cross_entropy,
-    logits_of,
-    novelty_scores,
-)
-from millisight.perception.training._classifier_examples import (
-    ClassifierExample,
-    FoundMasks,
-    HeldExample,
-    balanced,
-    example_aside,
-    example_of,
-    examples_in_use,
-    held_example,
-)
+from millisight.perception.classification import prior_shares
+from millisight.perception.training._classifier_lesson import EMPTY, NETWORK_BANDS, SPARSE, ClassifierLesson
 from millisight.perception.training._loop import Schedule
 from millisight.perception.training._scenes import RANDOM_OBJECTS, SceneSettings
 from millisight.perception.training._sources import check_classes, meshes_in, simulations_in
@@ -44,30 +20,14 @@ from millisight.perception.training._training import (
     NORMALISATIONS,
     RECIPES,
     SceneRequest,
-    TrainingScene,
     TrainingScenes,
-    held_back,
-    poses_of,
 )
 from millisight.perception.training._whole import ECHOES, WholeSettings
 
-if TYPE_CHECKING:
-    from torch import Tensor, nn
-
-PHYSICS = "paper's simulator: specular and edge reflections of vertices"
-
-_BANDS = {"small": ("77_ghz", "24_ghz"), "paper": ("77_ghz",)}  # by network
 _RANDOM = {shape: name for name, shape in RANDOM_OBJECTS.items()}  # names of scenes of a class's random shapes
 _STRETCH = 0.25
 _HELD_EVERY = 6  # scene of each object is for validation
-_HELD_VIEWS = 3  # examples of each scene of validation
-_POOL_SEED = 1 << 21  # apart from any epoch's, and from validation's
-_SMOOTHING = 0.05  # of the labels
-_ASIDE = 1 / 3  # of what is of no class are masks beside the object of another scene
 _SPARSE = 1500, 1000, 500, 250  # positions over an object: two to five times too few at 77 GHz
-EMPTY, SPARSE, ASIDE = "nothing there", "sparse scan", "mask beside the object"
-"""What is of no class; the first two are names of scenes."""
-_NO_OBJECTS = {*RANDOM_OBJECTS, EMPTY, SPARSE}
 
 
 @RECIPES.add("classifier")
@@ -91,6 +51,8 @@ class ClassifierRecipe:
         many: what the thresholds come from
     vertices, positions, widest, meshes, published : of the scenes, see SceneSettings; `classes` may name meshes of the
         folder, and objects of the dataset, of whose simulated images every sixth of a class is for validation
+    prior : how often each class occurs where the weights will be used, in any unit; none: each as often. Answers and
+        their calibration count with it
     stretch : of the scenes of each class, see SceneSettings; 0.25 of those that are not named
     parts : "both", "edge" or "specular"
     network : "small", or the "paper"'s
@@ -122,6 +84,7 @@ class ClassifierRecipe:
     widest: float = 0.32
     meshes: str = ""
     published: str = ""
+    prior: Mapping[str, float] = field(default_factory=dict)
     stretch: Mapping[str, float] = field(default_factory=dict)
     parts: str = "both"
     network: str = "small"
@@ -141,7 +104,7 @@ class ClassifierRecipe:
                 raise InputError(f"classes: {shape} is {objects!r}; expected a list of names of the catalogue")
         own = {str(shape): tuple(str(name) for name in objects) for shape, objects in self.classes.items()}
         checked_record(self.masks, str, name="masks")
-        for kind, value, known in (("parts", self.parts, ECHOES), ("network", self.network, _BANDS)):
+        for kind, value, known in (("parts", self.parts, ECHOES), ("network", self.network, NETWORK_BANDS)):
             check_known(kind, value, known)
         check_known("normalisation", self.normalisation, NORMALISATIONS)
         checked_record(self.renewed, bool, name="renewed")
@@ -161,12 +124,14 @@ class ClassifierRecipe:
                 str(shape): checked_number(value, name=f"stretch of {shape}", minimum=0)
                 for shape, value in self.stretch.items()
             },
+            prior={str(shape): share for shape, share in self.prior.items()},
             batch=checked_integer(self.batch, name="batch"),
             examples=checked_integer(self.examples, name="examples", minimum=self.batch),
             novel=checked_integer(self.novel, name="novel", minimum=0),
             whole=dataclasses.replace(self.whole, empty=0.0, several=0.0, parts=self.parts),
         )
         check_classes(self.objects, self.drawn)
+        prior_shares(self.prior, self.objects)
         for shape in self.objects if self.drawn else ():
             if shape not in PUBLISHED_CLASSES:
                 raise InputError(
@@ -202,6 +167,11 @@ class ClassifierRecipe:
             shape: tuple(name for name in names if object_name(name) not in left_out)
             for shape, names in self.every_object.items()
         }
+
+    @property
+    def shares(self) -> np.ndarray | None:
+        """(C,) how often each class occurs, 1 in all; None: each as often."""
+        return prior_shares(self.prior, self.objects) if self.prior else None
 
     def scene_settings(self, shape: str) -> dict[str, SceneSettings]:
         """How the scenes of a class are made, by the name of what they show: its objects, and random shapes."""
@@ -257,7 +227,7 @@ class ClassifierRecipe:
         found = simulations_in(self.published)
         return [(name, source) for name in self.objects[shape] for source in found.get(object_name(name), ())]
 
-    def lesson(self, scenes: TrainingScenes) -> "ClassifierLesson":
+    def lesson(self, scenes: TrainingScenes) -> ClassifierLesson:
         """The classes of the objects of these scenes."""
         return ClassifierLesson(self, scenes)
 
@@ -271,124 +241,3 @@ class ClassifierRecipe:
 
 def _side(number: int) -> str:
     return "validation" if number % _HELD_EVERY == 1 else "training"
-
-
-class ClassifierLesson:
-    """Classes from channels; see `Lesson`."""
-
-    input_shape = len(CLASSIFIER_CHANNELS), CLASSIFIER_SIDE, CLASSIFIER_SIDE
-    free_axes, free_output_axes = {}, {}
-
-    def __init__(self, recipe: ClassifierRecipe, scenes: TrainingScenes):
-        self.recipe, self.scenes, self.seed = recipe, scenes, recipe.schedule.seed
-        by = FoundMasks(recipe.masks) if recipe.masks else None
-        self.masks_of: str | None = None if by is None else by.sha256
-        self.classes: int = len(recipe.objects)
-        views, held = recipe.whole.views, scenes["validation"]
-        number = {id(one): index // views for index, one in enumerate(held)}  # of the object; a scene is one view
-        self.held: list[HeldExample] = held_back(
-            scenes,
-            lambda one, rng: held_example(one, example_of(one.whole, rng, by), number[id(one)]),
-            views=_HELD_VIEWS,
-            seed=self.seed,
-        )
-        if recipe.novel:
-            self.held += held_back(
-                {"validation": [one for one in held if one.label < self.classes]},
-                lambda one, rng: HeldExample(
-                    example_aside(one.whole, rng), self.classes, ASIDE, False, number[id(one)]
-                ),
-                views=1,
-                seed=self.seed,
-            )
-        self.used: list[HeldExample] = self.held if by is None else list(examples_in_use(held, by, views=views))
-        self._by: FoundMasks | None = by
-        self._pool: list[ClassifierExample] | None = None
-
-    def pool(self, epoch: int) -> list[ClassifierExample]:
-        """The examples of an epoch, before they are turned."""
-        if self._pool is None or self.recipe.renewed:
-            seed = [self.seed, _POOL_SEED, epoch] if self.recipe.renewed else [self.seed, _POOL_SEED]
-            rng, some = np.random.default_rng(seed), self.scenes["training"]
-            self._pool = [
-                ClassifierExample(self._example(some[i], some, rng, self._by).astype(np.float16), some[i].label)
-                for i in balanced(some, self.recipe.examples, rng)
-            ]
-        return self._pool
-
-    def _example(
-        self, one: TrainingScene, others: Sequence[TrainingScene], rng: np.random.Generator, by: FoundMasks | None
-    ) -> np.ndarray:
-        """Of a scene; in place of some of those of no class, a mask beside the object of another scene."""
-        if one.label < self.classes or rng.random() >= _ASIDE:
-            return example_of(one.whole, rng, by)
-        while one.label == self.classes:
-            one = others[int(rng.integers(len(others)))]
-        return example_aside(one.whole, rng)
-
-    def network(self) -> "nn.Module":
-        """The recipe's."""
-        from millisight.perception.training.networks import classifier_network
-
-        return classifier_network(
-            self.recipe.network, self.classes + (self.recipe.novel > 0), self.recipe.normalisation
-        )
-
-    def batches(self, epoch: int) -> "Iterator[tuple[Tensor, ...]]":
-        """Channels and labels: every example of the epoch once, turned or mirrored; whole batches only."""
-        import torch
-
-        rng, size = np.random.default_rng([self.seed, epoch]), self.recipe.batch
-        pool = self.pool(epoch)
-        order = rng.permutation(len(pool))
-        for start in range(0, len(order) - size + 1, size):
-            some = [pool[i] for i in order[start : start + size]]
-            turned = [augmentation.turned(np.moveaxis(one.channels, 0, 2), int(rng.integers(8))) for one in some]
-            channels = np.moveaxis(np.stack(turned), 3, 1).astype(np.float32)
-            yield torch.from_numpy(np.ascontiguousarray(channels)), torch.tensor([one.label for one in some])
-
-    def loss(self, network: "nn.Module", batch: "tuple[Tensor, ...]") -> "Tensor":
-        """Cross-entropy with smoothed labels."""
-        from torch.nn import functional
-
-        channels, labels = batch
-        return functional.cross_entropy(network(channels), labels, label_smoothing=_SMOOTHING)
-
-    def score(self, network: "nn.Module") -> float:
-        """Less the mean cross-entropy."""
-        logits = logits_of(network, [one.channels[None] for one in self.held])
-        return -float(cross_entropy(logits, np.array([one.label for one in self.held])).mean())
-
-    def describe(self, network: "nn.Module") -> dict[str, Any]:
-        """Classes, calibration, and what `evaluation` needs to know of the scenes to find leaks."""
-        recipe, scenes = self.recipe, self.scenes
-        every = logits_of(network, [square_symmetries(one.channels) for one in self.used])
-        labels, covered, numbers = (
-            np.array([getattr(one, name) for one in self.used]) for name in ("label", "covered", "number")
-        )
-        known = labels < self.classes
-        novelty = novelty_scores(novelty_of(every), [one.shown for one in self.used], known) if recipe.novel else None
-        logits, labels, covered, numbers = every[known, : self.classes], labels[known], covered[known], numbers[known]
-        temperature = best_temperature(logits, labels)
-        return {
-            "physics": PHYSICS,
-            "network": recipe.network,
-            "parts": recipe.parts,
-            "class_names": list(recipe.objects),
-            "classes": {shape: list(objects) for shape, objects in recipe.every_object.items()},
-            "never_sure": [shape for shape, objects in recipe.objects.items() if not objects],
-            "bands": list(_BANDS[recipe.network]),
-            "masks": self.masks_of,
-            "channels": list(CLASSIFIER_CHANNELS),
-            "temperature": temperature,
-            "threshold": best_threshold(logits / temperature, labels, numbers),
-            "calibration": calibration_of(logits, labels, covered, numbers),
-            "validation": answer_scores(logits / temperature, labels),
-            **({} if novelty is None else {"novelty": novelty}),
-            "objects": {side: sorted({one.name for one in some} - _NO_OBJECTS) for side, some in scenes.items()},
-            "poses": poses_of(scenes, but=_NO_OBJECTS),
-            "scenes": {side: len(some) for side, some in scenes.items()},
-            "drawn": {side: sum(one.name in RANDOM_OBJECTS for one in some) for side, some in scenes.items()},
-            "novel": {side: sum(one.label == self.classes for one in some) for side, some in scenes.items()},
-            "seed": self.seed,
-        }
