@@ -74,6 +74,14 @@ def test_poses_are_told_written_and_drawn(stage, here, tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
+def test_of_one_mesh_the_probability_is_not_taken_for_the_poses(stage, here, monkeypatch):
+    monkeypatch.setattr("millisight.geometry.locate", partial(ms.locate, turns=600))
+    code, _, err, _ = here("--mesh", str(stage / "bracket.stl"), "--unit", "mm")
+    assert code == 0, err
+    assert "the probability says that it is this mesh rather than none" in err
+
+
+@pytest.mark.slow
 def test_a_wrong_unit_is_an_error_with_advice(stage, here, tmp_path):
     code, _, _, error = here("--mesh", str(stage / "bracket.stl"), "--unit", "in")
     assert code == 1

@@ -130,6 +130,8 @@ def locate(
             say(f"wrote {plot}")
         if found.best is None:
             say("most probably it is none of the meshes")
+        elif len(meshes) == 1:
+            say("the probability says that it is this mesh rather than none; how sure the pose is, ± says")
     if as_json:
         answer_json({"source": str(source)} | found.to_dict())
     else:
