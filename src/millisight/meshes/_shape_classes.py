@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 _LIES = 0.7  # of the cans that could stand as well
 _TALLEST_STANDING = 130.0  # can [mm]
 _FLATTEST, _THICKEST = 10.0, 110.0  # box [mm]
-_SMALL_BOXES, _NEARLY_CUBES = 0.2, 0.25  # shares of the boxes
+_NEARLY_A_CUBE = 0.25  # of the boxes
 
 
 def random_shape(shape_class: str, rng: np.random.Generator) -> TriangleMesh:
@@ -72,12 +72,8 @@ def _can(rng: np.random.Generator) -> "Manifold":
 
 
 def _box(rng: np.random.Generator) -> "Manifold":
-    """A box on its largest face, now and then nearly a cube, or as small as a die or a toy's brick; its edges crisp or
-    round."""
-    kind = rng.random()
-    if kind < _SMALL_BOXES:
-        sizes = np.array([_between(rng, 14, 70), _between(rng, 14, 40), _between(rng, 12, 35)])
-    elif kind < _SMALL_BOXES + _NEARLY_CUBES:
+    """A box on its largest face, now and then nearly a cube, its edges crisp or round."""
+    if rng.random() < _NEARLY_A_CUBE:
         sizes = _between(rng, 30, _THICKEST) * rng.uniform(0.85, 1.15, 3)
     else:
         sizes = np.array([_between(rng, 30, 240), _between(rng, 25, 170), _between(rng, _FLATTEST, _THICKEST)])
@@ -87,7 +83,7 @@ def _box(rng: np.random.Generator) -> "Manifold":
 
 def _ball(rng: np.random.Generator) -> "Manifold":
     """A ball, an egg or a fruit: a circle whose radius swells and tapers, turned about its axis."""
-    radius = _between(rng, 24, 140) / 2
+    radius = _between(rng, 32, 140) / 2
     tapers, swells = (0.0, 0.0) if rng.random() < 0.4 else rng.uniform((-0.2, -0.05), (0.2, 0.12))
     angle = np.linspace(0, np.pi, 60)
     distance = radius * (1 + tapers * np.cos(angle) + swells * np.cos(2 * angle))
