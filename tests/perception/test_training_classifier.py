@@ -272,27 +272,6 @@ def test_what_is_of_no_class_is_learned_as_one_class_more(recipe, folder, tmp_pa
         NetworkClassifier(trained.weights)
 
 
-@pytest.mark.slow
-def test_the_answer_of_several_members_is_their_mean(recipe, examples, tmp_path):
-    torch = pytest.importorskip("torch")
-    from safetensors.torch import load_file
-
-    several = dataclasses.replace(recipe, members=2)
-    trained = train(several, examples, tmp_path)
-    assert trained.description["members"] == 2
-    network = several.lesson(examples).network()
-    network.load_state_dict(load_file(trained.weights.with_suffix(".safetensors")))
-    network.eval()
-    channels = torch.from_numpy(example_of(examples["training"][0].whole, np.random.default_rng(4)))[None]
-    with torch.no_grad():
-        first, second = (one(channels).log_softmax(dim=1).numpy() for one in network.members)
-    assert abs(first - second).max() > 1e-3
-    ort = pytest.importorskip("onnxruntime")
-    session = ort.InferenceSession(trained.weights)
-    (answered,) = session.run(None, {session.get_inputs()[0].name: channels.numpy()})
-    np.testing.assert_allclose(answered, (first + second) / 2, atol=1e-5)
-
-
 def test_a_mask_set_aside_covers_no_object(examples):
     scene = examples["training"][0].whole
     made = example_aside(scene, np.random.default_rng(4))
