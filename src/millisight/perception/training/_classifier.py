@@ -56,7 +56,6 @@ class ClassifierRecipe:
     stretch : of the scenes of each class, see SceneSettings; 0.25 of those that are not named
     parts : "both", "edge" or "specular"
     network : "small", or the "paper"'s
-    members : networks that start from different weights; the mean of their log probabilities is the answer
     batch : examples in a batch
     masks : of whom examples have masks, besides true and disturbed ones: "shipped", the shipped segmenter "wave"; a
         file of weights as of `millisight train segmenter`; "": nobody
@@ -89,7 +88,6 @@ class ClassifierRecipe:
     stretch: Mapping[str, float] = field(default_factory=dict)
     parts: str = "both"
     network: str = "small"
-    members: int = 1
     masks: str = ""
     novel: int = 0
     batch: int = 32
@@ -127,7 +125,6 @@ class ClassifierRecipe:
                 for shape, value in self.stretch.items()
             },
             prior={str(shape): share for shape, share in self.prior.items()},
-            members=checked_integer(self.members, name="members"),
             batch=checked_integer(self.batch, name="batch"),
             examples=checked_integer(self.examples, name="examples", minimum=self.batch),
             novel=checked_integer(self.novel, name="novel", minimum=0),

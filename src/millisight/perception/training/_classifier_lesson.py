@@ -110,9 +110,8 @@ class ClassifierLesson:
         """The recipe's."""
         from millisight.perception.training.networks import classifier_network
 
-        recipe = self.recipe
         return classifier_network(
-            recipe.network, self.classes + (recipe.novel > 0), recipe.normalisation, recipe.members
+            self.recipe.network, self.classes + (self.recipe.novel > 0), self.recipe.normalisation
         )
 
     def batches(self, epoch: int) -> "Iterator[tuple[Tensor, ...]]":
@@ -129,14 +128,11 @@ class ClassifierLesson:
             yield torch.from_numpy(np.ascontiguousarray(channels)), torch.tensor([one.label for one in some])
 
     def loss(self, network: "nn.Module", batch: "tuple[Tensor, ...]") -> "Tensor":
-        """Cross-entropy with smoothed labels; of several members the mean."""
+        """Cross-entropy with smoothed labels."""
         from torch.nn import functional
 
         channels, labels = batch
-        answers = network(channels)
-        if answers.ndim == 3:
-            labels, answers = labels.repeat_interleave(answers.shape[1]), answers.flatten(0, 1)
-        return functional.cross_entropy(answers, labels, label_smoothing=_SMOOTHING)
+        return functional.cross_entropy(network(channels), labels, label_smoothing=_SMOOTHING)
 
     def score(self, network: "nn.Module") -> float:
         """Less the mean cross-entropy."""
@@ -159,7 +155,6 @@ class ClassifierLesson:
         return {
             "physics": PHYSICS,
             "network": recipe.network,
-            "members": recipe.members,
             "parts": recipe.parts,
             "class_names": list(recipe.objects),
             "classes": {shape: list(objects) for shape, objects in recipe.every_object.items()},

@@ -75,25 +75,6 @@ class PaperNetwork(nn.Module):
         return self.connected(functional.avg_pool2d(x, x.shape[-1] // _PAPER_POOLED).flatten(1))
 
 
-class Members(nn.Module):
-    """Networks of one kind that start from different weights and see the same examples; their answers are averaged.
-
-    Parameters
-    ----------
-    members : the networks
-    """
-
-    def __init__(self, members: Sequence[nn.Module]):
-        super().__init__()
-        self.members: nn.ModuleList = nn.ModuleList(members)
-
-    def forward(self, channels: Tensor) -> Tensor:
-        """(N, classes) the mean of their log probabilities; in training (N, members, classes), each one's logits."""
-        each = torch.stack([one(channels) for one in self.members], dim=1)
-        return each if self.training else functional.log_softmax(each, dim=2).mean(dim=1)
-
-
-def classifier_network(name: str, classes: int, normalisation: str = "group", members: int = 1) -> nn.Module:
-    """The network "small", normalised so, or "paper", with new weights from torch's generator; or so many of them."""
-    made = [SmallNetwork(classes, normalisation) if name == "small" else PaperNetwork(classes) for _ in range(members)]
-    return made[0] if members == 1 else Members(made)
+def classifier_network(name: str, classes: int, normalisation: str = "group") -> nn.Module:
+    """The network "small", normalised so, or "paper", with new weights from torch's generator."""
+    return SmallNetwork(classes, normalisation) if name == "small" else PaperNetwork(classes)
