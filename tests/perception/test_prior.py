@@ -40,6 +40,9 @@ def test_a_prior_is_a_positive_number_for_each_class(tmp_path):
         prior_shares({"pen": 1}, CLASSES)
     with pytest.raises(InputError, match="prior lacks handle, box, .*a number for each of can, handle"):
         prior_shares({"can": 1}, CLASSES)
+    np.testing.assert_allclose(prior_shares({"can": 1e308, "box": 1e308}, ("can", "box")), [0.5, 0.5])
+    with pytest.raises(InputError, match="prior goes from 1e-300 to 1; expected no more than a factor of 1e"):
+        prior_shares({"can": 1, "box": 1e-300}, ("can", "box"))
     with pytest.raises(InputError, match="prior of box is 0; expected more than 0"):
         ClassifierRecipe(classes={"can": ("chips_can",), "box": ("dice",)}, prior={"can": 1, "box": 0})
     recipe = ClassifierRecipe(classes={"can": ("chips_can",), "box": ("dice",)}, prior={"can": 1, "box": 4})

@@ -44,6 +44,7 @@ _CLIPPED = 0.8  # of the maximum
 _LEAST = 1e-30  # power above 0
 _QUARTERS = 4
 _LEAST_TAKEN_DB = -0.1
+_APART = 1e6  # numbers of a prior, at most
 _BAND_RATIO = 1.15  # of a band's middle to that which was trained on
 
 
@@ -158,7 +159,7 @@ def prior_shares(prior: Mapping[str, float], class_names: Collection[str]) -> np
     Raises
     ------
     UnknownNameError, InputError
-        It names another class, lacks one, or is no positive number for one.
+        It names another class, lacks one, is no positive number for one, or numbers are a million times apart.
     """
     for name in prior:
         check_known("class", name, class_names)
@@ -166,7 +167,10 @@ def prior_shares(prior: Mapping[str, float], class_names: Collection[str]) -> np
     if missing:
         raise InputError(f"prior lacks {', '.join(missing)}; expected a number for each of {', '.join(class_names)}")
     shares = [checked_number(prior.get(name, 1.0), name=f"prior of {name}", above=0) for name in class_names]
-    return np.array(shares) / sum(shares)
+    least, most = min(shares), max(shares)
+    if most > least * _APART:
+        raise InputError(f"prior goes from {least:g} to {most:g}; expected no more than a factor of {_APART:g} between")
+    return np.array(shares) / most / sum(share / most for share in shares)
 
 
 def novelty_of(logits: np.ndarray) -> np.ndarray:
@@ -190,8 +194,9 @@ class NetworkClassifier:
     Parameters
     ----------
     weights : ONNX file as `millisight train classifier` writes it, its description beside it; None: the shipped one
-    prior : how often each class occurs where it is used, in any unit, for each of the classes; None: as the description
-        says, the shipped one's as in the published list of objects. The thresholds of sure answers stay as they are
+    prior : how often each class occurs where it is used, in any unit, for each of the classes; empty: each as
+        often; None: as the description says, the shipped one's as in the published list of objects. The thresholds of
+        sure answers stay as they are
 
     Attributes
     ----------
@@ -208,7 +213,7 @@ class NetworkClassifier:
     DamagedFileError, FormatError, FileError
         The weights are damaged, are no classifier's, or cannot be read.
     UnknownNameError, InputError
-        `prior` names another class, lacks one, or is no positive number for one.
+        `prior` cannot be right, see `prior_shares`.
     """
 
     takes_sheets_off = True
