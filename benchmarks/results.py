@@ -198,11 +198,14 @@ def main() -> None:
     parser.add_argument("datasets", nargs="+", type=Path)
     parser.add_argument("-o", "--output", type=Path, default=Path("docs/explanation/results.md"))
     parser.add_argument(
-        "--recipe", nargs="+", default=["examples/recipes/unseen.toml"], help="that the datasets were made by"
+        "--recipe",
+        nargs="+",
+        action="extend",
+        help="that the datasets were made by [default: examples/recipes/unseen.toml]",
     )
     parser.add_argument("--support", type=float, help="height of what the objects stand on [m]")
     options = parser.parse_args()
-    recipes = " and ".join(f"`{recipe}`" for recipe in options.recipe)
+    recipes = " and ".join(f"`{recipe}`" for recipe in options.recipe or ["examples/recipes/unseen.toml"])
     commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=True)
     weights = {"wave": WaveSegmenter().description["sha256"][:8], "classifier": classifier().description["sha256"][:8]}
     with tempfile.TemporaryDirectory() as cache:
