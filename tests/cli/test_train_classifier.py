@@ -15,6 +15,7 @@ from millisight.datasets.generation import record_from_file
 from millisight.evaluation import classes_of, training_of
 from millisight.evaluation._answers import DISJOINT
 from millisight.evaluation._leaks import side_of
+from millisight.meshes import PAPER_CLASSES
 from millisight.perception.training import ClassifierRecipe
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -124,9 +125,10 @@ def test_the_papers_network_is_trained_on_what_the_shipped_one_is_trained_on():
         tomllib.loads((EXAMPLES / f"training/{name}.toml").read_text()) for name in ("classifier", "paper")
     )
     # The paper's knows no novelty, and has no class "other" for odd shapes; what only judges trains nothing.
-    own = {"name", "about", "network", "examples", "schedule", "classes", "novel", "odd", "judged"}
+    own = {"name", "about", "network", "examples", "schedule", "classes", "novel", "odd", "judged", "prior"}
     assert paper["network"] == "paper"
     assert {key: paper[key] for key in paper.keys() - own} == {key: shipped[key] for key in shipped.keys() - own}
+    assert paper["prior"] == {shape: shipped["prior"][shape] for shape in PAPER_CLASSES}
     assert paper["schedule"]["seed"] == shipped["schedule"]["seed"]
 
 
