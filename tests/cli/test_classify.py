@@ -34,7 +34,7 @@ class Sizes:
 
     name, bands, class_names = "sizes", ("77_ghz", "24_ghz"), ("can", "box", "sphere")
 
-    def __init__(self, weights=None):
+    def __init__(self, weights=None, *, prior=None):
         self.description = {"sha256": SHA256}
 
     def classify(self, image, mask, *, other_band=None):
