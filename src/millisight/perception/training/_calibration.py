@@ -67,9 +67,8 @@ def best_threshold(
         hits[numbers[i]] += right[i]
         seen[numbers[i]] += 1
         some = seen > 0
-        if (objects is None or some.sum() >= _FEWEST_OBJECTS) and np.average(
-            hits[some] / seen[some], weights=counts[some]
-        ) >= _SURE:
+        share = np.average(hits[some] / seen[some], weights=counts[some])
+        if (objects is None or some.sum() >= _FEWEST_OBJECTS) and share >= _SURE:
             found = confidence[i]
     return round(float(confidence.max() if found is None else found), 4)
 

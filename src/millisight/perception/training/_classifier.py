@@ -124,7 +124,10 @@ class ClassifierRecipe:
                 str(shape): checked_number(value, name=f"stretch of {shape}", minimum=0)
                 for shape, value in self.stretch.items()
             },
-            prior={str(shape): share for shape, share in self.prior.items()},
+            prior={
+                str(shape): checked_number(share, name=f"prior of {shape}", above=0)
+                for shape, share in self.prior.items()
+            },
             batch=checked_integer(self.batch, name="batch"),
             examples=checked_integer(self.examples, name="examples", minimum=self.batch),
             novel=checked_integer(self.novel, name="novel", minimum=0),
