@@ -1,4 +1,4 @@
-"""What every room stands on: errors, checked records, files, the phase law, and what compiles kernels."""
+"""What every room stands on: errors, checked records, files, the phase law, what compiles kernels, and processes."""
 
 import lazy_loader
 
