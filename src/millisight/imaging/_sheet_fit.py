@@ -142,7 +142,7 @@ def fit_sheet(
         splines = _splines(matrices, flat - rest, weights * cells.counts)
         smooth = spline_values(matrices, splines)
         if ripples:
-            rest = rippled(flat, smooth, weights * cells.counts, total_of_grid, spread_on_grid, factors=True) - smooth
+            rest = rippled(flat, smooth, weights * cells.counts, total_of_grid, spread_on_grid, factors=1) - smooth
         misfit, amplitude = np.linalg.norm(flat - smooth - rest, axis=2), np.linalg.norm(smooth, axis=2)
         level = _typical(amplitude, weights * amplitude**2)
         support = (amplitude > _SUPPORT * level) & looked_at
@@ -315,9 +315,12 @@ def _sizes(cells: Cells, width: float) -> list[int]:
 
 
 def _averaged(values: np.ndarray, sizes: list[int], mode: str = "constant") -> np.ndarray:
-    """Means over windows of the first two axes."""
+    """Means over windows of the first two axes; those of an even size reach half a cell beyond it on either side."""
     for axis, size in enumerate(sizes):
-        values = uniform_filter1d(values, size, axis=axis, mode=mode)
+        mean = uniform_filter1d(values, size, axis=axis, mode=mode)
+        if size % 2 == 0:  # its middle lies between two cells
+            mean = (mean + uniform_filter1d(values, size, axis=axis, mode=mode, origin=-1)) / 2
+        values = mean
     return values
 
 

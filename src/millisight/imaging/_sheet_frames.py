@@ -81,7 +81,7 @@ class FrameScene:
         """Take a sheet's echo; returns its power over that of all frames."""
         turn = self._turn(fit.phase)
         smooth, flat, weights = self._smooth(fit) * turn.conj(), self._echoes * turn.conj(), fit.weights[self._into]
-        echo = rippled(flat, smooth, weights, self._total, self._spread, factors=False) * turn
+        echo = rippled(flat, smooth, weights, self._total, self._spread, factors=0) * turn
         echo *= fit.window[self._into][..., None]
         self._echoes -= echo
         self._taken += echo

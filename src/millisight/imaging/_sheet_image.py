@@ -11,6 +11,8 @@ from millisight.imaging._sheet_fit import Cells, Phase, SheetFit, spline_matrix,
 from millisight.imaging._sheet_ripples import rippled, spread_on_grid, total_of_grid
 
 _CELL = 0.005  # of columns that are averaged [m]
+_BEYOND = 0.04  # a lid's edge and its sidelobes go on so far beyond the cells in which the lid was fitted [m]
+_FACTORS = 3  # rounds of factors of rows and columns: beyond a lid's edge they fall to nothing
 
 
 class ImageScene:
@@ -40,16 +42,30 @@ class ImageScene:
         return Cells(x=middles[0], y=middles[1], counts=counts, values=values)
 
     def take(self, fit: SheetFit) -> float:
-        """Take a sheet's echo; returns its power over the whole image's."""
-        x, y = self._image.grid.x, self._image.grid.y
+        """Take a sheet's echo; returns its power over the whole image's.
+
+        Beyond the window of a lid, the echo goes on as at the window's edge, times factors of its rows and columns.
+        """
         turn = self._turn(fit.phase)
-        smooth = spline_values((spline_matrix(x, fit.knots[0]), spline_matrix(y, fit.knots[1])), fit.splines)
-        flat = self._values * turn.conj()
-        weights = self._spread(fit.weights)
-        echo = rippled(flat, smooth, weights, total_of_grid, spread_on_grid, factors=True) * turn
-        echo *= self._spread(fit.window)[..., None]
+        nearest, near = zip(*(self._widened(fit.window, axis) for axis in (0, 1)), strict=True)
+        matrices = [
+            spline_matrix(places[some], knots)
+            for places, some, knots in zip((self._image.grid.x, self._image.grid.y), nearest, fit.knots, strict=True)
+        ]
+        smooth = spline_values((matrices[0], matrices[1]), fit.splines)
+        weights = self._spread(fit.weights)[np.ix_(*nearest)] * np.multiply.outer(*near)
+        echo = rippled(self._values * turn.conj(), smooth, weights, total_of_grid, spread_on_grid, factors=_FACTORS)
+        echo *= turn * np.multiply.outer(*near)[..., None]
         self._values -= echo
         return float((np.abs(echo) ** 2).sum()) / self._power
+
+    def _widened(self, window: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray]:
+        """Of each place along an axis: which one within the window is nearest, and whether that is near."""
+        places, size = (self._image.grid.x, self._image.grid.y)[axis], self._sizes[axis]
+        cells = np.flatnonzero(window.any(axis=1 - axis))
+        first, last = cells[0] * size, min((cells[-1] + 1) * size, len(places)) - 1
+        nearest = np.clip(np.arange(len(places)), first, last)
+        return nearest, abs(places - places[nearest]) <= _BEYOND
 
     def height(self, fit: SheetFit) -> float:
         """z of the strongest echo of a sheet [m], between slices by a parabola."""

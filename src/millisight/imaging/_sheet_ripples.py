@@ -31,7 +31,7 @@ def rippled(
     total: Callable[[np.ndarray, np.ndarray, int], np.ndarray],
     spread: Callable[[np.ndarray, int], np.ndarray],
     *,
-    factors: bool,
+    factors: int,
 ) -> np.ndarray:
     """(..., C) the smooth echo with its ripples.
 
@@ -42,12 +42,12 @@ def rippled(
     weights : (...) of the places
     total : weighted sums of values over all places with the same x (axis 0) or y (axis 1), (n, C)
     spread : brings such a table back to the places
-    factors : first a factor of each x and each y, as in images; then, in any case, a sum: a function of x times the
-        mean along y, and the other way round, which goes on where the smooth echo ends
+    factors : first a factor of each x and each y, as in images, improved in turn so many times; then, in any case, a
+        sum: a function of x times the mean along y, and the other way round, which goes on where the smooth echo ends
     """
     weights = weights.astype(np.float32)
     echo = smooth
-    for axis in (0, 1) if factors else ():
+    for axis in (0, 1) * factors:
         energy = total(weights, np.abs(echo) ** 2, axis)
         change = total(weights, echo.conj() * (flat - echo), axis)
         echo = echo * (1 + spread(change / (energy + _FLOOR * energy.mean()), axis))
