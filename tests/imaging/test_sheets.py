@@ -306,6 +306,19 @@ def test_what_ends_within_the_scene_is_left_and_told_unless_a_lid_is_known_to_be
     assert one.border > 0.3
 
 
+@pytest.mark.parametrize("tilt_deg", [(0, 0), (1, -2)])
+@pytest.mark.parametrize("ends", [(-0.043, 0.052, -0.037, 0.048), (-0.06, 0.03, -0.05, 0.05)])
+def test_a_known_lid_s_edges_go_with_it_on_all_sides(path, spots, ends, tilt_deg):
+    sides = [(axis, ends[2 * axis + high], -1 if high else 1) for axis in (0, 1) for high in (0, 1)]
+    lid, under = (
+        image_of(frames, path).values for frames in (mirror(RADAR, path, -0.2, tilt_deg=tilt_deg, sides=sides), spots)
+    )
+    found = remove_sheets(ms.SarImage(grid=GRID, values=lid + under), frequency=FREQUENCY, clutter="lid")
+    left = abs(found.result.values - under)[:, :, abs(GRID.z + 0.2) < 0.025]  # above it lie grating lobes
+    near = [(a - 0.03 < axis) & (axis < b + 0.03) for axis, a, b in ((GRID.x, *ends[:2]), (GRID.y, *ends[2:]))]
+    assert left[np.ix_(*near)].max() < 0.25 * abs(lid).max()
+
+
 @pytest.mark.slow
 def test_a_known_lid_goes_before_what_its_edges_add_up_to(path):
     """Beside a lid of 14 cm, its ripples pass for a sheet of their own that reaches the image's border."""
