@@ -9,6 +9,7 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from millisight.core import rotation_from_euler_deg
 from millisight.core.errors import CoverageError, FileError, FormatError, InputError, MillisightError, UnknownNameError
 from millisight.rig.virtual import (
     ArmSettings,
@@ -106,6 +107,26 @@ def test_a_carton_has_a_place_a_thickness_and_a_lid_that_tilts():
     assert np.degrees(np.arctan(rise)) == pytest.approx([2.0, -1.0], abs=0.01)
     assert lid.u @ lid.v == pytest.approx(0, abs=1e-12)
     assert panels[4, 0, 2] > upper[2] + 0.03 - 1e-4  # its lowest corner
+
+
+@pytest.mark.parametrize("at", [None, (0.145, 0.157)])
+def test_a_carton_may_be_turned_about_z_and_fits_as_the_object_turned_back_would(at):
+    """A board 2 x 8 cm that lies at 30 degrees is as tightly packed by a carton at 30 degrees as it is without both."""
+    made = []
+    for turn_deg in (0.0, 30.0):
+        board = WorldObject(object="wood_block", rotate_deg=(0, 0, turn_deg))
+        carton = Carton(turn_deg=turn_deg, tilt_deg=(2.0, -1.0), at=at)
+        made.append(build_layout(World(objects=(board,), scan=SCAN, carton=carton)))
+    straight, turned = (np.array([[panel.u, panel.v] for panel in layout.panels]) for layout in made)
+    turn = rotation_from_euler_deg((0, 0, 30))
+    np.testing.assert_allclose(turned, straight @ turn.T, atol=1e-9)
+    middles = [np.mean([panel.mesh.vertices.mean(axis=0) for panel in layout.panels[:4]], axis=0) for layout in made]
+    np.testing.assert_allclose(*middles, atol=1e-9)
+    vertices = made[1].objects[0].parts[0].mesh.vertices
+    for wall in made[1].panels[:4]:
+        outward = np.cross(wall.u, wall.v) / np.linalg.norm(np.cross(wall.u, wall.v))
+        gap = -((vertices - wall.corner) @ outward).max()
+        assert gap == pytest.approx(carton.clearance, abs=1e-9) if at is None else gap > 0
 
 
 def test_a_carton_may_be_empty_where_its_size_is_known():

@@ -13,6 +13,7 @@ class Covers:
     cartons: int = 1  # cartons of each object in each pose
     clearance: tuple[float, float] = (0.02, 0.02)  # between the objects and the carton's walls, and its lid [m]
     thickness: tuple[float, float] | None = None  # of the carton's walls [m]; None: as the world's
+    turn_deg: float = 0.0  # of the carton about z, at most, either way
     tilt_deg: float = 0.0  # of the carton's lid along x and along y, at most
     gap: tuple[float, float] = (0.002, 0.002)  # below the first layer of cloth [m]
     empty: int = 0  # cartons with nothing in them, besides
@@ -23,6 +24,7 @@ class Covers:
             cartons=checked_integer(self.cartons, name="cartons"),
             clearance=_ends(self.clearance, "clearance"),
             thickness=None if self.thickness is None else _ends(self.thickness, "thickness"),
+            turn_deg=checked_number(self.turn_deg, name="turn_deg", unit="degrees", minimum=0),
             tilt_deg=checked_number(self.tilt_deg, name="tilt_deg", unit="degrees", minimum=0),
             gap=_ends(self.gap, "gap"),
             empty=checked_integer(self.empty, name="empty", minimum=0),

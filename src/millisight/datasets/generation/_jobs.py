@@ -277,6 +277,9 @@ class _Scans:
         if alone:
             size = np.round(rng.uniform(_EMPTY_SIZES[0], _EMPTY_SIZES[1]), 3).tolist()
             carton = dataclasses.replace(carton, size=tuple(size), clearance=0.0)
+        if drawn.turn_deg:  # last, so that what was drawn before there were turns stays
+            turn = round(float(rng.uniform(-drawn.turn_deg, drawn.turn_deg)), 1)
+            carton = dataclasses.replace(carton, turn_deg=turn)
         return carton, cloth
 
     def _empty_cartons(self, background: str) -> Iterator[Job]:

@@ -223,17 +223,18 @@ def _carton_panels(world: World, objects: tuple[PlacedObject, ...]) -> tuple[Lay
     carton = world.carton
     if carton is None:
         return ()
+    turn = rotation_from_euler_deg((0.0, 0.0, carton.turn_deg))  # from the carton's axes to the world's
     if objects:
-        bounds = np.array([item.bounds for item in objects])
+        bounds = np.array([bounds_of(_moved(item.parts, rotation=turn.T)) for item in objects])
         lower = bounds[:, 0].min(axis=0) - carton.clearance
         upper = bounds[:, 1].max(axis=0) + carton.clearance
     elif carton.size is None:
         raise InputError("carton: there is no object to put it around; add one, state its size, or leave it out")
     else:
-        lower = upper = np.append(world.scan.middle, world.support.height)
+        lower = upper = turn.T @ np.append(world.scan.middle, world.support.height)
     middle = (lower + upper) / 2
     if carton.at is not None:
-        middle[:2] = carton.at
+        middle[:2] = turn[:2, :2].T @ carton.at
     extent = upper - lower
     lower, upper = middle - extent / 2, middle + extent / 2
     lower[2] = world.support.height
@@ -245,11 +246,14 @@ def _carton_panels(world: World, objects: tuple[PlacedObject, ...]) -> tuple[Lay
         upper[2] += (
             np.tan(np.radians(np.abs(carton.tilt_deg))) @ (upper - lower)[:2] / 2
         )  # of the middle, so that no corner is too low
-    return _box_panels(lower, upper, carton)
+    return tuple(
+        panel._replace(corner=turn @ panel.corner, u=turn @ panel.u, v=turn @ panel.v)
+        for panel in _box_panels(lower, upper, carton)
+    )
 
 
 def _box_panels(lower: np.ndarray, upper: np.ndarray, carton: Carton) -> tuple[LayerPanel, ...]:
-    """Four walls, and the lid if there is one."""
+    """Four walls, and the lid if there is one, along the carton's own axes."""
     x, y, z = np.diag(upper - lower)
     # Fronts outward.
     sides = [(lower, z, y), (lower + x, y, z), (lower, x, z), (lower + y, z, x)]

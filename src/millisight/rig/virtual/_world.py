@@ -124,6 +124,8 @@ class Carton:
     size : along x, y and z, around the objects' middle [m]; None: so that it fits
     at : x and y of its middle [m]; None: the objects' middle, in an empty scene the aperture's
     lid : whether it is closed above
+    turn_deg : by how much it is turned about z, counterclockwise as seen from above; its `size` and the tilt of its lid
+        are along its own x and y [degrees]
     tilt_deg : how far the lid rises along x and along y, about its middle; it never gets closer than `clearance`
         [degrees]
     """
@@ -134,6 +136,7 @@ class Carton:
     size: tuple[float, float, float] | None = None
     at: tuple[float, float] | None = None
     lid: bool = True
+    turn_deg: float = 0.0
     tilt_deg: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
@@ -145,6 +148,7 @@ class Carton:
         put(
             self,
             clearance=checked_number(self.clearance, name="clearance", unit="m", minimum=0),
+            turn_deg=checked_number(self.turn_deg, name="turn_deg", unit="degrees"),
             tilt_deg=tilt,
         )
         if self.size is not None:
