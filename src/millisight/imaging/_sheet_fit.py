@@ -22,6 +22,7 @@ from scipy.interpolate import BSpline
 from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.ndimage import uniform_filter1d
 
+from millisight.imaging._lid import LidPlace, rectangle_around, sides_of
 from millisight.imaging._sheet_ripples import rippled, spread_on_grid, total_of_grid
 
 STEEPEST_DEG = 8.0
@@ -37,7 +38,7 @@ _ROUNDS, _STEPS = 3, 6  # of the phase; of the weights
 _SCALE = 1.5  # median misfits at which a cell's weight has fallen to a quarter
 _LEAST_SCALE = 0.03  # and at least this share of the sheet's amplitude
 _FAR_OFF = 1e6  # of these scales: the weight is nothing, and within float32's range
-_OUTSIDE = 0.2  # of an axis, at either end
+_OUTSIDE, _LEAST_RIM = 0.2, 0.75  # of an axis, at either end; of a cell
 _INSIDE = 0.1  # weight of cells away from the border before anything is fitted: objects are there
 _BRIGHTER = 2.5  # than the sheet: something else
 _LID_LEVEL, _LID_EDGE = 0.95, 0.5  # quantile that is a lid's amplitude or more; share of its median at its edges
@@ -88,7 +89,8 @@ class SheetFit(NamedTuple):
     knots : of the two axes
     support : (X, Y) bool, where the sheet is seen
     weights : (X, Y) how well each cell agrees with it, 0 to 1
-    window : (X, Y) bool, cells in which it was fitted, and beyond which it is not taken to go on
+    window : (X, Y) bool, cells in which it was fitted
+    place : of a lid whose edges were found; None: it goes on to all sides
     profile : (C,) its mean echo there
     explained : median share of the energy of the support's cells that is the sheet's
     """
@@ -99,13 +101,12 @@ class SheetFit(NamedTuple):
     support: np.ndarray
     weights: np.ndarray
     window: np.ndarray
+    place: LidPlace | None
     profile: np.ndarray
     explained: float
 
 
-def fit_sheet(
-    cells: Cells, wave_number: float, *, ripples: bool, window: tuple[slice, slice] | None = None
-) -> SheetFit | None:
+def fit_sheet(cells: Cells, wave_number: float, *, ripples: bool, place: LidPlace | None = None) -> SheetFit | None:
     """The sheet that most of the cells agree on, or None where nothing there is coherent.
 
     Parameters
@@ -113,11 +114,10 @@ def fit_sheet(
     cells : Cells
     wave_number : k at the band's centre [rad/m], by which the phase of the steepest sheet is known
     ripples : whether the cells show the ripples of an aperture's edges
-    window : cells to look at, of which the sheet reaches the border; None: all
+    place : in which to look, to whose edges the sheet reaches; None: everywhere
     """
-    window = window or (slice(None), slice(None))
-    within = np.zeros(cells.counts.shape, dtype=bool)
-    within[window] = True
+    looked_in = place or rectangle_around(np.ones(cells.counts.shape, dtype=bool), cells.x, cells.y)
+    within = looked_in.inside(cells.x[:, None], cells.y)
     cells = cells._replace(counts=np.where(within, cells.counts, 0))
     looked_at = cells.counts > 0
     raw = cells.values(None) * looked_at[..., None]
@@ -126,8 +126,8 @@ def fit_sheet(
     zone = float(np.sqrt(np.pi * _DISTANCE / wave_number))  # sqrt(wavelength distance / 2)
     basis = _principal(raw)
     phase = _linear_phase(raw @ basis.conj(), cells, wave_number)
-    outside = np.zeros(looked_at.shape, dtype=bool)
-    outside[window] = _near_border(looked_at[window].shape)
+    rim = np.maximum(_OUTSIDE * (looked_in.upper - looked_in.lower), _LEAST_RIM * sides_of(cells.x, cells.y))
+    outside = within & ~looked_in.inside(cells.x[:, None], cells.y, rim)
     for last in (False,) * _ROUNDS + (True,):
         flat = cells.values(phase) * looked_at[..., None] @ basis.conj()
         weights, level = _first_weights(flat, cells, zone, outside)
@@ -158,14 +158,15 @@ def fit_sheet(
         support=support,
         weights=weights,
         window=within,
+        place=place,
         profile=(smooth[support] * weights[support, None]).sum(axis=0) @ basis.T / weights[support].sum(),
         explained=float(np.median(1 - missed / energy)),
     )
 
 
-def lid_window(cells: Cells, wave_number: float) -> tuple[slice, slice] | None:
-    """The box around the largest place that echoes like one level or tilted mirror, to look for a lid in; or None."""
-    from scipy.ndimage import find_objects, label
+def lid_place(cells: Cells, wave_number: float) -> LidPlace | None:
+    """The rectangle around the largest part that echoes like one mirror, level or tilted, to look for a lid in."""
+    from scipy.ndimage import label
 
     looked_at = cells.counts > 0
     raw = cells.values(None) * looked_at[..., None]
@@ -181,9 +182,8 @@ def lid_window(cells: Cells, wave_number: float) -> tuple[slice, slice] | None:
     parts, count = label(strength > _LID_EDGE * np.median(seen))
     if not count:
         return None
-    largest = int(np.bincount(parts.ravel())[1:].argmax())
-    box = find_objects(parts)[largest]
-    return (box[0], box[1])
+    largest = int(np.bincount(parts.ravel())[1:].argmax()) + 1
+    return rectangle_around(parts == largest, cells.x, cells.y)
 
 
 def agreement(misfit: np.ndarray, support: np.ndarray, level: float) -> np.ndarray:
@@ -277,16 +277,6 @@ def _first_weights(flat: np.ndarray, cells: Cells, zone: float, outside: np.ndar
     weights = np.where(amplitude < _SUPPORT * level, 1.0, trust) * looked_at
     weights = np.where(amplitude > _BRIGHTER * level, 0.0, weights)
     return np.where(outside, weights, _INSIDE * weights), level
-
-
-def _near_border(shape: tuple[int, ...]) -> np.ndarray:
-    """(X, Y) bool, the outer parts of a plane of cells."""
-    near = np.zeros(shape, dtype=bool)
-    for axis, count in enumerate(shape):
-        width = max(1, round(_OUTSIDE * count))
-        lines = np.moveaxis(near, axis, 0)
-        lines[:width], lines[count - width :] = True, True
-    return near
 
 
 def _coherence(flat: np.ndarray, cells: Cells, zone: float) -> np.ndarray:

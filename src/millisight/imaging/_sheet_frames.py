@@ -77,6 +77,10 @@ class FrameScene:
 
         return Cells(x=self._axes[0], y=self._axes[1], counts=counts, values=values)
 
+    def sharpened(self, fit: SheetFit) -> SheetFit:
+        """The fit: poses are too far apart to tell a lid's edges better."""
+        return fit
+
     def take(self, fit: SheetFit) -> float:
         """Take a sheet's echo; returns its power over that of all frames."""
         turn = self._turn(fit.phase)

@@ -7,12 +7,13 @@ import numpy as np
 
 from millisight.core import peak_place
 from millisight.data import SarImage
+from millisight.imaging._lid import lines_of, sharpened
 from millisight.imaging._sheet_fit import Cells, Phase, SheetFit, spline_matrix, spline_values
 from millisight.imaging._sheet_ripples import rippled, spread_on_grid, total_of_grid
 
 _CELL = 0.005  # of columns that are averaged [m]
-_BEYOND = 0.04  # a lid's edge and its sidelobes go on so far beyond the cells in which the lid was fitted [m]
-_FACTORS = 3  # rounds of factors of rows and columns: beyond a lid's edge they fall to nothing
+_BEYOND = 0.04  # a lid's echo goes on so far beyond its edges: sidelobes [m]
+_FACTORS = 3  # rounds of factors of the lines along edges: beyond a lid's edge they fall to nothing
 
 
 class ImageScene:
@@ -41,31 +42,35 @@ class ImageScene:
         middles = [_summed(axis, s) / n for axis, s, n in zip(axes, self._sizes, sizes, strict=True)]
         return Cells(x=middles[0], y=middles[1], counts=counts, values=values)
 
+    def sharpened(self, fit: SheetFit) -> SheetFit:
+        """The fit, its place as the image shows it, which is finer than the cells."""
+        if fit.place is None:
+            return fit
+        flat = self._values * self._turn(fit.phase).conj()
+        amplitude = abs(flat @ (fit.profile.conj() / max(float(np.linalg.norm(fit.profile)), 1e-30)))
+        return fit._replace(place=sharpened(fit.place, amplitude, self._image.grid.x, self._image.grid.y))
+
     def take(self, fit: SheetFit) -> float:
         """Take a sheet's echo; returns its power over the whole image's.
 
-        Beyond the window of a lid, the echo goes on as at the window's edge, times factors of its rows and columns.
+        About the edges of a lid the echo is as at the nearest cells within, times factors of the lines along the edges.
         """
+        x, y = self._image.grid.x, self._image.grid.y
         turn = self._turn(fit.phase)
-        nearest, near = zip(*(self._widened(fit.window, axis) for axis in (0, 1)), strict=True)
-        matrices = [
-            spline_matrix(places[some], knots)
-            for places, some, knots in zip((self._image.grid.x, self._image.grid.y), nearest, fit.knots, strict=True)
-        ]
-        smooth = spline_values((matrices[0], matrices[1]), fit.splines)
-        weights = self._spread(fit.weights)[np.ix_(*nearest)] * np.multiply.outer(*near)
-        echo = rippled(self._values * turn.conj(), smooth, weights, total_of_grid, spread_on_grid, factors=_FACTORS)
-        echo *= turn * np.multiply.outer(*near)[..., None]
+        smooth = spline_values((spline_matrix(x, fit.knots[0]), spline_matrix(y, fit.knots[1])), fit.splines)
+        weights, near = self._spread(fit.weights), np.ones(smooth.shape[:2], dtype=bool)
+        total, spread = total_of_grid, spread_on_grid
+        if fit.place is not None:
+            places = fit.place.wider(-_CELL).nearest(x[:, None], y)
+            near = fit.place.wider(_BEYOND).inside(x[:, None], y)
+            nearest = tuple(_index(axis, place) for axis, place in zip((x, y), places, strict=True))
+            smooth, weights = smooth[nearest], weights[nearest] * near
+            if fit.place.turn:
+                total, spread = lines_of(*fit.place.along(x[:, None], y))
+        echo = rippled(self._values * turn.conj(), smooth, weights, total, spread, factors=_FACTORS)
+        echo *= turn * near[..., None]
         self._values -= echo
         return float((np.abs(echo) ** 2).sum()) / self._power
-
-    def _widened(self, window: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray]:
-        """Of each place along an axis: which one within the window is nearest, and whether that is near."""
-        places, size = (self._image.grid.x, self._image.grid.y)[axis], self._sizes[axis]
-        cells = np.flatnonzero(window.any(axis=1 - axis))
-        first, last = cells[0] * size, min((cells[-1] + 1) * size, len(places)) - 1
-        nearest = np.clip(np.arange(len(places)), first, last)
-        return nearest, abs(places - places[nearest]) <= _BEYOND
 
     def height(self, fit: SheetFit) -> float:
         """z of the strongest echo of a sheet [m], between slices by a parabola."""
@@ -91,6 +96,12 @@ class ImageScene:
         """(X, Y, 1) exp(i psi)"""
         x, y = self._image.grid.x, self._image.grid.y
         return np.exp(1j * phase.at(x[:, None], y)).astype(np.complex64)[..., None]
+
+
+def _index(axis: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Of the nearest entry of a regular axis."""
+    step = float(np.diff(axis).mean()) if len(axis) > 1 else 1.0
+    return np.clip(np.rint((places - axis[0]) / step), 0, len(axis) - 1).astype(int)
 
 
 def _size(axis: np.ndarray) -> int:

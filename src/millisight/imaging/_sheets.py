@@ -212,6 +212,8 @@ class _Echoes(Protocol):
     @property
     def cells(self) -> "Cells": ...
 
+    def sharpened(self, fit: "SheetFit") -> "SheetFit": ...
+
     def take(self, fit: "SheetFit") -> float: ...
 
     def height(self, fit: "SheetFit") -> float: ...
@@ -278,16 +280,17 @@ def _lid(
     In frames the `whole` fit, over all cells, is preferred where it found the same: a lid's edges echo to poses beside
     it as well.
     """
-    from millisight.imaging._sheet_fit import fit_sheet, lid_window
+    from millisight.imaging._sheet_fit import fit_sheet, lid_place
 
-    window = lid_window(echoes.cells, wave_number)
-    fit = None if window is None else fit_sheet(echoes.cells, wave_number, ripples=echoes.ripples, window=window)
+    place = lid_place(echoes.cells, wave_number)
+    fit = None if place is None else fit_sheet(echoes.cells, wave_number, ripples=echoes.ripples, place=place)
     if fit is None or fit.explained < _LEAST_EXPLAINED["lid"]:
         return None
     if whole is not None and not echoes.ripples and whole.explained >= _LEAST_EXPLAINED["lid"]:
         shared = (whole.support & fit.support).sum()
         if shared >= _SAME * max(whole.support.sum(), fit.support.sum()):
             fit = whole
+    fit = echoes.sharpened(fit)
     lid = _told(fit, echoes.cells, echoes.height(fit), wave_number)
     return (fit, lid) if lid.area >= _LEAST_LID and lid.height >= lowest else None
 
