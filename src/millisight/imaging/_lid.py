@@ -94,7 +94,7 @@ def rectangle_around(part: np.ndarray, x: np.ndarray, y: np.ndarray) -> LidPlace
 def sharpened(place: LidPlace, amplitude: np.ndarray, x: np.ndarray, y: np.ndarray) -> LidPlace:
     """The place, turned so that the image along its edges is alike, and with its edges at half of the amplitude.
 
-    One that is then in line with the axes stays as it is, if it was so before.
+    One that is in line with the axes before and after stays as it is, and so does one of which a corner is not seen.
 
     Parameters
     ----------
@@ -123,7 +123,10 @@ def sharpened(place: LidPlace, amplitude: np.ndarray, x: np.ndarray, y: np.ndarr
             _profiles(turned, amplitude, x, y, step), turned.lower, turned.upper, strict=True
         )
     ]
-    return LidPlace(best, np.array([one[0] for one in ends]), np.array([one[1] for one in ends]))
+    found = LidPlace(best, np.array([one[0] for one in ends]), np.array([one[1] for one in ends]))
+    seen = found.corners
+    all_seen = all(((axis[0] < one) & (one < axis[-1])).all() for axis, one in zip((x, y), seen.T, strict=True))
+    return found if all_seen else place
 
 
 def lines_of(
@@ -209,11 +212,11 @@ def _unlike(place: LidPlace, pixels: tuple[np.ndarray, np.ndarray, np.ndarray], 
 
 
 def _ends(profile: np.ndarray, origin: float, step: float, low: float, high: float) -> tuple[float, float]:
-    """Where a profile falls to half of what it is in between, going outwards from there [m]."""
-    first, last = (int(np.clip((one - origin) / step, 0, len(profile) - 1)) for one in (low, high))
-    level = np.median(profile[first : last + 1]) / 2
-    middle = (first + last) // 2
+    """Where a profile falls to half of what it is in between, near the ends that are expected [m]."""
+    first, last = (int(np.clip((one - origin) / step, 0, len(profile))) for one in (low, high))
+    strip = min(round(_STRIP / step), (last - first) // 2)
+    level = np.median(profile[first:last]) / 2
     below = np.flatnonzero(profile < level)
-    start = max(below[below < middle], default=-1) + 1
-    stop = min(below[below > middle], default=len(profile))
+    start = max(below[below < first + strip], default=-1) + 1
+    stop = min(below[below >= last - strip], default=len(profile))
     return origin + step * float(start), origin + step * float(stop)

@@ -52,6 +52,7 @@ class DetectedSheet:
     border : share of the scene's border where it is seen: 1 for a lid that reaches beyond the scene on all sides
     explained : how sure it is: median share, over its area, of the echo's power that follows the fitted sheet
     power : what was taken, over the power of the whole image or of all frames; 0 where it was left
+    corners : of a lid that is turned about z: x and y of its four, counterclockwise [m]; else none
     """
 
     height: float
@@ -62,6 +63,7 @@ class DetectedSheet:
     border: float
     explained: float
     power: float
+    corners: tuple[tuple[float, float], ...] = ()
 
     def __post_init__(self) -> None:
         put(
@@ -73,6 +75,10 @@ class DetectedSheet:
         )
         for name in ("area", "border", "explained", "power"):
             put(self, **{name: checked_number(getattr(self, name), name=name, minimum=0)})
+        corners = [checked_numbers(corner, name="corners", count=2, unit="m") for corner in self.corners]
+        if len(corners) not in (0, 4):
+            raise InputError(f"corners has {len(corners)} places; expected four, or none")
+        put(self, corners=tuple(corners))
 
     def __str__(self) -> str:
         (x0, y0), (x1, y1) = self.lower, self.upper
@@ -83,8 +89,11 @@ class DetectedSheet:
         )
 
     def box_on(self, grid: PixelGrid) -> np.ndarray:
-        """(X, Y) bool, the pixels of a grid whose centres lie in the box around where it is seen."""
+        """(X, Y) bool, the pixels of a grid whose centres lie in the box around where it is seen, or in a turned lid."""
         x, y = grid.x[:, None], grid.y
+        if self.corners:
+            ends = zip(self.corners, (*self.corners[1:], self.corners[0]), strict=True)
+            return np.logical_and.reduce([(x1 - x0) * (y - y0) >= (y1 - y0) * (x - x0) for (x0, y0), (x1, y1) in ends])
         return (self.lower[0] <= x) & (x <= self.upper[0]) & (self.lower[1] <= y) & (y <= self.upper[1])
 
 
@@ -329,6 +338,7 @@ def _told(fit: "SheetFit", cells: "Cells", height: float, wave_number: float) ->
         border=float(fit.support[ring].mean()) if ring.any() else 1.0,
         explained=min(max(fit.explained, 0.0), 1.0),
         power=0.0,
+        corners=tuple((float(a), float(b)) for a, b in fit.place.corners) if fit.place and fit.place.turn else (),
     )
 
 
