@@ -14,9 +14,10 @@ from helpers.mirrors import DEVICES, GRID, capture_of, disc, leak_of, mirror, po
 from helpers.oracles import shared
 from helpers.scatter import from_places
 from millisight.calibration import read_capture
+from millisight.core import rotation_from_euler_deg
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.data import Layers
-from millisight.imaging import remove_sheets
+from millisight.imaging import DetectedSheet, remove_sheets
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples" / "captures"
 RADAR = DEVICES["77 GHz"]
@@ -319,6 +320,29 @@ def test_a_known_lid_s_edges_go_with_it_on_all_sides(path, spots, ends, tilt_deg
     assert left[np.ix_(*near)].max() < 0.25 * abs(lid).max()
 
 
+@pytest.mark.parametrize(
+    "turn_deg", [3, pytest.param(20, marks=pytest.mark.slow), pytest.param(45, marks=pytest.mark.slow)]
+)
+def test_a_known_lid_may_be_turned_about_z(path, spots, turn_deg):
+    turn = rotation_from_euler_deg((0, 0, turn_deg))
+    poses = ms.Trajectory(times=path.times, positions=path.positions @ turn)  # as the lid sees them
+    ends = np.array([[-0.05, 0.05], [-0.04, 0.04]])
+    sides = [(axis, place, -np.sign(place)) for axis in (0, 1) for place in ends[axis]]
+    lid, under = (image_of(one, path).values for one in (mirror(RADAR, poses, -0.2, sides=sides), spots))
+    found = remove_sheets(ms.SarImage(grid=GRID, values=lid + under), frequency=FREQUENCY, clutter="lid")
+    (one,) = found.sheets
+    corners = np.array(np.meshgrid(*ends, indexing="ij")).reshape(2, -1).T @ turn[:2, :2].T
+    nearest = np.linalg.norm(corners[:, None] - np.array(one.corners), axis=2).min(axis=1)
+    assert nearest.max() < 0.003
+    u, v = np.einsum("ji,j...->i...", turn[:2, :2], np.stack(np.meshgrid(GRID.x, GRID.y, indexing="ij")))
+    assert (one.box_on(GRID.xy) == ((abs(u) < 0.05) & (abs(v) < 0.04))).mean() > 0.97
+    level = abs(GRID.z + 0.2) < 0.025
+    assert left_of(found.result.values[..., level], under[..., level], lid[..., level]) < 0.02
+    # Tables of numbers, as a file's history holds it, are the same sheet again.
+    told = json.loads(json.dumps(found.result.metadata["history"][-1]["sheets"][0]))
+    assert DetectedSheet(**told).corners == one.corners
+
+
 @pytest.mark.slow
 def test_a_known_lid_goes_before_what_its_edges_add_up_to(path):
     """Beside a lid of 14 cm, its ripples pass for a sheet of their own that reaches the image's border."""
@@ -388,5 +412,8 @@ def test_what_cannot_be_right_is_refused(path, spots):
     slab = Layers(thicknesses=[0.01], indices=[1.4], normal=[0, 0, -1], moved=0.0, offset=0.0, error=0.0)
     with pytest.raises(InputError, match="before layers are added"):
         remove_sheets(replace(capture, layers=slab))
+    (sheet,) = remove_sheets(capture_of(RADAR, path, mirror(RADAR, path, -0.2))).sheets
     with pytest.raises(InputError):
-        replace(remove_sheets(capture_of(RADAR, path, mirror(RADAR, path, -0.2))).sheets[0], area=-1.0)
+        replace(sheet, area=-1.0)
+    with pytest.raises(InputError, match="corners has 3 places; expected four, or none"):
+        replace(sheet, corners=((0, 0), (0, 1), (1, 1)))

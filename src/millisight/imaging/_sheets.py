@@ -89,7 +89,7 @@ class DetectedSheet:
         )
 
     def box_on(self, grid: PixelGrid) -> np.ndarray:
-        """(X, Y) bool, the pixels of a grid whose centres lie in the box around where it is seen, or in a turned lid."""
+        """(X, Y) bool, the pixels whose centres lie in the box around where it is seen, or within a turned lid."""
         x, y = grid.x[:, None], grid.y
         if self.corners:
             ends = zip(self.corners, (*self.corners[1:], self.corners[0]), strict=True)
