@@ -243,6 +243,24 @@ def test_a_lid_is_taken_off_where_it_is_asked_for(tmp_path):
     assert "clutter" in refused("image", "open.h5", *grid, "--clutter", "box", "-o", "i.h5")
 
 
+@pytest.mark.slow
+def test_a_known_lid_that_ends_within_the_image_goes_with_its_edges(tmp_path):
+    device, path = DEVICES["77 GHz"], raster()
+    sides = [(axis, sign * 0.045, -sign) for axis in (0, 1) for sign in (-1, 1)]
+    spot, lid = points(device, path, [[0, 0, -0.25]], 0.02), mirror(device, path, -0.2, sides=sides)
+    told = {}
+    for name, frames in (("carton", spot + lid), ("spot", spot)):
+        ms.save(tmp_path / f"{name}.h5", capture_of(device, path, frames))
+        grid = "--grid=-8cm:8cm:2.5mm,-8cm:8cm:2.5mm,-28cm:-18cm:1cm"
+        code, told[name], err, _ = run_here("image", f"{name}.h5", grid, "--clutter", "lid", "-o", f"{name}-image.h5")
+        assert code == 0, err
+    assert "clutter: a sheet taken off the image: z = -20" in told["carton"]
+    assert "clutter: nothing taken off the image: " in told["spot"]
+    cleaned, truth = (ms.load(tmp_path / f"{name}-image.h5") for name in told)
+    level = abs(truth.grid.z + 0.2) < 0.025
+    assert abs(cleaned.values - truth.values)[..., level].max() < 0.25 * truth.magnitude.max()
+
+
 def test_a_forgotten_unit_and_a_wrong_order_are_warned_of(described, mug, tmp_path):
     folder, _ = described
     text = DESCRIPTION.replace("step = [0.01, 0.01]", "step = [10, 10]")

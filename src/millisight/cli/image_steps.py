@@ -19,6 +19,8 @@ from millisight.imaging import (
     CLUTTER,
     METHODS,
     WINDOWS,
+    DetectedSheet,
+    SheetRemoval,
     form_as_published,
     form_image,
     form_image_to,
@@ -77,10 +79,18 @@ class ImageSettings:
 
 
 def image_of(opened: Opened, source: Source, settings: ImageSettings, label: str) -> SarImage:
-    """The image of a capture, with all that comes before and after it."""
+    """The image of a capture, with all that comes before and after it.
+
+    Of a known lid that ends within the image its edges are taken as well, which an image shows better than frames do.
+    """
     capture, voxels, clutter = prepared(opened, source, settings, label)
-    formed = _form(capture, voxels, settings, label)
-    return _uncovered(formed, clutter, frequency=capture.radar.waveform.center_frequency)[0]
+    found, middle = remove_sheets(capture, clutter=clutter, grid=voxels), capture.radar.waveform.center_frequency
+    if clutter == "lid" and found.sheets and all(_ends_within(sheet, voxels) for sheet in found.sheets):
+        of_image = remove_sheets(_form(capture, voxels, settings, label), clutter=clutter, frequency=middle)
+        if of_image.sheets:
+            return _told(of_image, clutter)
+    formed = _form(_told(found, clutter), voxels, settings, label)
+    return formed if found.sheets else _told(remove_sheets(formed, clutter=clutter, frequency=middle), clutter)
 
 
 def large_image_of(
@@ -97,7 +107,9 @@ def large_image_of(
         f"{memory / 1e9:.2g} GB, with {8 * voxels.size / 1e9:.2g} GB on disk for what is done"
     )
     capture, voxels, clutter = prepared(opened, source, settings, label)
-    if clutter != "none":
+    found = remove_sheets(capture, clutter=clutter, grid=voxels)
+    capture = _told(found, clutter)
+    if clutter != "none" and not found.sheets:
         raise InputError(
             "no sheet was found in the frames, and an image in slabs cannot be searched for one: leave --clutter out, "
             "or give more --memory"
@@ -111,7 +123,7 @@ def large_image_of(
 
 
 def prepared(opened: Opened, source: Source, settings: ImageSettings, label: str) -> tuple[Capture, VoxelGrid, str]:
-    """The capture as it is imaged, the voxels, and what clutter is still to be taken off the image."""
+    """The capture as it is imaged, the voxels, and what clutter is to be taken off."""
     capture = without_background(
         opened.capture, source, settings.background, settings.data, as_published=settings.as_published
     )
@@ -126,9 +138,7 @@ def prepared(opened: Opened, source: Source, settings: ImageSettings, label: str
             sampled = sampling(capture, voxels)
         say_sampling(sampled)
     capture = _in_focus(capture, voxels, settings.focus, label)
-    clutter = settings.clutter or _stated(capture).get("clutter") or "none"
-    capture, taken = _uncovered(capture, clutter, grid=voxels)
-    return capture, voxels, "none" if taken else clutter
+    return capture, voxels, settings.clutter or _stated(capture).get("clutter") or "none"
 
 
 @contextmanager
@@ -189,17 +199,23 @@ def check_stated(capture: Capture, settings: ImageSettings) -> None:
             raise UnknownNameError(f"{key} in {capture.metadata.get('description')}, [image]:", stated[key], known)
 
 
-def _uncovered(scene: Any, clutter: str, **told: Any) -> tuple[Any, bool]:
-    """The capture or the image without the echoes of sheets over it, and whether there were any."""
-    if clutter == "none":
-        return scene, False
-    found = remove_sheets(scene, clutter=clutter, **told)
-    what = "image" if isinstance(scene, SarImage) else "frames"
-    for sheet in found.sheets:
-        say(f"clutter: a sheet taken off the {what}: {sheet}; {100 * sheet.power:.0f} % of its power")
-    if not found.sheets:
-        say(f"clutter: nothing taken off the {what}: {found.reason}")
-    return found.result, bool(found.sheets)
+def _told(found: SheetRemoval[Any], clutter: str) -> Any:
+    """The capture or the image without sheets; what was taken is said, or why nothing was, if it was asked for."""
+    if clutter != "none":
+        what = "image" if isinstance(found.result, SarImage) else "frames"
+        for sheet in found.sheets:
+            say(f"clutter: a sheet taken off the {what}: {sheet}; {100 * sheet.power:.0f} % of its power")
+        if not found.sheets:
+            say(f"clutter: nothing taken off the {what}: {found.reason}")
+    return found.result
+
+
+def _ends_within(sheet: DetectedSheet, grid: VoxelGrid) -> bool:
+    """Whether a lid ends within a grid on all sides."""
+    return all(
+        axis.min() < low and high < axis.max()
+        for axis, low, high in zip((grid.x, grid.y), sheet.lower, sheet.upper, strict=True)
+    )
 
 
 def _form(capture: Capture, voxels: VoxelGrid, settings: ImageSettings, label: str) -> SarImage:
