@@ -63,7 +63,8 @@ class ImageScene:
         if fit.place is not None:
             places = fit.place.wider(-_CELL).nearest(x[:, None], y)
             near = fit.place.wider(_BEYOND).inside(x[:, None], y)
-            nearest = tuple(_index(axis, place) for axis, place in zip((x, y), places, strict=True))
+            halfway = ((axis[1:] + axis[:-1]) / 2 for axis in (x, y))
+            nearest = tuple(np.searchsorted(ends, place) for ends, place in zip(halfway, places, strict=True))
             smooth, weights = smooth[nearest], weights[nearest] * near
             if fit.place.turn:
                 total, spread = lines_of(*fit.place.along(x[:, None], y))
@@ -96,12 +97,6 @@ class ImageScene:
         """(X, Y, 1) exp(i psi)"""
         x, y = self._image.grid.x, self._image.grid.y
         return np.exp(1j * phase.at(x[:, None], y)).astype(np.complex64)[..., None]
-
-
-def _index(axis: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """Of the nearest entry of a regular axis."""
-    step = float(np.diff(axis).mean()) if len(axis) > 1 else 1.0
-    return np.clip(np.rint((places - axis[0]) / step), 0, len(axis) - 1).astype(int)
 
 
 def _size(axis: np.ndarray) -> int:
