@@ -22,7 +22,7 @@ from scipy.interpolate import BSpline
 from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.ndimage import uniform_filter1d
 
-from millisight.imaging._lid import LidPlace, rectangle_around, sides_of
+from millisight.imaging._sheet_edges import LidPlace, rectangle_around, sides_of
 from millisight.imaging._sheet_ripples import rippled, spread_on_grid, total_of_grid
 
 STEEPEST_DEG = 8.0

@@ -7,7 +7,7 @@ import numpy as np
 
 from millisight.core import peak_place
 from millisight.data import SarImage
-from millisight.imaging._lid import lines_of, sharpened
+from millisight.imaging._sheet_edges import lines_of, sharpened
 from millisight.imaging._sheet_fit import Cells, Phase, SheetFit, spline_matrix, spline_values
 from millisight.imaging._sheet_ripples import rippled, spread_on_grid, total_of_grid
 
