@@ -261,6 +261,17 @@ def test_a_known_lid_that_ends_within_the_image_goes_with_its_edges(tmp_path):
     assert abs(cleaned.values - truth.values)[..., level].max() < 0.25 * truth.magnitude.max()
 
 
+@pytest.mark.slow
+def test_a_known_lid_wider_than_the_scan_is_taken_off_the_frames(tmp_path):
+    """Frames see it under their poses alone, which are fewer than the image's pixels."""
+    device, path = DEVICES["77 GHz"], raster(size=(0.12, 0.12))
+    ms.save(tmp_path / "wide.h5", capture_of(device, path, mirror(device, path, -0.2)))
+    grid = "--grid=-9cm:9cm:4mm,-9cm:9cm:4mm,-26cm:-18cm:1cm"
+    code, out, err, _ = run_here("image", "wide.h5", grid, "--clutter", "lid", "-o", "image.h5")
+    assert code == 0, err
+    assert "clutter: a sheet taken off the frames: z = -20" in out
+
+
 def test_a_forgotten_unit_and_a_wrong_order_are_warned_of(described, mug, tmp_path):
     folder, _ = described
     text = DESCRIPTION.replace("step = [0.01, 0.01]", "step = [10, 10]")

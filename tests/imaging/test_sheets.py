@@ -334,6 +334,8 @@ def test_a_known_lid_may_be_turned_about_z(path, spots, turn_deg):
     corners = np.array(np.meshgrid(*ends, indexing="ij")).reshape(2, -1).T @ turn[:2, :2].T
     nearest = np.linalg.norm(corners[:, None] - np.array(one.corners), axis=2).min(axis=1)
     assert nearest.max() < 0.003
+    first, second = np.array(one.corners)[:2]
+    assert abs((np.degrees(np.arctan2(*(second - first)[::-1])) - turn_deg + 45) % 90 - 45) < 0.6
     u, v = np.einsum("ji,j...->i...", turn[:2, :2], np.stack(np.meshgrid(GRID.x, GRID.y, indexing="ij")))
     assert (one.box_on(GRID.xy) == ((abs(u) < 0.05) & (abs(v) < 0.04))).mean() > 0.97
     level = abs(GRID.z + 0.2) < 0.025
@@ -417,3 +419,7 @@ def test_what_cannot_be_right_is_refused(path, spots):
         replace(sheet, area=-1.0)
     with pytest.raises(InputError, match="corners has 3 places; expected four, or none"):
         replace(sheet, corners=((0, 0), (0, 1), (1, 1)))
+    with pytest.raises(InputError, match="counterclockwise"):
+        replace(sheet, corners=((0, 0), (0, 1), (1, 1), (1, 0)))
+    with pytest.raises(InputError, match="corners is 3; expected four places"):
+        replace(sheet, corners=3)

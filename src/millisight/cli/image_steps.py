@@ -34,6 +34,9 @@ if TYPE_CHECKING:
     from millisight.calibration import RadarCalibration
 
 
+_BORDER = 0.05  # of the scan's, that a lid which ends within it may reach
+
+
 @dataclass(frozen=True, slots=True)
 class ImageSettings:
     """The options that are the same for every capture."""
@@ -81,14 +84,17 @@ class ImageSettings:
 def image_of(opened: Opened, source: Source, settings: ImageSettings, label: str) -> SarImage:
     """The image of a capture, with all that comes before and after it.
 
-    Of a known lid that ends within the image its edges are taken as well, which an image shows better than frames do.
+    Takes a known lid that ends within scan and image off the image, which shows its edges better than frames do.
     """
     capture, voxels, clutter = prepared(opened, source, settings, label)
     found, middle = remove_sheets(capture, clutter=clutter, grid=voxels), capture.radar.waveform.center_frequency
     if clutter == "lid" and found.sheets and all(_ends_within(sheet, voxels) for sheet in found.sheets):
-        of_image = remove_sheets(_form(capture, voxels, settings, label), clutter=clutter, frequency=middle)
+        formed = _form(capture, voxels, settings, label)
+        of_image = remove_sheets(formed, clutter=clutter, frequency=middle)
         if of_image.sheets:
             return _told(of_image, clutter)
+        say("clutter: the image does not show the lid that the frames show; it is taken off these, and imaged again")
+        del formed, of_image
     formed = _form(_told(found, clutter), voxels, settings, label)
     return formed if found.sheets else _told(remove_sheets(formed, clutter=clutter, frequency=middle), clutter)
 
@@ -211,11 +217,9 @@ def _told(found: SheetRemoval[Any], clutter: str) -> Any:
 
 
 def _ends_within(sheet: DetectedSheet, grid: VoxelGrid) -> bool:
-    """Whether a lid ends within a grid on all sides."""
-    return all(
-        axis.min() < low and high < axis.max()
-        for axis, low, high in zip((grid.x, grid.y), sheet.lower, sheet.upper, strict=True)
-    )
+    """Whether a lid that was found in frames ends within the scan and the grid, on all sides."""
+    ends = zip((grid.x, grid.y), sheet.lower, sheet.upper, strict=True)
+    return sheet.border < _BORDER and all(axis.min() < low and high < axis.max() for axis, low, high in ends)
 
 
 def _form(capture: Capture, voxels: VoxelGrid, settings: ImageSettings, label: str) -> SarImage:

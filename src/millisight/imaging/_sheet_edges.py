@@ -1,7 +1,7 @@
 """Where a known lid lies: a rectangle, perhaps turned about z.
 
 Across its edges an image changes within a voxel or two, along them it is alike. Its turn is found in two steps: to some
-degrees by the smallest rectangle around the cells that echo like one mirror, and to a tenth of a degree as the turn by
+degrees by the smallest rectangle around the cells that echo like one mirror, and to some tenths of a degree as the one by
 which the image along the edges is most alike.
 """
 
@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 _STRAIGHT = 0.9  # of the box along the axes, which a turned rectangle around the same cells must be smaller than
-_COARSE = np.radians(np.arange(-44.0, 46.0))  # turns that differ: a rectangle has a right angle of them
-_STEPS_DEG = (1.0, 10), (0.25, 3), (0.05, 4)  # of the turn, and how many to either side, one after the other
-_SURELY = 0.8  # of what a rectangle in line with the axes leaves unexplained, at most, or it is in line
+_COARSE = np.radians(np.arange(-44.0, 46.0))  # a rectangle's turn is known up to 90 degrees
+_STEPS_DEG = (1.0, 10), (0.25, 3), (0.05, 4)  # of the search for the turn: size, and how many to either side
+_SURELY = 0.8  # a turn must leave less than this share of what no turn leaves unexplained
 _ENDS = 0.1  # of a side, at either end of an edge, that are left out of the profile across it
 _STRIP = 0.015  # near an edge [m]
 _LEAST_BINS = 4  # across a lid
@@ -69,6 +69,12 @@ def sides_of(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return np.array([float(np.diff(axis).mean()) if len(axis) > 1 else 1.0 for axis in (x, y)])
 
 
+def all_of(x: np.ndarray, y: np.ndarray) -> LidPlace:
+    """The rectangle of all cells with these middles [m]."""
+    ends = np.array([[axis[0], axis[-1]] for axis in (x, y)], dtype=float)
+    return LidPlace(0.0, ends[:, 0] - sides_of(x, y) / 2, ends[:, 1] + sides_of(x, y) / 2)
+
+
 def rectangle_around(part: np.ndarray, x: np.ndarray, y: np.ndarray) -> LidPlace:
     """The smallest rectangle around the cells of a part, in line with the axes unless a turned one is far smaller.
 
@@ -81,7 +87,7 @@ def rectangle_around(part: np.ndarray, x: np.ndarray, y: np.ndarray) -> LidPlace
     first, last = part[rows].argmax(axis=1), part.shape[1] - 1 - part[rows, ::-1].argmax(axis=1)
     i, j = np.tile(rows, 2), np.concatenate([first, last])  # the others lie between these
     half, found = sides_of(x, y) / 2, []
-    for turn in (0.0, *_COARSE):
+    for turn in (0.0, *_COARSE) if min(part.shape) > 1 else (0.0, 0.0):
         along = LidPlace(turn, half, half).along(x[i], y[j])
         place = LidPlace(
             float(turn), *(np.array([f(one) for one in along]) + h for f, h in ((np.min, -half), (np.max, half)))
@@ -92,13 +98,14 @@ def rectangle_around(part: np.ndarray, x: np.ndarray, y: np.ndarray) -> LidPlace
 
 
 def sharpened(place: LidPlace, amplitude: np.ndarray, x: np.ndarray, y: np.ndarray) -> LidPlace:
-    """The place, turned so that the image along its edges is alike, and with its edges at half of the amplitude.
+    """The place with the turn by which the image along its edges is most alike, and edges at half of the amplitude.
 
-    One that is in line with the axes before and after stays as it is, and so does one of which a corner is not seen.
+    One in line with the axes stays as it is, its edges right to a cell, unless it is surely turned and all of its corners
+    are seen. A turn of less than about 1.5 degrees may count as none.
 
     Parameters
     ----------
-    place : to some degrees
+    place : its turn right to 10 degrees
     amplitude : (X, Y) of the lid's echo
     x, y : of its pixels [m]
     """
@@ -110,8 +117,8 @@ def sharpened(place: LidPlace, amplitude: np.ndarray, x: np.ndarray, y: np.ndarr
     pixels = x[i], y[j], amplitude[ring]
     best = place.turn
     for size, many in _STEPS_DEG:
-        turns = np.radians(size * np.arange(-many, many + 1))
-        least, best = min((_unlike(_turned(place, best + turn), pixels, step), best + turn) for turn in turns)
+        turns = best + np.radians(size * np.arange(-many, many + 1))
+        least, best = min((_unlike(_turned(place, turn), pixels, step), turn) for turn in turns)
     if least > _SURELY * _unlike(_turned(place, 0.0), pixels, step):
         if place.turn == 0:
             return place
@@ -123,10 +130,10 @@ def sharpened(place: LidPlace, amplitude: np.ndarray, x: np.ndarray, y: np.ndarr
             _profiles(turned, amplitude, x, y, step), turned.lower, turned.upper, strict=True
         )
     ]
-    found = LidPlace(best, np.array([one[0] for one in ends]), np.array([one[1] for one in ends]))
-    seen = found.corners
-    all_seen = all(((axis[0] < one) & (one < axis[-1])).all() for axis, one in zip((x, y), seen.T, strict=True))
-    return found if all_seen else place
+    found = LidPlace(float(best), np.array([one[0] for one in ends]), np.array([one[1] for one in ends]))
+    corners = found.corners
+    all_seen = all(((axis[0] < one) & (one < axis[-1])).all() for axis, one in zip((x, y), corners.T, strict=True))
+    return found if all_seen or place.turn else place
 
 
 def lines_of(
@@ -178,10 +185,12 @@ def _profiles(
     for axis in (0, 1):
         other = along[1 - axis]
         beside = (other > place.lower[1 - axis] + rim[1 - axis]) & (other < place.upper[1 - axis] - rim[1 - axis])
-        origin = float(along[axis].min())
-        bins = ((along[axis][beside] - origin) / step).astype(int)
+        first = float(along[axis].min())  # the middle of the first bin
+        bins = np.rint((along[axis][beside] - first) / step).astype(int)
         counts = np.bincount(bins)
-        made.append((np.bincount(bins, weights=amplitude[beside]) / np.maximum(counts, 1), origin))
+        filled = np.flatnonzero(counts)
+        means = np.bincount(bins, weights=amplitude[beside])[filled] / counts[filled]
+        made.append((np.interp(np.arange(len(counts)), filled, means), first - step / 2))
     return made
 
 
@@ -192,7 +201,7 @@ def _unlike(place: LidPlace, pixels: tuple[np.ndarray, np.ndarray, np.ndarray], 
     ----------
     place : LidPlace
     pixels : x, y [m] and amplitude (N,) of those near its edges
-    step : between pixels [m]
+    step : between pixels [m]; bins are half as wide
     """
     rim, left, whole = _ENDS * (place.upper - place.lower), 0.0, 0.0
     along = place.along(*pixels[:2])
@@ -212,7 +221,7 @@ def _unlike(place: LidPlace, pixels: tuple[np.ndarray, np.ndarray, np.ndarray], 
 
 
 def _ends(profile: np.ndarray, origin: float, step: float, low: float, high: float) -> tuple[float, float]:
-    """Where a profile falls to half of what it is in between, near the ends that are expected [m]."""
+    """Where a profile falls to half of what it is in between, from 1.5 cm within the expected ends on [m]."""
     first, last = (int(np.clip((one - origin) / step, 0, len(profile))) for one in (low, high))
     strip = min(round(_STRIP / step), (last - first) // 2)
     level = np.median(profile[first:last]) / 2

@@ -22,7 +22,7 @@ from scipy.interpolate import BSpline
 from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.ndimage import uniform_filter1d
 
-from millisight.imaging._sheet_edges import LidPlace, rectangle_around, sides_of
+from millisight.imaging._sheet_edges import LidPlace, all_of, rectangle_around, sides_of
 from millisight.imaging._sheet_ripples import rippled, spread_on_grid, total_of_grid
 
 STEEPEST_DEG = 8.0
@@ -90,7 +90,7 @@ class SheetFit(NamedTuple):
     support : (X, Y) bool, where the sheet is seen
     weights : (X, Y) how well each cell agrees with it, 0 to 1
     window : (X, Y) bool, cells in which it was fitted
-    place : of a lid whose edges were found; None: it goes on to all sides
+    place : the rectangle of a known lid in which it was fitted; None: it was fitted everywhere
     profile : (C,) its mean echo there
     explained : median share of the energy of the support's cells that is the sheet's
     """
@@ -116,7 +116,7 @@ def fit_sheet(cells: Cells, wave_number: float, *, ripples: bool, place: LidPlac
     ripples : whether the cells show the ripples of an aperture's edges
     place : in which to look, to whose edges the sheet reaches; None: everywhere
     """
-    looked_in = place or rectangle_around(np.ones(cells.counts.shape, dtype=bool), cells.x, cells.y)
+    looked_in = place or all_of(cells.x, cells.y)
     within = looked_in.inside(cells.x[:, None], cells.y)
     cells = cells._replace(counts=np.where(within, cells.counts, 0))
     looked_at = cells.counts > 0
@@ -165,7 +165,7 @@ def fit_sheet(cells: Cells, wave_number: float, *, ripples: bool, place: LidPlac
 
 
 def lid_place(cells: Cells, wave_number: float) -> LidPlace | None:
-    """The rectangle around the largest part that echoes like one mirror, level or tilted, to look for a lid in."""
+    """The rectangle around the largest part that echoes like one mirror, level or tilted; None if there is none."""
     from scipy.ndimage import label
 
     looked_at = cells.counts > 0

@@ -13,7 +13,7 @@ from millisight.imaging._sheet_ripples import rippled, spread_on_grid, total_of_
 
 _CELL = 0.005  # of columns that are averaged [m]
 _BEYOND = 0.04  # a lid's echo goes on so far beyond its edges: sidelobes [m]
-_FACTORS = 3  # rounds of factors of the lines along edges: beyond a lid's edge they fall to nothing
+_FACTORS = 3  # rounds of factors of rows and columns, or of lines along edges: beyond an edge they fall to nothing
 
 
 class ImageScene:
@@ -56,21 +56,27 @@ class ImageScene:
         About the edges of a lid the echo is as at the nearest cells within, times factors of the lines along the edges.
         """
         x, y = self._image.grid.x, self._image.grid.y
-        turn = self._turn(fit.phase)
         smooth = spline_values((spline_matrix(x, fit.knots[0]), spline_matrix(y, fit.knots[1])), fit.splines)
-        weights, near = self._spread(fit.weights), np.ones(smooth.shape[:2], dtype=bool)
-        total, spread = total_of_grid, spread_on_grid
-        if fit.place is not None:
-            places = fit.place.wider(-_CELL).nearest(x[:, None], y)
-            near = fit.place.wider(_BEYOND).inside(x[:, None], y)
-            halfway = ((axis[1:] + axis[:-1]) / 2 for axis in (x, y))
-            nearest = tuple(np.searchsorted(ends, place) for ends, place in zip(halfway, places, strict=True))
-            smooth, weights = smooth[nearest], weights[nearest] * near
-            if fit.place.turn:
-                total, spread = lines_of(*fit.place.along(x[:, None], y))
-        echo = rippled(self._values * turn.conj(), smooth, weights, total, spread, factors=_FACTORS)
+        weights = self._spread(fit.weights)
+        if fit.place is None:
+            turn = self._turn(fit.phase)
+            flat = self._values * turn.conj()
+            echo = turn * rippled(flat, smooth, weights, total_of_grid, spread_on_grid, factors=_FACTORS)
+            self._values -= echo
+            return float((np.abs(echo) ** 2).sum()) / self._power
+        near = fit.place.wider(_BEYOND).inside(x[:, None], y)
+        rows, columns = (np.flatnonzero(near.any(axis=axis)) for axis in (1, 0))
+        box = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+        u, v, near = x[box[0], None], y[box[1]], near[box]
+        halfway = ((axis[1:] + axis[:-1]) / 2 for axis in (x, y))
+        places = fit.place.wider(-_CELL).nearest(u, v)
+        nearest = tuple(np.searchsorted(ends, place) for ends, place in zip(halfway, places, strict=True))
+        lines = lines_of(*fit.place.along(u, v)) if fit.place.turn else (total_of_grid, spread_on_grid)
+        turn = self._turn(fit.phase)[box]
+        flat = self._values[box] * turn.conj()
+        echo = rippled(flat, smooth[nearest], weights[nearest] * near, *lines, factors=_FACTORS)
         echo *= turn * near[..., None]
-        self._values -= echo
+        self._values[box] -= echo
         return float((np.abs(echo) ** 2).sum()) / self._power
 
     def height(self, fit: SheetFit) -> float:

@@ -1,7 +1,7 @@
 """What edges add to a sheet's echo: Fresnel ripples along the edges of the aperture and of the sheet.
 
 Edges along x and y, as rectangular apertures and lids in line with them have, give ripples that change across the edge
-and are alike along it.
+and are alike along it. So do those of a turned lid, along its own axes.
 """
 
 from collections.abc import Callable

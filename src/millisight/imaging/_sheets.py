@@ -1,6 +1,6 @@
 """Sheets over a scene, such as the lid of a carton: their echo found, told, and taken off images and frames."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar, overload
 
@@ -75,10 +75,7 @@ class DetectedSheet:
         )
         for name in ("area", "border", "explained", "power"):
             put(self, **{name: checked_number(getattr(self, name), name=name, minimum=0)})
-        corners = [checked_numbers(corner, name="corners", count=2, unit="m") for corner in self.corners]
-        if len(corners) not in (0, 4):
-            raise InputError(f"corners has {len(corners)} places; expected four, or none")
-        put(self, corners=tuple(corners))
+        put(self, corners=_checked_corners(self.corners))
 
     def __str__(self) -> str:
         (x0, y0), (x1, y1) = self.lower, self.upper
@@ -95,6 +92,19 @@ class DetectedSheet:
             ends = zip(self.corners, (*self.corners[1:], self.corners[0]), strict=True)
             return np.logical_and.reduce([(x1 - x0) * (y - y0) >= (y1 - y0) * (x - x0) for (x0, y0), (x1, y1) in ends])
         return (self.lower[0] <= x) & (x <= self.upper[0]) & (self.lower[1] <= y) & (y <= self.upper[1])
+
+
+def _checked_corners(value: Any) -> tuple[tuple[float, float], ...]:
+    """Four places counterclockwise around something, or none."""
+    if not isinstance(value, Iterable):
+        raise InputError(f"corners is {value!r}; expected four places, or none")
+    corners = [checked_numbers(corner, name="corners", count=2, unit="m") for corner in value]
+    if len(corners) not in (0, 4):
+        raise InputError(f"corners has {len(corners)} places; expected four, or none")
+    area = sum(x0 * y1 - x1 * y0 for (x0, y0), (x1, y1) in zip(corners, corners[1:] + corners[:1], strict=True)) / 2
+    if corners and not area > 0:
+        raise InputError(f"corners is {corners}; expected four places, counterclockwise around the lid")
+    return tuple((x, y) for x, y in corners)
 
 
 @record
@@ -151,8 +161,9 @@ def remove_sheets(
     from above a small lid looks like the top of a box. Say `clutter="lid"` where you know of one: what is flat and
     largest is then the lid, wherever it ends.
 
-    Frames are the better place: an image has ripples from the aperture's edges, which are fitted too, by a factor of
-    each row and column.
+    Take wide sheets off the frames: an image has ripples from the aperture's edges, which are fitted, too, by a factor
+    of each row and column. Take a known lid that ends within the scene off the image: its edges go with it, also those
+    of one that is turned about z.
 
     Parameters
     ----------

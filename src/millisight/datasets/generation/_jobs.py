@@ -290,7 +290,8 @@ class _Scans:
                 world = worlds[background]
                 carton, _ = self._covers(world, folder, alone=True)
                 if self._rig.margin is not None and carton.size is not None:
-                    half = np.array(carton.size[:2]) / 2
+                    turn = rotation_from_euler_deg((0, 0, carton.turn_deg))
+                    half = (abs(turn) @ carton.size)[:2] / 2
                     size = cover(np.array([-half, half]), np.zeros(2), self._rig.margin)
                     world = _with_aperture(world, np.minimum(size, world.scan.size))
                 empty = {radar: _empty_folder(0, background) for radar in self._subtracted if radar in _folders(world)}

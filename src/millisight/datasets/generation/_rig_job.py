@@ -91,7 +91,7 @@ class RigJob:
         return {
             "folder": self.folder,
             "image_folder": self.image_folder,
-            "world": _plain(dataclasses.replace(self.world, folder=".")),
+            "world": _plain_world(self.world),
             "info": dict(self.info),
             "image": _plain(self.voxels),
             "beyond": list(self.beyond),
@@ -230,6 +230,14 @@ def cut_grid(
     axes = (low + step * np.arange(a, b + 1) for low, step, a, b in zip(lower, spacing, start, stop, strict=True))
     x, y, z = axes
     return VoxelGrid(x=x, y=y, z=z)
+
+
+def _plain_world(world: World) -> dict[str, Any]:
+    """A world as JSON holds it; without what an older version did not know, where it changes nothing."""
+    plain = _plain(dataclasses.replace(world, folder="."))
+    if plain["carton"] and not plain["carton"]["turn_deg"]:
+        del plain["carton"]["turn_deg"]
+    return plain
 
 
 def _plain(value: Any) -> Any:
