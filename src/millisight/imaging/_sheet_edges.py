@@ -1,8 +1,8 @@
 """Where a known lid lies: a rectangle, perhaps turned about z.
 
 Across its edges an image changes within a voxel or two, along them it is alike. Its turn is found in two steps: to some
-degrees by the smallest rectangle around the cells that echo like one mirror, and to some tenths of a degree as the one by
-which the image along the edges is most alike.
+degrees by the smallest rectangle around the cells that echo like one mirror, and to some tenths of a degree by how
+alike the image is along the edges.
 """
 
 from collections.abc import Callable
@@ -100,7 +100,7 @@ def rectangle_around(part: np.ndarray, x: np.ndarray, y: np.ndarray) -> LidPlace
 def sharpened(place: LidPlace, amplitude: np.ndarray, x: np.ndarray, y: np.ndarray) -> LidPlace:
     """The place with the turn by which the image along its edges is most alike, and edges at half of the amplitude.
 
-    One in line with the axes stays as it is, its edges right to a cell, unless it is surely turned and all of its corners
+    One in line with the axes stays as it is, its edges right to a cell, unless it is surely turned and all its corners
     are seen. A turn of less than about 1.5 degrees may count as none.
 
     Parameters
