@@ -25,7 +25,6 @@ from millisight.perception.segmentation import (
     WAVE_WEIGHTS,
     WaveSegmenter,
 )
-from millisight.perception.segmentation._wave import _bright
 from millisight.perception.training import BANDS, SCENE_PARTS
 from millisight.perception.training._bands import DEPTH
 from millisight.perception.training._scenes import footprint
@@ -111,18 +110,6 @@ def test_points_of_a_user_move_the_mask(wave, scene):
     assert not np.array_equal(yes, plain)
     with pytest.raises(InputError, match="indices below"):
         wave.probability(picture, Prompts(points=[[0, 1000]], positive=[True]))
-
-
-def test_of_covered_scenes_unsure_pixels_are_kept_where_they_are_bright():
-    probability, level = np.full((40, 40), 0.3), np.full((40, 40), 0.1)
-    probability[10:14, 10:14], level[10:14, 10:14] = 0.6, 1  # a likely object
-    probability[10:14, 14], level[10:14, 9] = 0.8, 0.3  # sure but dark; unsure, and 10 dB below the object
-    kept = np.ones((40, 40), bool)
-    kept[5:19, 5:19] = False  # within 2 cm
-    kept[10:14, 9:15] = True
-    np.testing.assert_array_equal(_bright(probability, level, (0.004, 0.004)), kept)
-    row = _bright(probability[:, 11:12], level[:, 11:12], (0.004, 0.0))
-    np.testing.assert_array_equal(row, kept[:, 11:12])
 
 
 def test_an_image_of_a_single_voxel_is_a_picture_too(wave):

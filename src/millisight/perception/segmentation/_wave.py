@@ -114,12 +114,6 @@ _PARTING = (0.55, 0.7, 0.85)  # further ones, at which an object and its lid's e
 _SMALLEST_PART = 0.1  # of a mask, as a share of its largest part
 _LEAST_AREA = 5e-5  # of what is left of a mask [m²]
 
-# Of covered scenes: where the network is less sure, an object's pixels are as bright as this, against the brightest
-# likely one nearby. Chosen on examples/recipes/looked-at.toml.
-_SURE, _LIKELY = 0.7, 0.5
-_BRIGHT_DB = -14
-_NEARBY = 0.02  # along x and y [m]
-
 _THERE = 0.5  # presence, by the second network, below which a covered scene is empty
 
 
@@ -200,19 +194,15 @@ class WaveSegmenter:
         *,
         before: np.ndarray | None = None,
         taken_db: float = 0.0,
-        covered: bool = False,
     ) -> np.ndarray:
         """(A, B) bool, its best mask on the canvas's own pixels, to train classifiers with; see `wave_input`.
 
-        Of a scene that is known to be `covered` as `segment` makes it, less what heights and the image's edges tell.
+        As `segment` makes it, but for what heights and the image's edges tell.
         """
         logits = self._logits(wave_input(power, other, before=before, taken_db=taken_db))
         probability = 1 / (1 + np.exp(-logits[: power.shape[0], : power.shape[1]]))
         cut = min(self.description["cut"], 0.9 * float(probability.max()))
-        mask = probability > cut
-        if covered:
-            mask &= _bright(probability, np.sqrt(power.max(axis=2)), (SPACING, SPACING))
-        return _without_small_parts(mask)
+        return _without_small_parts(probability > cut)
 
     def _logits(self, channels: np.ndarray) -> np.ndarray:
         """(A', B') of channels as of `wave_input`."""
@@ -222,9 +212,9 @@ class WaveSegmenter:
         """Masks that begin at several probabilities, the one that did best on the validation scenes first.
 
         Parts that are ghosts of a scan's steps, or lie no higher than the picture's support, are left out. Of a scene
-        that is known to be covered, dark pixels of which the network is not sure are left out, too, and parts that lie
-        no lower than the lid or beside it: the lid's edges, the walls below them, and grating lobes. Where an object
-        and such an edge are one part, higher probabilities part them.
+        that is known to be covered, parts that lie no lower than the lid or beside it are left out, too: what is left
+        of the lid's edges, the walls below them, and grating lobes. Where an object and such an edge are one part,
+        higher probabilities part them.
 
         The borders of what is left then follow the image's edges, see `at_edges`, where an echo is short along z, as at
         77 GHz. At 24 GHz the image is no finer than the network's pixels.
@@ -257,9 +247,8 @@ class WaveSegmenter:
         cleaned = without_sheets(image, frequency=HIGH_BAND, covered=picture.covered)
         sides = _pixel(image)
         if picture.covered:
-            bright = _bright(probability, cleaned.magnitude.max(axis=2), sides)
-            further = [(probability > c) & bright for c in _PARTING]
-            placed = judged_apart([mask & bright for mask in likely], further, lambda masks: _placed(masks, picture))
+            further = [probability > c for c in _PARTING]
+            placed = judged_apart(likely, further, lambda masks: _placed(masks, picture))
         else:
             placed = _placed(likely, picture)
         placed = [_without_small_parts(mask) for mask in placed]
@@ -305,25 +294,6 @@ def _channels_of(picture: Picture, prompts: Prompts | None) -> tuple[np.ndarray,
     points = _canvas_points(prompts, picture, x, y)
     taken = 0.0 if cleaned is image else taken_db(cleaned)
     return wave_input(power, other, points, before=before, taken_db=taken), x, y
-
-
-def _bright(probability: np.ndarray, level: np.ndarray, sides: Sequence[float]) -> np.ndarray:
-    """Pixels (A, B) of which the network is sure, or that are bright against the brightest likely one nearby.
-
-    What is dark between an object and its lid's edge is so left out, and no longer joins them to one part, which has
-    one height.
-
-    Parameters
-    ----------
-    probability : (A, B)
-    level : (A, B) brightest magnitude along z, sheets taken off
-    sides : of a pixel, along both axes [m]
-    """
-    from scipy.ndimage import maximum_filter
-
-    size = [2 * min(round(_NEARBY / side), n) + 1 if side else 1 for side, n in zip(sides, level.shape, strict=True)]
-    brightest = maximum_filter(np.where(probability > _LIKELY, level, 0), size)
-    return (probability > _SURE) | (level > 10 ** (_BRIGHT_DB / 20) * brightest)
 
 
 def _placed(masks: Sequence[np.ndarray], picture: Picture) -> list[np.ndarray]:

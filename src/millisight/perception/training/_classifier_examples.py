@@ -73,7 +73,6 @@ class FoundMasks:
                 scene.power(low) if both else None,
                 before=power_levels(scene.raw_power(band)),
                 taken_db=scene.taken_db[band],
-                covered=sheet_was_brightest(scene.taken_db[band]),
             )
             self._found[key] = scene, mask
         return self._found[key][1]
