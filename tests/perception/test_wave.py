@@ -345,16 +345,17 @@ def test_whether_anything_lies_there_is_asked_of_covered_scenes_at_77_ghz_alone(
     assert len(asked) == 24
 
 
-def test_a_scene_is_empty_if_it_is_so_however_it_is_turned(wave, scene, monkeypatch):
+@pytest.mark.parametrize(("seen_in", "empty", "asked"), [((6,), True, 8), ((6, 7), False, 7), ((1, 2), False, 2)])
+def test_a_scene_is_empty_if_hardly_a_view_of_it_shows_something(wave, scene, monkeypatch, seen_in, empty, asked):
     shown = []
 
-    def there_in_the_sixth(network, channels):
+    def there_in_some(network, channels):
         shown.append(channels[0, 0].tobytes())
-        return np.full((1, *channels.shape[2:]), 5.0 if len(shown) == 6 else -5.0, np.float32)
+        return np.full((1, *channels.shape[2:]), 5.0 if len(shown) in seen_in else -5.0, np.float32)
 
-    monkeypatch.setattr("millisight.perception.segmentation._wave.run_network", there_in_the_sixth)
-    assert not wave.empty(covered(scene, objects=1.0)[0])
-    assert len(shown) == len(set(shown)) == 6
+    monkeypatch.setattr("millisight.perception.segmentation._wave.run_network", there_in_some)
+    assert wave.empty(covered(scene, objects=1.0)[0]) == empty
+    assert len(shown) == len(set(shown)) == asked
 
 
 def test_weights_of_ones_own_judge_alone_unless_a_second_network_is_named(wave, scene):

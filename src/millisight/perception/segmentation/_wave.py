@@ -114,7 +114,8 @@ _PARTING = (0.55, 0.7, 0.85)  # further ones, at which an object and its lid's e
 _SMALLEST_PART = 0.1  # of a mask, as a share of its largest part
 _LEAST_AREA = 5e-5  # of what is left of a mask [m²]
 
-_THERE = 0.5  # presence, by the second network, below which a covered scene is empty
+_THERE = 0.2  # presence, by the second network, on average over the views of a covered scene; below, it is empty
+_VIEWS = 8  # rotations and reflections
 
 
 @SEGMENTERS.add("wave")
@@ -160,7 +161,7 @@ class WaveSegmenter:
         return 1 / (1 + np.exp(-fine))
 
     def empty(self, picture: Picture) -> bool:
-        """Whether nothing lies in a covered scene, however the image is turned, with the other band and without it.
+        """Whether nothing lies in a covered scene, by all views of its image, with the other band and without it.
 
         It is the second network's word, which marks objects less well. In sight it takes a lone ball's glint for the
         floor's, and is not asked; nor where an echo is long along z, as at 24 GHz alone.
@@ -177,13 +178,14 @@ class WaveSegmenter:
         # Where the other band takes a flat top for a sheet, the image alone may show it.
         alone = dataclasses.replace(picture, other_band=None)
         for one in (alone,) if picture.other_band is None else (alone, picture):
-            channels, x, y = _channels_of(one, None)
+            (channels, x, y), total = _channels_of(one, None), 0.0
             for mirrored in (False, True):
                 for quarters in range(4):
                     turned = np.rot90(channels[:, ::-1] if mirrored else channels, quarters, axes=(1, 2))
                     logits = np.rot90(run_network(self._judge, np.ascontiguousarray(turned)[None])[0], -quarters)
                     inner = (logits[::-1] if mirrored else logits)[: len(x), : len(y)]
-                    if presence(1 / (1 + np.exp(-inner))) >= _THERE:
+                    total += presence(1 / (1 + np.exp(-inner)))
+                    if total >= _THERE * _VIEWS:  # whatever the others say
                         return False
         return True
 
