@@ -40,7 +40,8 @@ def thresholds(roots: Sequence[Path]) -> dict[tuple[str, str, float], dict[str, 
         for files in datasets.find_scenes(datasets.open(root)):
             scene = files.read(truth="exact", view=False)
             image, truth = scene.images[HIGH], scene.truth[HIGH]
-            for kind, one in zip(SEEN, (image, without_sheets(image)), strict=True):
+            cleaned = without_sheets(image, covered=scene.sight != "los")  # as `wave` has it
+            for kind, one in zip(SEEN, (image, cleaned), strict=True):
                 power = project(one).power
                 for level in LEVELS:
                     mask = ms.Mask(grid_xy=truth.grid_xy, inside=power > level)
