@@ -358,6 +358,21 @@ def test_a_scene_is_empty_if_hardly_a_view_of_it_shows_something(wave, scene, mo
     assert len(shown) == len(set(shown)) == asked
 
 
+@pytest.mark.parametrize(("likely", "half", "found"), [(0.9, 8, True), (0.7, 8, False), (0.9, 4, False)])
+def test_a_large_mask_of_which_the_first_network_is_sure_needs_no_second_one(
+    wave, scene, monkeypatch, likely, half, found
+):
+    """Flat bricks pass for a carton's floor."""
+    monkeypatch.setattr(WaveSegmenter, "empty", lambda self, picture: True)
+    monkeypatch.setattr("millisight.perception.segmentation._wave._placed", lambda masks, picture: list(masks))
+    monkeypatch.setattr("millisight.perception.segmentation._wave.at_edges", lambda masks, *_: list(masks))
+    alone = covered(scene, objects=1.0)[0]
+    middle = np.zeros(alone.shape, np.float32)
+    middle[20 - half : 20 + half, 20 - half : 20 + half] = likely  # (2 half 4 mm)²
+    monkeypatch.setattr(WaveSegmenter, "probability", lambda *_: middle)
+    assert wave.segment(alone).masks.any() == found
+
+
 def test_weights_of_ones_own_judge_alone_unless_a_second_network_is_named(wave, scene):
     empty = covered(scene, objects=0.0)[0]
     assert not WaveSegmenter(WAVE_WEIGHTS).empty(empty)

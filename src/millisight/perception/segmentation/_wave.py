@@ -116,6 +116,9 @@ _LEAST_AREA = 5e-5  # of what is left of a mask [m²]
 
 _THERE = 0.2  # presence, by the second network, on average over the views of a covered scene; below, it is empty
 _VIEWS = 8  # rotations and reflections
+# Unless the first network is so sure of so large a mask: flat bricks pass for a floor, but a tripod's plate is smaller.
+# Chosen on examples/recipes/looked-at.toml and sets like it.
+_SURE, _SURE_AREA = 0.8, 22e-4  # mean probability, and area [m²]
 
 
 @SEGMENTERS.add("wave")
@@ -222,7 +225,8 @@ class WaveSegmenter:
         77 GHz. At 24 GHz the image is no finer than the network's pixels.
 
         Where nothing is found the only mask is empty: the mean of the 16 highest probabilities is less than that of
-        99 % of the validation scenes with an object, with the other band and without it; or a covered scene is `empty`.
+        99 % of the validation scenes with an object, with the other band and without it; or a covered scene is `empty`,
+        and the mask is smaller than 22 cm² or its mean probability below 0.8.
 
         A mask's score is the intersection over union that the probabilities let expect of it; the first one's is at
         least as high as the others'.
@@ -233,8 +237,6 @@ class WaveSegmenter:
             As `probability`.
         """
         nothing = Candidates(masks=np.zeros((1, *picture.shape), bool), scores=np.ones(1))
-        if prompts is None and self.empty(picture):
-            return nothing
         probability = self.probability(picture, prompts)
         least = self.description.get("least", self.description["cut"])
         if presence(probability) < least and picture.other_band is not None:
@@ -259,7 +261,9 @@ class WaveSegmenter:
             placed = [_without_small_parts(mask) for mask in edged]
         masks = np.stack(placed)
         if not masks[0].any():
-            return Candidates(masks=masks[:1], scores=np.ones(1))
+            return nothing
+        if prompts is None and not _surely(masks[0], probability, sides) and self.empty(picture):
+            return nothing
         scores = np.array([_expected_iou(mask, probability) for mask in masks])
         scores[0] = scores.max()
         order = np.argsort(-scores, kind="stable")
@@ -296,6 +300,11 @@ def _channels_of(picture: Picture, prompts: Prompts | None) -> tuple[np.ndarray,
     points = _canvas_points(prompts, picture, x, y)
     taken = 0.0 if cleaned is image else taken_db(cleaned)
     return wave_input(power, other, points, before=before, taken_db=taken), x, y
+
+
+def _surely(mask: np.ndarray, probability: np.ndarray, sides: Sequence[float]) -> bool:
+    """Whether a mask that is not empty is so large, and its probability so high, that no second network is asked."""
+    return bool(mask.sum() * np.prod(sides) >= _SURE_AREA and probability[mask].mean() >= _SURE)
 
 
 def _placed(masks: Sequence[np.ndarray], picture: Picture) -> list[np.ndarray]:
