@@ -86,15 +86,21 @@ def rectangle_around(part: np.ndarray, x: np.ndarray, y: np.ndarray) -> LidPlace
     rows = np.flatnonzero(part.any(axis=1))
     first, last = part[rows].argmax(axis=1), part.shape[1] - 1 - part[rows, ::-1].argmax(axis=1)
     i, j = np.tile(rows, 2), np.concatenate([first, last])  # the others lie between these
-    half, found = sides_of(x, y) / 2, []
-    for turn in (0.0, *_COARSE) if min(part.shape) > 1 else (0.0, 0.0):
-        along = LidPlace(turn, half, half).along(x[i], y[j])
-        place = LidPlace(
-            float(turn), *(np.array([f(one) for one in along]) + h for f, h in ((np.min, -half), (np.max, half)))
-        )
-        found.append((float(np.prod(place.upper - place.lower)), place))
-    best = min(found[1:], key=lambda one: one[0])
-    return best[1] if best[0] < _STRAIGHT * found[0][0] else found[0][1]
+    half = sides_of(x, y) / 2
+
+    def around(turn: float) -> LidPlace:
+        along = np.stack(LidPlace(turn, half, half).along(x[i], y[j]))
+        return LidPlace(turn, along.min(axis=1) - half, along.max(axis=1) + half)
+
+    straight = around(0.0)
+    if min(part.shape) == 1:  # of one row a turn means nothing
+        return straight
+    best = min((around(float(turn)) for turn in _COARSE), key=_area)
+    return best if _area(best) < _STRAIGHT * _area(straight) else straight
+
+
+def _area(place: LidPlace) -> float:
+    return float(np.prod(place.upper - place.lower))
 
 
 def sharpened(place: LidPlace, amplitude: np.ndarray, x: np.ndarray, y: np.ndarray) -> LidPlace:
@@ -179,12 +185,9 @@ def _profiles(
     place: LidPlace, amplitude: np.ndarray, x: np.ndarray, y: np.ndarray, step: float
 ) -> list[tuple[np.ndarray, float]]:
     """The mean amplitude over each of its own axes, in bins of a `step`, and where the first bin begins [m]."""
-    along = place.along(x[:, None], y)
-    rim = _ENDS * (place.upper - place.lower)
-    made = []
+    along, made = place.along(x[:, None], y), []
     for axis in (0, 1):
-        other = along[1 - axis]
-        beside = (other > place.lower[1 - axis] + rim[1 - axis]) & (other < place.upper[1 - axis] - rim[1 - axis])
+        beside = _beside(place, along, axis)
         first = float(along[axis].min())  # the middle of the first bin
         bins = np.rint((along[axis][beside] - first) / step).astype(int)
         counts = np.bincount(bins)
@@ -192,6 +195,13 @@ def _profiles(
         means = np.bincount(bins, weights=amplitude[beside])[filled] / counts[filled]
         made.append((np.interp(np.arange(len(counts)), filled, means), first - step / 2))
     return made
+
+
+def _beside(place: LidPlace, along: tuple[np.ndarray, np.ndarray], axis: int) -> np.ndarray:
+    """Whether pixels, `along` its own axes [m], lie beside the edges across an axis, and not near the ends of these."""
+    low, high, other = place.lower[1 - axis], place.upper[1 - axis], along[1 - axis]
+    rim = _ENDS * (high - low)
+    return (other > low + rim) & (other < high - rim)
 
 
 def _unlike(place: LidPlace, pixels: tuple[np.ndarray, np.ndarray, np.ndarray], step: float) -> float:
@@ -203,11 +213,9 @@ def _unlike(place: LidPlace, pixels: tuple[np.ndarray, np.ndarray, np.ndarray], 
     pixels : x, y [m] and amplitude (N,) of those near its edges
     step : between pixels [m]; bins are half as wide
     """
-    rim, left, whole = _ENDS * (place.upper - place.lower), 0.0, 0.0
-    along = place.along(*pixels[:2])
+    along, left, whole = place.along(*pixels[:2]), 0.0, 0.0
     for axis in (0, 1):
-        mine, other = along[axis], along[1 - axis]
-        beside = (other > place.lower[1 - axis] + rim[1 - axis]) & (other < place.upper[1 - axis] - rim[1 - axis])
+        mine, beside = along[axis], _beside(place, along, axis)
         for edge in (place.lower[axis], place.upper[axis]):
             near = beside & (abs(mine - edge) < _STRIP)
             if near.any():
