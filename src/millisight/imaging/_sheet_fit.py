@@ -41,6 +41,7 @@ _FAR_OFF = 1e6  # of these scales: the weight is nothing, and within float32's r
 _OUTSIDE, _LEAST_RIM = 0.2, 0.75  # of an axis, at either end; of a cell
 _INSIDE = 0.1  # weight of cells away from the border before anything is fitted: objects are there
 _BRIGHTER = 2.5  # than the sheet: something else
+_PROFILES = 5  # rounds in which a lid's profile is found
 _LID_LEVEL, _LID_EDGE = 0.95, 0.5  # quantile that is a lid's amplitude or more; share of its median at its edges
 _SUPPORT = 0.3  # of the sheet's amplitude: where it is seen
 
@@ -176,7 +177,8 @@ def lid_place(cells: Cells, wave_number: float) -> LidPlace | None:
     basis = _principal(raw)
     phase = _linear_phase(raw @ basis.conj(), cells, wave_number)
     flat = cells.values(phase) * looked_at[..., None] @ basis.conj()
-    strength = np.linalg.norm(_local(flat, looked_at.astype(np.float32), cells, zone), axis=2)
+    local = _local(flat, looked_at.astype(np.float32), cells, zone)
+    strength = _of_one_profile(local, _coherence(flat, cells, zone) * looked_at)
     # An object that shines through it is smaller, and does not move the median.
     seen = strength[strength > _SUPPORT * np.quantile(strength, _LID_LEVEL)]
     parts, count = label(strength > _LID_EDGE * np.median(seen))
@@ -184,6 +186,24 @@ def lid_place(cells: Cells, wave_number: float) -> LidPlace | None:
         return None
     largest = int(np.bincount(parts.ravel())[1:].argmax()) + 1
     return rectangle_around(parts == largest, cells.x, cells.y)
+
+
+def _of_one_profile(local: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """(X, Y) what local means (X, Y, C) hold of the profile that most of them share.
+
+    A lid's echo comes from one distance, but its grating lobes, which may be as bright and as wide, lie higher: their
+    profiles differ from its own. The profile is the strongest principal component of the means, all alike strong; from
+    round to round those that differ from it count less.
+    """
+    strength = np.linalg.norm(local, axis=2)
+    usual = _SUPPORT * np.quantile(strength, _LID_LEVEL)
+    alike = local / np.maximum(strength, max(float(usual), 1e-30))[..., None]
+    share = np.ones_like(strength)
+    for _ in range(_PROFILES):
+        weighted = (alike * (weights * share)[..., None]).reshape(-1, alike.shape[2])
+        profile = np.linalg.eigh(weighted.T @ weighted.conj())[1][:, -1]
+        share = np.abs(alike @ profile.conj()) ** 2
+    return np.abs(local @ profile.conj())
 
 
 def agreement(misfit: np.ndarray, support: np.ndarray, level: float) -> np.ndarray:

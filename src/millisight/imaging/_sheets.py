@@ -279,7 +279,7 @@ def _search(
             if clutter == "lid" and not sheets:
                 # What a lid's edges and grating lobes add up to may pass for a sheet, a worse one than the lid.
                 lid = _lid(echoes, wave_number, lowest, first)
-                if lid is not None and lid[1].area * lid[1].explained > sheet.area * sheet.explained:
+                if lid is not None and lid[1].explained > sheet.explained:
                     fit, sheet = lid
                     left.clear()
             sheets.append(replace(sheet, power=echoes.take(fit)))
