@@ -361,6 +361,44 @@ def test_a_known_lid_goes_before_what_its_edges_add_up_to(path):
 
 
 @pytest.mark.slow
+@pytest.mark.slow
+@pytest.mark.parametrize("turn_deg", [0, 30])
+def test_grating_lobes_beside_a_lid_are_no_part_of_it(turn_deg):
+    """Where positions are as far apart as voxels, lobes look like mirrors, too: brighter than the lid, but higher."""
+    grid = ms.VoxelGrid.regular((-0.12, -0.2, -0.28), (0.12, 0.2, -0.14), (0.0025, 0.0025, 0.01))
+    path = ms.Trajectory.raster(size=(0.25, 0.4), step=0.0025, center=(0, 0, 0))
+    turn = rotation_from_euler_deg((0, 0, turn_deg))
+    poses = ms.Trajectory(times=path.times, positions=path.positions @ turn)
+    sides = [(axis, sign * half, -sign) for axis, half in enumerate((0.06, 0.09)) for sign in (-1, 1)]
+    frames = mirror(RADAR, poses, -0.2, tilt_deg=(1, -1), sides=sides)
+    lid, under = (image_of(one, path, grid).values for one in (frames, points(RADAR, path, strength=0.005)))
+    beside, level = abs(grid.y) > 0.14, abs(grid.z + 0.2) < 0.025
+    of_lid = np.ix_(np.ones(len(grid.x), dtype=bool), ~beside, level)
+    assert abs(lid[:, beside]).max() > abs(lid[of_lid]).max()
+    found = remove_sheets(ms.SarImage(grid=grid, values=lid + under), frequency=FREQUENCY, clutter="lid")
+    first = found.sheets[0]
+    u, v = np.einsum("ji,j...->i...", turn[:2, :2], np.stack(np.meshgrid(grid.x, grid.y, indexing="ij")))
+    assert (first.box_on(grid.xy) == ((abs(u) < 0.06) & (abs(v) < 0.09))).mean() > 0.97
+    assert left_of(found.result.values[of_lid], under[of_lid], lid[of_lid]) < 0.02
+
+
+@pytest.mark.slow
+def test_a_bright_box_below_is_not_taken_for_a_lid_at_the_top_of_the_grid():
+    grid = ms.VoxelGrid.regular((-0.12, -0.14, -0.28), (0.12, 0.14, -0.14), (0.0025, 0.0025, 0.01))
+    path = ms.Trajectory.raster(size=(0.25, 0.3), step=0.0022, center=(0, 0, 0))
+
+    def mirrored(height, half, **how):
+        sides = [(axis, sign * side, -sign) for axis, side in enumerate(half) for sign in (-1, 1)]
+        return image_of(mirror(RADAR, path, height, sides=sides, **how), path, grid).values
+
+    lid = mirrored(-0.14, (0.1, 0.11), tilt_deg=(1, -1))
+    box = mirrored(-0.2, (0.05, 0.06), strength=0.2)
+    found = remove_sheets(ms.SarImage(grid=grid, values=lid + box), frequency=FREQUENCY, clutter="lid")
+    (one,) = found.sheets
+    assert one.height == pytest.approx(-0.14, abs=0.005)
+    assert left_of(found.result.values, box, lid) < 0.02
+
+
 def test_history_files_and_precision(path, spots, tmp_path):
     capture = capture_of(RADAR, path, spots + mirror(RADAR, path, -0.2))
     cleaned = remove_sheets(capture).result

@@ -22,11 +22,13 @@ from scipy.interpolate import BSpline
 from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.ndimage import uniform_filter1d
 
-from millisight.imaging._sheet_edges import LidPlace, all_of, rectangle_around, sides_of
+from millisight.imaging._sheet_edges import LidPlace, all_of, sides_of
 from millisight.imaging._sheet_ripples import rippled, spread_on_grid, total_of_grid
 
 STEEPEST_DEG = 8.0
 """Tilt of a sheet at most: what is steeper is not taken for one."""
+SUPPORT = 0.3
+"""Share of a sheet's amplitude from which on it is seen."""
 
 _DISTANCE = 0.2  # of a sheet [m], at which a Fresnel zone is as wide as the knots of the splines are apart
 _MOST_BENT = 1.0  # curvature of a sheet at most [1/m]; a point at distance d looks like a mirror of curvature 1 / d
@@ -41,9 +43,6 @@ _FAR_OFF = 1e6  # of these scales: the weight is nothing, and within float32's r
 _OUTSIDE, _LEAST_RIM = 0.2, 0.75  # of an axis, at either end; of a cell
 _INSIDE = 0.1  # weight of cells away from the border before anything is fitted: objects are there
 _BRIGHTER = 2.5  # than the sheet: something else
-_PROFILES = 5  # rounds in which a lid's profile is found
-_LID_LEVEL, _LID_EDGE = 0.95, 0.5  # quantile that is a lid's amplitude or more; share of its median at its edges
-_SUPPORT = 0.3  # of the sheet's amplitude: where it is seen
 
 
 class Cells(NamedTuple):
@@ -124,9 +123,9 @@ def fit_sheet(cells: Cells, wave_number: float, *, ripples: bool, place: LidPlac
     raw = cells.values(None) * looked_at[..., None]
     if not raw.any():
         return None
-    zone = float(np.sqrt(np.pi * _DISTANCE / wave_number))  # sqrt(wavelength distance / 2)
-    basis = _principal(raw)
-    phase = _linear_phase(raw @ basis.conj(), cells, wave_number)
+    zone = fresnel_zone(wave_number)
+    basis = principal(raw)
+    phase = linear_phase(raw @ basis.conj(), cells, wave_number)
     rim = np.maximum(_OUTSIDE * (looked_in.upper - looked_in.lower), _LEAST_RIM * sides_of(cells.x, cells.y))
     outside = within & ~looked_in.inside(cells.x[:, None], cells.y, rim)
     for last in (False,) * _ROUNDS + (True,):
@@ -135,7 +134,7 @@ def fit_sheet(cells: Cells, wave_number: float, *, ripples: bool, place: LidPlac
         if not level > 0:
             return None
         if not last:
-            phase = _refined(phase, _local(flat, weights, cells, zone), weights, cells, wave_number)
+            phase = _refined(phase, local_means(flat, weights, cells, zone), weights, cells, wave_number)
     knots = _knots(cells.x, zone), _knots(cells.y, zone)
     matrices = spline_matrix(cells.x, knots[0]), spline_matrix(cells.y, knots[1])
     rest = np.zeros_like(flat)
@@ -146,7 +145,7 @@ def fit_sheet(cells: Cells, wave_number: float, *, ripples: bool, place: LidPlac
             rest = rippled(flat, smooth, weights * cells.counts, total_of_grid, spread_on_grid, factors=1) - smooth
         misfit, amplitude = np.linalg.norm(flat - smooth - rest, axis=2), np.linalg.norm(smooth, axis=2)
         level = _typical(amplitude, weights * amplitude**2)
-        support = (amplitude > _SUPPORT * level) & looked_at
+        support = (amplitude > SUPPORT * level) & looked_at
         if not support.any():
             return None
         weights = looked_at * agreement(misfit, support, level)
@@ -165,45 +164,9 @@ def fit_sheet(cells: Cells, wave_number: float, *, ripples: bool, place: LidPlac
     )
 
 
-def lid_place(cells: Cells, wave_number: float) -> LidPlace | None:
-    """The rectangle around the largest part that echoes like one mirror, level or tilted; None if there is none."""
-    from scipy.ndimage import label
-
-    looked_at = cells.counts > 0
-    raw = cells.values(None) * looked_at[..., None]
-    if not raw.any():
-        return None
-    zone = float(np.sqrt(np.pi * _DISTANCE / wave_number))
-    basis = _principal(raw)
-    phase = _linear_phase(raw @ basis.conj(), cells, wave_number)
-    flat = cells.values(phase) * looked_at[..., None] @ basis.conj()
-    local = _local(flat, looked_at.astype(np.float32), cells, zone)
-    strength = _of_one_profile(local, _coherence(flat, cells, zone) * looked_at)
-    # An object that shines through it is smaller, and does not move the median.
-    seen = strength[strength > _SUPPORT * np.quantile(strength, _LID_LEVEL)]
-    parts, count = label(strength > _LID_EDGE * np.median(seen))
-    if not count:
-        return None
-    largest = int(np.bincount(parts.ravel())[1:].argmax()) + 1
-    return rectangle_around(parts == largest, cells.x, cells.y)
-
-
-def _of_one_profile(local: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """(X, Y) what local means (X, Y, C) hold of the profile that most of them share.
-
-    A lid's echo comes from one distance, but its grating lobes, which may be as bright and as wide, lie higher: their
-    profiles differ from its own. The profile is the strongest principal component of the means, all alike strong; from
-    round to round those that differ from it count less.
-    """
-    strength = np.linalg.norm(local, axis=2)
-    usual = _SUPPORT * np.quantile(strength, _LID_LEVEL)
-    alike = local / np.maximum(strength, max(float(usual), 1e-30))[..., None]
-    share = np.ones_like(strength)
-    for _ in range(_PROFILES):
-        weighted = (alike * (weights * share)[..., None]).reshape(-1, alike.shape[2])
-        profile = np.linalg.eigh(weighted.T @ weighted.conj())[1][:, -1]
-        share = np.abs(alike @ profile.conj()) ** 2
-    return np.abs(local @ profile.conj())
+def fresnel_zone(wave_number: float) -> float:
+    """sqrt(wavelength distance / 2) [m] of a sheet at a usual distance, over which it is looked at as one."""
+    return float(np.sqrt(np.pi * _DISTANCE / wave_number))
 
 
 def agreement(misfit: np.ndarray, support: np.ndarray, level: float) -> np.ndarray:
@@ -245,7 +208,7 @@ def _knots(axis: np.ndarray, zone: float) -> np.ndarray:
     return axis[0] + extent / pieces * np.arange(-3, pieces + 4)
 
 
-def _principal(values: np.ndarray) -> np.ndarray:
+def principal(values: np.ndarray) -> np.ndarray:
     """(C, K) the strongest principal components of the channels, no cell counting more than the median one."""
     clipped = _clipped(values.reshape(-1, values.shape[2]))
     if clipped.shape[1] <= clipped.shape[0]:
@@ -264,7 +227,7 @@ def _clipped(values: np.ndarray) -> np.ndarray:
     return values * (usual / np.maximum(strength, usual)).astype(np.float32)
 
 
-def _linear_phase(values: np.ndarray, cells: Cells, wave_number: float) -> Phase:
+def linear_phase(values: np.ndarray, cells: Cells, wave_number: float) -> Phase:
     """The linear phase whose plane wave the values hold most of, no steeper than a sheet may be."""
     x_window, y_window = (np.hanning(n + 2)[1:-1].astype(np.float32) for n in values.shape[:2])
     tapered = _clipped(values) * (x_window[:, None, None] * y_window[:, None])
@@ -291,15 +254,15 @@ def _first_weights(flat: np.ndarray, cells: Cells, zone: float, outside: np.ndar
     """
     looked_at = cells.counts > 0
     amplitude = np.linalg.norm(flat, axis=2)
-    trust = _trust(_coherence(flat, cells, zone)) * looked_at
+    trust = _trust(coherence(flat, cells, zone)) * looked_at
     bright = np.minimum(amplitude, np.quantile(amplitude, 0.95)) ** 2
     level = _typical(amplitude[outside], (trust * bright)[outside])
-    weights = np.where(amplitude < _SUPPORT * level, 1.0, trust) * looked_at
+    weights = np.where(amplitude < SUPPORT * level, 1.0, trust) * looked_at
     weights = np.where(amplitude > _BRIGHTER * level, 0.0, weights)
     return np.where(outside, weights, _INSIDE * weights), level
 
 
-def _coherence(flat: np.ndarray, cells: Cells, zone: float) -> np.ndarray:
+def coherence(flat: np.ndarray, cells: Cells, zone: float) -> np.ndarray:
     """(X, Y) share of the energy about each cell that is in the mean there."""
     sizes = _sizes(cells, _WINDOW * zone)
     filled = np.maximum(_averaged((cells.counts > 0).astype(np.float32), sizes), 1e-6)
@@ -308,7 +271,7 @@ def _coherence(flat: np.ndarray, cells: Cells, zone: float) -> np.ndarray:
     return (np.abs(mean) ** 2).sum(axis=2) / filled / np.maximum(energy, 1e-30)
 
 
-def _local(flat: np.ndarray, weights: np.ndarray, cells: Cells, zone: float) -> np.ndarray:
+def local_means(flat: np.ndarray, weights: np.ndarray, cells: Cells, zone: float) -> np.ndarray:
     """(X, Y, C) weighted means about each cell, in which another sheet of another tilt is weaker."""
     sizes = _sizes(cells, zone)
     weighted = flat * weights.astype(np.float32)[..., None]

@@ -34,6 +34,7 @@ _LEAST_BORDER = 0.25  # of the scene's, that a sheet reaches
 _LEAST_SHARE = 0.15  # of the scene
 _LARGE = 0.06  # sheets so large are no object's top [m²]
 _LEAST_LID = 0.004  # what ends within the scene and is smaller is no lid [m²]
+_WITHIN, _GOES_ON = 0.01, 0.1  # farther within a lid's edges [m]; weight of its cells where a wide sheet goes on
 _SAME = 0.6  # of the cells of either fit, where both found the same lid
 _RING = 2  # cells along the scene's border
 _ATTEMPTS = 4  # flat things that are looked at, besides the sheets that are taken
@@ -277,9 +278,8 @@ def _search(
         wide = float(fit.support.mean()) >= _LEAST_SHARE and (sheet.border >= _LEAST_BORDER or sheet.area >= _LARGE)
         if wide and sheet.height >= lowest:
             if clutter == "lid" and not sheets:
-                # What a lid's edges and grating lobes add up to may pass for a sheet, a worse one than the lid.
                 lid = _lid(echoes, wave_number, lowest, first)
-                if lid is not None and lid[1].explained > sheet.explained:
+                if lid is not None and _better(lid, fit, sheet, cells):
                     fit, sheet = lid
                     left.clear()
             sheets.append(replace(sheet, power=echoes.take(fit)))
@@ -300,9 +300,10 @@ def _lid(
     In frames the `whole` fit, over all cells, is preferred where it found the same: a lid's edges echo to poses beside
     it as well.
     """
-    from millisight.imaging._sheet_fit import fit_sheet, lid_place
+    from millisight.imaging._sheet_fit import fit_sheet
+    from millisight.imaging._sheet_place import lid_place
 
-    place = lid_place(echoes.cells, wave_number)
+    place = lid_place(echoes.cells, wave_number, lobes=echoes.ripples)
     fit = None if place is None else fit_sheet(echoes.cells, wave_number, ripples=echoes.ripples, place=place)
     if fit is None or fit.explained < _LEAST_EXPLAINED["lid"]:
         return None
@@ -313,6 +314,21 @@ def _lid(
     fit = echoes.sharpened(fit)
     lid = _told(fit, echoes.cells, echoes.height(fit), wave_number)
     return (fit, lid) if lid.area >= _LEAST_LID and lid.height >= lowest else None
+
+
+def _better(lid: "tuple[SheetFit, DetectedSheet]", whole: "SheetFit", sheet: DetectedSheet, cells: "Cells") -> bool:
+    """Whether a lid is rather taken than a sheet that was found over all cells.
+
+    With its edges and grating lobes a lid may pass for a wider sheet, which explains less. But where the wide sheet
+    does not go on, the `lid` may be a bright top below it: then it must explain as much in all.
+    """
+    fit, told = lid
+    if told.area * told.explained > sheet.area * sheet.explained:
+        return True
+    if fit.place is None or told.explained <= sheet.explained:
+        return False
+    inside = fit.place.wider(-_WITHIN).inside(cells.x[:, None], cells.y)
+    return bool(inside.any()) and float(np.median(whole.weights[inside])) > _GOES_ON
 
 
 def _reason(left: tuple[DetectedSheet, ...], lowest: float) -> str:
