@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from millisight.calibration import RadarCalibration
 
 
-_BORDER = 0.05  # of the scan's, that a lid which ends within it may reach
+_BORDER = 0.12  # of the scan's, that a lid which ends within it may reach, by its corners too
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,10 +210,24 @@ def _told(found: SheetRemoval[Any], clutter: str) -> Any:
     if clutter != "none":
         what = "image" if isinstance(found.result, SarImage) else "frames"
         for sheet in found.sheets:
-            say(f"clutter: a sheet taken off the {what}: {sheet}; {100 * sheet.power:.0f} % of its power")
+            _tell(sheet, what)
         if not found.sheets:
             say(f"clutter: nothing taken off the {what}: {found.reason}")
     return found.result
+
+
+def tell_sheets(metadata: Mapping[str, Any], clutter: str, what: str) -> None:
+    """Say which sheets were taken off an image or frames, `what`, before the result with these metadata was made."""
+    steps = [step for step in metadata.get("history", ()) if step.get("step") == "remove_sheets"]
+    for step in steps:
+        for sheet in step["sheets"]:
+            _tell(DetectedSheet(**sheet), what)
+    if clutter != "none" and not steps:
+        say(f"clutter: nothing taken off the {what}: no sheet is sure")
+
+
+def _tell(sheet: DetectedSheet, what: str) -> None:
+    say(f"clutter: a sheet taken off the {what}: {sheet}; {100 * sheet.power:.0f} % of its power")
 
 
 def _ends_within(sheet: DetectedSheet, grid: VoxelGrid) -> bool:

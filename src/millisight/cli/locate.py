@@ -7,7 +7,7 @@ import typer
 
 from millisight.cli.console import answer_json, answer_table, json_only, optional_length, progress, say
 from millisight.cli.grids import check_memory, parse_grid
-from millisight.cli.image_steps import one_capture
+from millisight.cli.image_steps import one_capture, tell_sheets
 from millisight.cli.options import DataFolder, FalseAlarms, RadarChoice, SheetClutter, SupportHeight
 from millisight.cli.outputs import check_outputs
 from millisight.core import check_known, printable, write_text
@@ -103,6 +103,7 @@ def locate(
                 capture, meshes, voxels, clutter=clutter, false_alarms=false_alarms, support=floor,
                 materials=materials, progress=report,
             )  # fmt: skip
+        tell_sheets(found.points.metadata, clutter, "frames")
         say(f"{len(found.points)} oriented points")
         for pose in found.poses:
             say(f"{pose.name}: {pose.symmetry}")

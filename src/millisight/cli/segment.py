@@ -69,7 +69,7 @@ def segment(
         typer.Option(
             "--instances",
             help="Find every object, and write one file with a mask for each (IMAGE.instances.h5) and a picture in "
-            "colours. Take a carton's lid off before: `millisight image --clutter lid`.",
+            "colours. Under a carton's lid: --condition nlos.",
         ),
     ] = False,
     volume: Annotated[
@@ -155,8 +155,6 @@ def segment(
 
     Example: millisight segment mug.image.h5 --volume
     """
-    if instances and support is not None:
-        raise InputError("--support is for the mask of one object; leave it out, or leave out --instances")
     if instances and volume:
         raise InputError("--instances gives masks of pixels, and --volume a mask of voxels; pass one of them")
     with json_only(as_json):
@@ -208,9 +206,9 @@ def segment(
         image, other = source.images()
         found = segment_instances(
             image, other_band=other, method=by, prompts=given, rng=seed, condition=source.condition, values=values,
-            largest=share,
+            largest=share, support=height,
         )  # fmt: skip
-        _write_instances(to, found, source, method=None if by is None else by.name, values=values)
+        _write_instances(to, found, source, method=None if by is None else by.name, values=values, support=height)
         if drawn is not None:
             from millisight.viz import plot_instances, save_figure
 
@@ -265,7 +263,9 @@ def _entry(
     }  # fmt: skip
 
 
-def _write_instances(to: Path, found: Instances, source: ImageSource, *, method: str | None, values: str) -> None:
+def _write_instances(
+    to: Path, found: Instances, source: ImageSource, *, method: str | None, values: str, support: float | None
+) -> None:
     """The instances, and in their file how they were made."""
     from millisight.io import save
     from millisight.io.mito import origin
@@ -274,14 +274,16 @@ def _write_instances(to: Path, found: Instances, source: ImageSource, *, method:
         "image": origin(source.path),
         "other_band": None if source.other is None else origin(source.other),
         "method": method,
+        "condition": source.condition,
         "values": values,
+        **({} if support is None else {"support": support}),
     }
     save(to, found, extras={"segmentation": provenance})
     sizes = ", ".join(str(int(mask.inside.sum())) for mask in found)
     count = f"{len(found)} object{'' if len(found) == 1 else 's'}" + (f" of {sizes} pixels" if sizes else "")
     say(f"{source.name}: {count}; wrote {to}")
-    if not len(found):
-        say("  if a lid or a cloth covers the scene, take its echo off first: millisight image --clutter lid")
+    if not len(found) and source.condition != "nlos":
+        say("  if a lid or a cloth covers the scene, say so: --condition nlos")
 
 
 def mask_of(

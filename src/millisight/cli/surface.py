@@ -9,7 +9,7 @@ import typer
 from millisight.cli.console import SMALL, answer_json, json_only, optional_length, progress, say
 from millisight.cli.grids import check_memory, parse_grid
 from millisight.cli.image_sources import read_as
-from millisight.cli.image_steps import one_capture
+from millisight.cli.image_steps import one_capture, tell_sheets
 from millisight.cli.options import DataFolder, FalseAlarms, RadarChoice, SheetClutter, SupportHeight
 from millisight.cli.outputs import check_outputs
 from millisight.core import atomic_path, check_known, checked_colormap, printable
@@ -136,6 +136,7 @@ def surface(
             opened, grid, clutter=clutter, false_alarms=false_alarms, frequency=frequency,
             window=None if window == "none" else window, support=rests_on,
         )  # fmt: skip
+        tell_sheets(found.metadata, clutter, "frames" if isinstance(opened, Capture) else "image")
         say(f"{len(found)} oriented points")
         from millisight.geometry import surface as surface_of
 

@@ -13,7 +13,12 @@ _SEEN = 0.03  # of a side, that tells whether it does [m]
 
 
 def between(
-    inside: np.ndarray, image: SarImage, *, support: float | None = None, lid: float | None = None
+    inside: np.ndarray,
+    image: SarImage,
+    *,
+    support: float | None = None,
+    lid: float | None = None,
+    surely: bool = False,
 ) -> np.ndarray:
     """The parts of a mask whose echo lies above the support and below the lid.
 
@@ -23,13 +28,14 @@ def between(
     height is known, the image tells heights.
 
     Where the support is unknown and nothing would be left below the lid, what was taken for the lid may be a floor, and
-    all parts are kept.
+    all parts are kept, unless the lid is known `surely`.
 
     Parameters
     ----------
     inside : (X, Y) bool, on the image's pixels
     image : with sheets taken off
     support, lid : their heights z [m]; None: unknown
+    surely : whether nothing may be left
 
     Returns
     -------
@@ -43,7 +49,7 @@ def between(
     heights = [None, *(_height(one, image.grid.z, surely=lid is None) for one in of_parts[1:])]
     high = np.array([support is None or h is None or h >= support + _CLEARANCE for h in heights])
     low = np.array([lid is None or h is None or h <= lid - _CLEARANCE for h in heights])
-    if support is None and not low[1:].any():
+    if support is None and not surely and not low[1:].any():
         return inside
     return inside & (high & low)[parts]
 
@@ -89,8 +95,12 @@ def lid_height(image: SarImage, removal: SheetRemoval[SarImage]) -> float | None
     """z of the highest sheet that was taken off an image [m]; None where none was, or its height is unknown.
 
     It is known where the power falls to a fifth below it, by the median where the sheet is seen. Above it lie its
-    grating lobes, which may be as bright.
+    grating lobes, which may be as bright. Of sheets that were taken off before, it is known where the image tells
+    heights.
     """
+    if removal.result is image:
+        known = tells_height(np.ones(image.grid.xy.shape, bool), image)
+        return max((sheet.height for sheet in removal.sheets), default=None) if known else None
     heights, z = [], image.grid.z
     for sheet in removal.sheets:
         box = sheet.box_on(image.grid.xy)

@@ -15,7 +15,9 @@ import numpy as np
 from millisight.core import checked_number, checked_record, put, record, widths_in_samples
 from millisight.core.errors import InputError
 from millisight.data import Instances, Prompts, SarImage
-from millisight.perception import project
+from millisight.imaging import SheetRemoval
+from millisight.perception import HIGH_BAND, project, sheets_in, without_sheets
+from millisight.perception.segmentation._heights import beneath, between, lid_height
 from millisight.perception.segmentation._parts import parts_of
 from millisight.perception.segmentation._segmentation import (
     Segmenter,
@@ -199,18 +201,21 @@ def segment_instances(
     condition: str = "los",
     values: str = "mean",
     largest: float | None = None,
+    support: float | None = None,
 ) -> Instances:
     """Segment every object in an image: one mask for each, none where there is no object.
 
     Parameters
     ----------
-    image : SarImage; take the echo of a carton's lid off before (`millisight.imaging.remove_sheets`)
+    image : SarImage; of a covered scene, a lid is taken off it (`millisight.imaging.remove_sheets`)
     other_band : the same scene at the radar's other frequency, for `method`
     method : a segmenter by name, or one, to whose mask the objects are restricted, of any size; None: to none
     settings : InstanceSettings; None: the defaults
-    prompts, rng, condition : of the segmenter, see `segment`
+    prompts, rng : of the segmenter, see `segment`
+    condition : "nlos" where something is known to cover the scene: objects then lie below it, and not beside it; "los"
     values : projection of |I| along z, "mean", "max" or "rms"
     largest : share of the picture that an object may cover; None: `largest_share`
+    support : height z of what the objects lie on [m]: what rises no higher is no object; None: unknown
 
     Returns
     -------
@@ -223,16 +228,21 @@ def segment_instances(
         As `segment`, of the segmenter.
     """
     settings = InstanceSettings() if settings is None else checked_record(settings, InstanceSettings, name="settings")
-    picture = project(image, other_band=other_band, values=values)
+    covered = condition == "nlos"
+    cleaned = without_sheets(image, frequency=HIGH_BAND, covered=True) if covered else image
+    picture = project(cleaned, values=values)
     if picture.power is None or not picture.power.any():
         return Instances(grid_xy=image.grid.xy, labels=np.zeros(image.grid.xy.shape, np.int32), scores=np.zeros(0))
-    levels = instance_levels(image, smoothing=settings.smoothing, values=values)
+    levels = instance_levels(cleaned, smoothing=settings.smoothing, values=values)
     dark = float(np.percentile(levels, _DARK))
     shown = levels
     if method is not None:
         by = segmenter(method) if isinstance(method, str) else checked_segmenter(method)
         other = None if other_band is None else project(other_band, values=values)
-        found = find_mask(by, picture, other=other, prompts=prompts, rng=rng, condition=condition, largest=1.0)
+        seen = project(image, other_band=other_band, values=values)
+        found = find_mask(
+            by, seen, other=other, prompts=prompts, rng=rng, condition=condition, largest=1.0, support=support
+        )
         shown = np.where(found.inside, levels, -np.inf)
     area = float(np.prod([np.ptp(axis) / max(len(axis) - 1, 1) for axis in (image.grid.x, image.grid.y)]))
     labels, peaks = split_instances(
@@ -244,12 +254,26 @@ def segment_instances(
         smallest=max(1, round(settings.smallest / area)) if area else 1,
     )
     limit = largest_share(picture) if largest is None else largest
+    taken = sheets_in(image, frequency=HIGH_BAND, covered=True) if covered else None
     fits = [
         number
         for number, peak in enumerate(peaks, 1)
-        if peak >= -settings.dimmest_db and (labels == number).mean() <= limit
+        if peak >= -settings.dimmest_db
+        and (labels == number).mean() <= limit
+        and _lies_there(labels == number, image, support, taken)
     ]
     kept = np.zeros(labels.shape, np.int32)
     for new, number in enumerate(fits, 1):
         kept[labels == number] = new
     return Instances(grid_xy=image.grid.xy, labels=kept, scores=np.array([peaks[number - 1] - dark for number in fits]))
+
+
+def _lies_there(
+    inside: np.ndarray, image: SarImage, support: float | None, taken: SheetRemoval[SarImage] | None
+) -> bool:
+    """Whether an object may lie where a mask (X, Y) is: above the support, below the lid that was taken, if any."""
+    if taken is None or not taken.sheets:
+        return bool(between(inside, image, support=support).any())
+    lid = lid_height(image, taken)
+    low = between(inside, taken.result, support=support, lid=lid, surely=True)
+    return bool(beneath(low, image, taken, surely=True).any())

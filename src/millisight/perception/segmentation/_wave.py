@@ -115,10 +115,11 @@ _SMALLEST_PART = 0.1  # of a mask, as a share of its largest part
 _LEAST_AREA = 5e-5  # of what is left of a mask [m²]
 
 _THERE = 0.2  # presence, by the second network, on average over the views of a covered scene; below, it is empty
+_SURELY_THERE = 0.9  # the same, from which on something lies in a scene in sight, whatever the first network says
 _VIEWS = 8  # rotations and reflections
 # Unless the first network is so sure of so large a mask: flat bricks pass for a floor, but a tripod's plate is smaller.
 # Chosen on examples/recipes/looked-at.toml and sets like it.
-_SURE, _SURE_AREA = 0.8, 22e-4  # mean probability, and area [m²]
+_SURE, _SURE_AREA = 0.8, 26e-4  # mean probability, and area [m²]
 
 
 @SEGMENTERS.add("wave")
@@ -180,17 +181,25 @@ class WaveSegmenter:
             return False
         # Where the other band takes a flat top for a sheet, the image alone may show it.
         alone = dataclasses.replace(picture, other_band=None)
-        for one in (alone,) if picture.other_band is None else (alone, picture):
-            (channels, x, y), total = _channels_of(one, None), 0.0
-            for mirrored in (False, True):
-                for quarters in range(4):
-                    turned = np.rot90(channels[:, ::-1] if mirrored else channels, quarters, axes=(1, 2))
-                    logits = np.rot90(run_network(self._judge, np.ascontiguousarray(turned)[None])[0], -quarters)
-                    inner = (logits[::-1] if mirrored else logits)[: len(x), : len(y)]
-                    total += presence(1 / (1 + np.exp(-inner)))
-                    if total >= _THERE * _VIEWS:  # whatever the others say
-                        return False
-        return True
+        seen = (alone,) if picture.other_band is None else (alone, picture)
+        return not any(self._judged_there(one, _THERE) for one in seen)
+
+    def _judged_there(self, picture: Picture, least: float) -> bool:
+        """Whether the second network's presence reaches so much, on average over the views of an image."""
+        (channels, x, y), total = _channels_of(picture, None), 0.0
+        for mirrored in (False, True):
+            for quarters in range(4):
+                turned = np.rot90(channels[:, ::-1] if mirrored else channels, quarters, axes=(1, 2))
+                logits = np.rot90(run_network(self._judge, np.ascontiguousarray(turned)[None])[0], -quarters)
+                inner = (logits[::-1] if mirrored else logits)[: len(x), : len(y)]
+                total += presence(1 / (1 + np.exp(-inner)))
+                if total >= least * _VIEWS:  # whatever the others say
+                    return True
+        return False
+
+    def _fills(self, picture: Picture) -> bool:
+        """Whether the second network is sure of an object in sight: it knows flat tops that fill an image better."""
+        return self._judge is not None and not picture.covered and self._judged_there(picture, _SURELY_THERE)
 
     def canvas_mask(
         self,
@@ -225,8 +234,9 @@ class WaveSegmenter:
         77 GHz. At 24 GHz the image is no finer than the network's pixels.
 
         Where nothing is found the only mask is empty: the mean of the 16 highest probabilities is less than that of
-        99 % of the validation scenes with an object, with the other band and without it; or a covered scene is `empty`,
-        and the mask is smaller than 22 cm² or its mean probability below 0.8.
+        99 % of the validation scenes with an object, with the other band and without it, and in sight the second
+        network is not sure that something is there; or a covered scene is `empty`, and the mask is smaller than 26 cm²
+        or its mean probability below 0.8.
 
         A mask's score is the intersection over union that the probabilities let expect of it; the first one's is at
         least as high as the others'.
@@ -242,7 +252,7 @@ class WaveSegmenter:
         if presence(probability) < least and picture.other_band is not None:
             # A flat top that fills the image passes for a sheet, more often at 24 GHz, and is taken off there.
             probability = self.probability(dataclasses.replace(picture, other_band=None), prompts)
-        if presence(probability) < least:
+        if presence(probability) < least and not self._fills(picture):
             return nothing
         cut = min(self.description["cut"], 0.9 * float(probability.max()))
         cuts = [cut, *(cut + step for step in _STEPS[1:] if 0.05 < cut + step < probability.max())]
@@ -313,12 +323,12 @@ def _placed(masks: Sequence[np.ndarray], picture: Picture) -> list[np.ndarray]:
     if image is None:
         return list(masks)
     cleaned = without_sheets(image, frequency=HIGH_BAND, covered=picture.covered)
-    if picture.covered and cleaned is not image:
+    if picture.covered:
         taken = sheets_in(image, frequency=HIGH_BAND, covered=True)
         lid = lid_height(image, taken)
     real = without_ghosts(masks, cleaned)
     kept = [between(mask, cleaned, support=picture.support, lid=lid) for mask in real]
-    if taken is not None:
+    if taken is not None and taken.sheets:
         kept = [beneath(mask, image, taken, surely=picture.support is not None) for mask in kept]
     rests = [
         some.sum() < mask.sum() and some.sum() * np.prod(_pixel(image)) < _LEAST_AREA

@@ -37,6 +37,7 @@ from millisight.rig.virtual._settings import ArmSettings, CameraSettings, RadarS
 _TOPS = {"tripod": -0.30, "styrofoam": -0.48}
 _MOST = 100  # objects, walls, layers of cloth
 _STEEPEST = 20.0  # lid [degrees]
+_THICKEST = 0.05  # wall of a carton [m]
 
 
 @record
@@ -119,7 +120,8 @@ class Carton:
     Attributes
     ----------
     stack : layers of its walls, a name of `LAYERED`
-    thickness : of its walls [m], the middle one of an odd number of layers thicker or thinner; None: as the stack
+    thickness : of its walls, 5 cm at most, the middle one of an odd number of layers thicker or thinner; None: as the
+        stack [m]
     clearance : between the objects and its walls, and its lid [m]
     size : along x, y and z, around the objects' middle [m]; None: so that it fits
     at : x and y of its middle [m]; None: the objects' middle, in an empty scene the aperture's
@@ -157,6 +159,10 @@ class Carton:
             put(self, at=checked_numbers(self.at, name="at", count=2, unit="m"))
         if self.thickness is not None:
             put(self, thickness=checked_number(self.thickness, name="thickness", unit="m", above=0))
+            if self.thickness > _THICKEST:
+                raise InputError(
+                    f"thickness is {self.thickness:g} m; expected {_THICKEST:g} m at most: carton is 0.003"
+                )
         _ = self.layers
 
     @property
