@@ -54,6 +54,14 @@ def test_frames_go_where_the_log_says():
     assert (step["step"], step["frames"], step["kept"], step["repeats"], step["lost"]) == ("place_frames", 20, 20, 0, 0)
 
 
+def test_a_row_of_a_file_that_was_cut_short_is_named():
+    whole = [np.arange(start, start + 1, 0.05) for start in range(1, 7)]
+    short = [*whole[:3], whole[3][:10], *whole[4:]]
+    for times, names in ((whole, None), (short, ["row 3"])):
+        capture = scan_of(*(row(some, f"row {i}") for i, some in enumerate(times))).to_capture()
+        assert capture.metadata["history"][-1].get("short_rows") == names
+
+
 def test_orientations_are_interpolated_along_the_sphere():
     angles = 0.1 * LOG_TIMES
     turned = np.stack([0 * angles, 0 * angles, np.sin(angles / 2), np.cos(angles / 2)], axis=-1)

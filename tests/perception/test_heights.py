@@ -1,11 +1,14 @@
 """What lies no higher than the support, or as high as the lid, is no object."""
 
+from dataclasses import asdict, replace
+
 import numpy as np
 import pytest
 
 import millisight as ms
 from millisight.core.errors import InputError
 from millisight.imaging import DetectedSheet, SheetRemoval
+from millisight.perception import sheets_in
 from millisight.perception.segmentation._heights import beneath, between, lid_height, tells_height
 from millisight.perception.segmentation._parts import judged_apart
 
@@ -158,3 +161,39 @@ def test_what_lies_beside_the_lid_is_not_under_it():
     np.testing.assert_array_equal(beneath(under, image, removal), under)
     nothing = SheetRemoval(result=image, sheets=(), left=(), reason="none")
     np.testing.assert_array_equal(beneath(mask, image, nothing), mask)
+
+
+def test_sheets_that_were_taken_before_are_as_the_history_tells():
+    lid = DetectedSheet(
+        height=LID, tilt_deg=(0.0, 0.0), lower=(0.0, 0.0), upper=(0.1, 0.1), area=0.01, border=0.0, explained=0.9,
+        power=0.5,
+    )  # fmt: skip
+    told = [{"step": "remove_sheets", "clutter": "lid", "sheets": [asdict(lid)]}]
+    image = replace(image_of(), metadata={"history": told})
+    removal = sheets_in(image, covered=True)
+    assert removal.result is image
+    assert [sheet.height for sheet in removal.sheets] == [LID]
+    assert lid_height(image, removal) == LID
+    # An image along whose depth echoes do not fall tells no heights.
+    long = replace(image_of(width=1.0), metadata=image.metadata)
+    assert lid_height(long, sheets_in(long)) is None
+    for odd in ({"height": 1}, {"sheet": "lid"}):
+        assert sheets_in(replace(image, metadata={"history": [told[0] | {"sheets": [odd]}]})).sheets == ()
+
+
+def test_instances_under_a_lid_lie_below_it_and_above_the_support():
+    image = image_of()
+    lid = DetectedSheet(
+        height=LID, tilt_deg=(0.0, 0.0), lower=(X[0], X[0]), upper=(X[24], X[-1]), area=0.015, border=0.5,
+        explained=0.9, power=0.5,
+    )  # fmt: skip
+    image = replace(image, metadata={"history": [{"step": "remove_sheets", "sheets": [asdict(lid)]}]})
+    seen = {}
+    for condition, support in (("los", None), ("nlos", None), ("nlos", SUPPORT), ("los", SUPPORT)):
+        found = ms.segment_instances(image, condition=condition, support=support)
+        marked = {name for name in PIXELS for mask in found if (mask.inside & mask_of(name)).any()}
+        seen[condition, support] = marked
+    assert seen["los", None] == {"stand", "low", "tall", "edge"}
+    assert seen["nlos", None] == {"stand", "low", "tall"}
+    assert seen["nlos", SUPPORT] == {"low", "tall"}
+    assert seen["los", SUPPORT] == {"low", "tall", "edge"}

@@ -140,6 +140,7 @@ def test_a_carton_may_be_empty_where_its_size_is_known():
     ("wrong", "said"),
     [
         ({"thickness": 0.0003}, "thickness is 0.0003 m; expected more than 0.00044 m"),
+        ({"thickness": 0.5}, r"thickness is 0.5 m; expected 0.05 m at most"),
         ({"tilt_deg": (0, 30)}, r"tilt_deg is \[0.0, 30.0\]; expected 20 degrees at most"),
     ],
 )

@@ -1,6 +1,7 @@
 """A recorded scan becomes a capture: each frame at the pose that the robot's log gives its time."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from millisight.data import Capture, ClockCorrection, RawScan, ScanRow, Trajecto
 
 POSES = ("cubic", "linear")
 """How positions between those of a log are found."""
+_SHORT = 0.75  # of the rows' median number of frames: a row with fewer may lack some
 
 
 def place_frames(
@@ -23,8 +25,9 @@ def place_frames(
     """Interpolate the pose of each frame from the log: cubic spline for positions, spherical for orientations.
 
     Frames that the recorder lost, frames outside the log (poses are not extrapolated), and repeats are left out; a
-    repeat is closer than `min_distance` to a kept frame of its row. The history counts them. The choice is made before
-    frames are read; then one row at a time is in memory, besides the kept frames.
+    repeat is closer than `min_distance` to a kept frame of its row. The history counts them, and names rows with less
+    than three quarters of the median row's frames (`short_rows`). The choice is made before frames are read; then one
+    row at a time is in memory, besides the kept frames.
 
     Parameters
     ----------
@@ -83,8 +86,17 @@ def place_frames(
             kept=len(kept),
             longest_log_gap=float(_gaps(robot[kept], scan.log).max()),
             **({} if poses == POSES[0] else {"poses": poses}),
+            **_short_rows(scan),
         ),
     )
+
+
+def _short_rows(scan: RawScan) -> dict[str, Any]:
+    """For the history, rows with far fewer frames than others, such as those of files that were cut short."""
+    counts = np.array([len(row.times) for row in scan.rows])
+    usual = float(np.median(counts))
+    short = [row.source for row, count in zip(scan.rows, counts, strict=True) if count < _SHORT * usual]
+    return {"short_rows": short} if short else {}
 
 
 def _at(log: Trajectory, times: np.ndarray, poses: str) -> Trajectory:

@@ -189,6 +189,10 @@ def oddities(capture: Capture) -> list[str]:
         found.append(f"warning: the centre frequency is {frequency:.3g} Hz; is its unit right?")
     if extent > 10 and not capture.metadata.get("far_field"):
         found.append(f"warning: the aperture is {extent:.3g} m large; is the unit of the positions right?")
+    short = [name for step in capture.metadata.get("history", ()) for name in step.get("short_rows", ())]
+    if short:
+        which = short[0] if len(short) == 1 else f"{short[0]} and {len(short) - 1} more"
+        found.append(f"warning: {which}: far fewer frames than other rows; was the file cut short?")
     return found
 
 

@@ -274,8 +274,8 @@ def _write_instances(
         "image": origin(source.path),
         "other_band": None if source.other is None else origin(source.other),
         "method": method,
-        "condition": source.condition,
         "values": values,
+        **({} if source.condition == "los" else {"condition": source.condition}),
         **({} if support is None else {"support": support}),
     }
     save(to, found, extras={"segmentation": provenance})
@@ -283,7 +283,10 @@ def _write_instances(
     count = f"{len(found)} object{'' if len(found) == 1 else 's'}" + (f" of {sizes} pixels" if sizes else "")
     say(f"{source.name}: {count}; wrote {to}")
     if not len(found) and source.condition != "nlos":
-        say("  if a lid or a cloth covers the scene, say so: --condition nlos")
+        say(
+            "  if a lid or a cloth covers the scene, say so: --condition nlos; or take its echo off first: "
+            "millisight image --clutter lid"
+        )
 
 
 def mask_of(

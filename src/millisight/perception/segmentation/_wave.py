@@ -114,7 +114,7 @@ _PARTING = (0.55, 0.7, 0.85)  # further ones, at which an object and its lid's e
 _SMALLEST_PART = 0.1  # of a mask, as a share of its largest part
 _LEAST_AREA = 5e-5  # of what is left of a mask [m²]
 
-_THERE = 0.2  # presence, by the second network, on average over the views of a covered scene; below, it is empty
+_THERE = 0.24  # presence, by the second network, on average over the views of a covered scene; below, it is empty
 _SURELY_THERE = 0.9  # the same, from which on something lies in a scene in sight, whatever the first network says
 _VIEWS = 8  # rotations and reflections
 # Unless the first network is so sure of so large a mask: flat bricks pass for a floor, but a tripod's plate is smaller.
@@ -177,7 +177,9 @@ class WaveSegmenter:
         """
         if self._judge is None or not picture.covered or picture.image is None:
             return False
-        if not tells_height(np.ones(picture.shape, bool), picture.image):  # of the lid, most of the time
+        cleaned = without_sheets(picture.image, frequency=HIGH_BAND, covered=True)
+        everywhere = np.ones(picture.shape, bool)
+        if not any(tells_height(everywhere, one) for one in (picture.image, cleaned)):  # of the lid, most of the time
             return False
         # Where the other band takes a flat top for a sheet, the image alone may show it.
         alone = dataclasses.replace(picture, other_band=None)

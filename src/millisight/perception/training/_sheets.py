@@ -29,7 +29,6 @@ from millisight.perception.training._bands import (
 _SIDE = 0.36  # of the images along x and y [m]
 _BELOW, _ABOVE = 0.16, 0.075  # of the images, from the sheet's middle [m]
 _STEPS = {"77_ghz": 0.5, "24_ghz": 0.45}  # wavelengths between positions
-_SPARSE = 0.75  # wavelengths between positions at most, at 77 GHz, where there are grating lobes
 _SMALL = 0.35  # of the sheets end on all sides within a scene
 _STEEPEST = 5.0  # [degrees]
 
@@ -40,7 +39,7 @@ class SheetParts(NamedTuple):
     Attributes
     ----------
     level : index along z of the voxels next to the sheet's middle
-    reach : (4,) where it ends: its lowest and highest x, lowest and highest y [m]; of a turned one, along its own axes
+    reach : (4,) where it ends: its lowest and highest x, lowest and highest y [m]
     images : by band complex64 (A, B, Z), voxels `SPACING` apart along x and y and `DEPTH` along z, 1 at the maximum
     """
 
@@ -49,26 +48,16 @@ class SheetParts(NamedTuple):
     images: dict[str, np.ndarray]
 
 
-def cached_sheet(
-    number: int,
-    *,
-    seed: int,
-    folder: str | os.PathLike[str],
-    kind: str = "sheet",
-    turned: float = 0.0,
-    sparse: float = 0.0,
-) -> SheetParts:
-    """The sheet, or the stand, of this number: read from `folder`, or made and written there; see `make_sheet`.
+def cached_sheet(number: int, *, seed: int, folder: str | os.PathLike[str], kind: str = "sheet") -> SheetParts:
+    """The sheet, or the stand, of this number: read from `folder`, or made and written there.
 
     Raises
     ------
     DamagedFileError
     """
-    made = f"-{turned:g}-{sparse:g}" if turned or sparse else ""  # others have the same names as before
-    path = Path(folder) / f"{kind}-{number}-{seed}{made}.npz"
+    path = Path(folder) / f"{kind}-{number}-{seed}.npz"
     if not path.exists():
-        rng = np.random.default_rng([seed, number, *kind.encode()])
-        level, reach, images = make_sheet(rng, stand=kind == "stand", turned=turned, sparse=sparse)
+        level, reach, images = make_sheet(np.random.default_rng([seed, number, *kind.encode()]), stand=kind == "stand")
         write_parts(path, images, level=np.array(level), reach=reach)
     images, held = read_parts(path, "level", "reach")
     check_arrays(path, held, {"reach": (np.floating, (4,))})
@@ -77,17 +66,10 @@ def cached_sheet(
     return SheetParts(level_of(path, held, images), held["reach"], images)
 
 
-def make_sheet(
-    rng: np.random.Generator, *, stand: bool = False, turned: float = 0.0, sparse: float = 0.0
-) -> SheetParts:
+def make_sheet(rng: np.random.Generator, *, stand: bool = False) -> SheetParts:
     """A sheet drawn from `rng`: 13 to 30 cm below the aperture, tilted, perhaps bowed, large or with edges.
 
     A `stand` is what objects lie on where there is none: a level plate of a tripod, 1.5 to 3.5 cm wide.
-
-    Parameters
-    ----------
-    turned : share of those that are turned about z, by any angle
-    sparse : share of those that are scanned in larger steps at 77 GHz, along x and y, which gives grating lobes
     """
     height = -rng.uniform(0.13, 0.30)
     slope = np.tan(np.radians(np.clip(rng.normal(0, 1.5, 2), -_STEEPEST, _STEEPEST)))
@@ -100,19 +82,15 @@ def make_sheet(
         reach = np.repeat(rng.uniform(0.0075, 0.0175, 2), 2) * [-1, 1, -1, 1]
     thick, strong = rng.uniform(0.002, 0.005), rng.uniform(0.3, 1)
     size, stray = rng.uniform(0.26, 0.38, 2), rng.uniform(0, 0.00004)
-    turn = rng.uniform(-np.pi, np.pi) if turned and rng.random() < turned else 0.0
-    steps = {band: (step, step) for band, step in _STEPS.items()}
-    if sparse and rng.random() < sparse:
-        steps[BANDS[0]] = tuple(rng.uniform(_STEPS[BANDS[0]], _SPARSE, 2))
     half = round(_SIDE / SPACING / 2) * SPACING
     lattice = DEPTH * np.arange(-round(_BELOW / DEPTH), round(_ABOVE / DEPTH) + 1) + rng.uniform(0, DEPTH)
     axis = SPACING * np.arange(-round(half / SPACING), round(half / SPACING) + 1)
     grid, images = VoxelGrid(x=axis, y=axis, z=height + lattice), {}
     for band in BANDS:
         radar = simulated_radar(band)
-        along_x, along_y = np.array(steps[band]) * SPEED_OF_LIGHT / radar.waveform.start_frequency
-        path = Trajectory.raster(size=(size[0], size[1]), step=(along_x, along_y), center=(0.0, 0.0, 0.0))
-        frames = _echo(radar, path, height, slope, bow, reach, (thick, strong), turn)
+        step = _STEPS[band] * SPEED_OF_LIGHT / radar.waveform.start_frequency
+        path = Trajectory.raster(size=(size[0], size[1]), step=step, center=(0.0, 0.0, 0.0))
+        frames = _echo(radar, path, height, slope, bow, reach, (thick, strong))
         capture = Capture(radar=radar, trajectory=strayed(path, stray, rng), frames=frames)
         values = form_image(capture, grid, tolerance=0.02).values
         images[band] = values / abs(values).max()
@@ -121,12 +99,12 @@ def make_sheet(
 
 def _echo(
     radar: Radar, path: Trajectory, height: float, slope: np.ndarray, bow: np.ndarray, reach: np.ndarray,
-    faces: tuple[float, float], turn: float,
+    faces: tuple[float, float],
 ) -> np.ndarray:  # fmt: skip
     """(P, T, R, N) the echo of a sheet at the height [m] that rises by `slope` (2,) along x and y.
 
     At 10 cm from its middle it is `bow` (2,) lower [m]; its two faces lie faces[0] apart [m], the second as bright as
-    faces[1]. Its edges, `reach` (4,) from its middle [m], are turned about z by `turn` [rad].
+    faces[1].
     """
     from scipy.special import fresnel
 
@@ -141,11 +119,10 @@ def _echo(
     echo = np.exp(-1j * wave_numbers * length[..., None])
     echo *= 1 - faces[1] * np.exp(-2j * wave_numbers * 1.2 * faces[0])  # board is mostly air: an index of 1.2
     scale = 2 / np.sqrt(SPEED_OF_LIGHT / radar.waveform.center_frequency * distance)
-    own = across @ np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
     for axis, (low, high) in enumerate(reach.reshape(2, 2)):
         lit: Any = 0
         for place, sign in ((low, 1), (high, -1)):
-            sine, cosine = fresnel(sign * (own[..., axis] - place) * scale)
+            sine, cosine = fresnel(sign * (across[..., axis] - place) * scale)
             lit = lit + (0.5 + cosine - 1j * (0.5 + sine)) / (1 - 1j)
         echo *= (lit - 1)[..., None]  # what lies beyond neither edge
     return echo.astype(np.complex64)

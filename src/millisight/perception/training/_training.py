@@ -214,8 +214,7 @@ class _Maker:
         # Every fourth sheet is for validation.
         wanted = self._request.side == "validation"
         numbers = [i for i in range(self._whole.sheets) if (i % 4 == 3) == wanted] or list(range(self._whole.sheets))
-        whole = self._whole
-        kept = partial(cached_sheet, seed=self._seed, folder=self._folder, turned=whole.turned, sparse=whole.sparse)
+        kept = partial(cached_sheet, seed=self._seed, folder=self._folder)
         sheets: list[Callable[[], SheetParts]] = [
             *(partial(kept, int(i)) for i in rng.choice(numbers, 2)),
             partial(kept, int(rng.choice(numbers)), kind="stand"),

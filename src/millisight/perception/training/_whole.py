@@ -29,7 +29,7 @@ _MIDDLES = {"77_ghz": 79e9, "24_ghz": 24.125e9}  # of the bands [Hz]
 _STEPS_DB = 0.25  # of the stored levels
 _KNOWN = 0.5  # of the scenes with a lid are known to have one
 _STANDS = 0.6  # of the scenes with no object show what it would lie on
-_NUMBERS = "empty", "several", "covered", "uneven", "round", "turned", "sparse"
+_NUMBERS = "empty", "several", "covered", "uneven", "round"
 _ROUND_DB = -30, -6  # of the edges of what is round, less than of others
 _GAP = 0.005, 0.10  # between the objects and the sheet over them [m]
 
@@ -53,8 +53,6 @@ class WholeSettings:
     uneven : how much an object's brightness changes from place to place at most, a standard deviation [dB]
     round : share of the objects whose edges hardly echo, as of what is round; the simulator takes their outline for
         an edge
-    turned, sparse : shares of the sheets and stands that are turned about z, and that are scanned in larger steps,
-        see `make_sheet`
     """
 
     views: int = 6
@@ -65,8 +63,6 @@ class WholeSettings:
     parts: str = "both"
     uneven: float = 0.0
     round: float = 0.0
-    turned: float = 0.0
-    sparse: float = 0.0
 
     def __post_init__(self) -> None:
         check_known("parts", self.parts, ECHOES)
@@ -125,9 +121,8 @@ def cached_whole_scene(
     DamagedFileError
     """
     of = [key, list(seed), settings.empty, settings.several, settings.covered, settings.sheets, settings.parts, among]
-    further = [settings.uneven, settings.round, settings.turned, settings.sparse]
     # Scenes as before have the same names as before.
-    made_of = json.dumps(of + further[: 4 if any(further[2:]) else 2 if any(further) else 0])
+    made_of = json.dumps([*of, settings.uneven, settings.round] if settings.uneven or settings.round else of)
     path = Path(folder) / f"whole-{hashlib.sha256(made_of.encode()).hexdigest()[:16]}.npz"
     if not path.exists():
         rng = np.random.default_rng([*seed, *key.encode()])
