@@ -245,3 +245,16 @@ def test_of_nothing_there_is_no_surface(tmp_path, here, monkeypatch):
     )[1]  # fmt: skip
     assert not ms.load(tmp_path / "mug.volume.h5").inside.any()
     assert not (tmp_path / "mug.volume.ply").exists()
+
+
+@pytest.mark.slow
+def test_a_flat_top_that_fills_a_simulated_image_is_found(here):
+    pytest.importorskip("onnxruntime")
+    assert run_here("simulate", "gelatin_box", "-o", "box.capture.h5")[0] == 0
+    assert run_here("image", "box.capture.h5", "-o", "box.image.h5")[0] == 0
+    code, out, *_ = here("box.image.h5", "--json", "--no-picture")
+    (told,) = json.loads(out)["images"]
+    assert (code, told["found"]) == (0, True)
+    mask = ms.load(told["output"])
+    middle = np.ix_(abs(mask.grid_xy.x) < 0.02, abs(mask.grid_xy.y) < 0.02)
+    assert mask.inside[middle].mean() > 0.9

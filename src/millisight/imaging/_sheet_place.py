@@ -64,5 +64,7 @@ def _largest_part(local: np.ndarray, profile: np.ndarray) -> np.ndarray | None:
     strength = np.abs(local @ profile.conj())
     # An object that shines through a lid is smaller, and does not move the median.
     seen = strength[strength > SUPPORT * np.quantile(strength, _LEVEL)]
-    parts, count = label(strength > _EDGE * np.median(seen)) if len(seen) else (None, 0)
+    if not len(seen):
+        return None
+    parts, count = label(strength > _EDGE * np.median(seen))
     return parts == int(np.bincount(parts.ravel())[1:].argmax()) + 1 if count else None
