@@ -120,12 +120,10 @@ def fit_sheet(cells: Cells, wave_number: float, *, ripples: bool, place: LidPlac
     within = looked_in.inside(cells.x[:, None], cells.y)
     cells = cells._replace(counts=np.where(within, cells.counts, 0))
     looked_at = cells.counts > 0
-    raw = cells.values(None) * looked_at[..., None]
-    if not raw.any():
+    zone, seen = fresnel_zone(wave_number), plane_wave(cells, wave_number)
+    if seen is None:
         return None
-    zone = fresnel_zone(wave_number)
-    basis = principal(raw)
-    phase = linear_phase(raw @ basis.conj(), cells, wave_number)
+    basis, phase = seen
     rim = np.maximum(_OUTSIDE * (looked_in.upper - looked_in.lower), _LEAST_RIM * sides_of(cells.x, cells.y))
     outside = within & ~looked_in.inside(cells.x[:, None], cells.y, rim)
     for last in (False,) * _ROUNDS + (True,):
@@ -162,6 +160,15 @@ def fit_sheet(cells: Cells, wave_number: float, *, ripples: bool, place: LidPlac
         profile=(smooth[support] * weights[support, None]).sum(axis=0) @ basis.T / weights[support].sum(),
         explained=float(np.median(1 - missed / energy)),
     )
+
+
+def plane_wave(cells: Cells, wave_number: float) -> tuple[np.ndarray, Phase] | None:
+    """Principal components (C, K) of what the cells hold, and the linear phase of most of it; None of nothing."""
+    raw = cells.values(None) * (cells.counts > 0)[..., None]
+    if not raw.any():
+        return None
+    basis = _principal(raw)
+    return basis, _linear_phase(raw @ basis.conj(), cells, wave_number)
 
 
 def fresnel_zone(wave_number: float) -> float:
@@ -208,7 +215,7 @@ def _knots(axis: np.ndarray, zone: float) -> np.ndarray:
     return axis[0] + extent / pieces * np.arange(-3, pieces + 4)
 
 
-def principal(values: np.ndarray) -> np.ndarray:
+def _principal(values: np.ndarray) -> np.ndarray:
     """(C, K) the strongest principal components of the channels, no cell counting more than the median one."""
     clipped = _clipped(values.reshape(-1, values.shape[2]))
     if clipped.shape[1] <= clipped.shape[0]:
@@ -227,7 +234,7 @@ def _clipped(values: np.ndarray) -> np.ndarray:
     return values * (usual / np.maximum(strength, usual)).astype(np.float32)
 
 
-def linear_phase(values: np.ndarray, cells: Cells, wave_number: float) -> Phase:
+def _linear_phase(values: np.ndarray, cells: Cells, wave_number: float) -> Phase:
     """The linear phase whose plane wave the values hold most of, no steeper than a sheet may be."""
     x_window, y_window = (np.hanning(n + 2)[1:-1].astype(np.float32) for n in values.shape[:2])
     tapered = _clipped(values) * (x_window[:, None, None] * y_window[:, None])

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.ndimage import label
 
 from millisight.imaging._sheet_edges import LidPlace, rectangle_around
-from millisight.imaging._sheet_fit import SUPPORT, Cells, coherence, fresnel_zone, linear_phase, local_means, principal
+from millisight.imaging._sheet_fit import SUPPORT, Cells, coherence, fresnel_zone, local_means, plane_wave
 
 _LEVEL, _EDGE = 0.95, 0.5  # quantile that is a lid's amplitude or more; share of its median at its edges
 _ROUNDS = 5  # in which a lid's profile is found
@@ -20,13 +20,10 @@ def lid_place(cells: Cells, wave_number: float, *, lobes: bool) -> LidPlace | No
     wave_number : k at the band's centre [rad/m]
     lobes : whether the cells may show grating lobes of the lid, the last channel highest, as those of an image do
     """
-    looked_at = cells.counts > 0
-    raw = cells.values(None) * looked_at[..., None]
-    if not raw.any():
+    zone, seen = fresnel_zone(wave_number), plane_wave(cells, wave_number)
+    if seen is None:
         return None
-    zone = fresnel_zone(wave_number)
-    basis = principal(raw)
-    phase = linear_phase(raw @ basis.conj(), cells, wave_number)
+    (basis, phase), looked_at = seen, cells.counts > 0
     flat = cells.values(phase) * looked_at[..., None] @ basis.conj()
     local = local_means(flat, looked_at.astype(np.float32), cells, zone)
     weights = coherence(flat, cells, zone) * looked_at
