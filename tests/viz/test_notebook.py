@@ -196,3 +196,19 @@ class TestCards:
 
 def test_facts_of_other_records_are_their_kind():
     assert viz.facts_of(RADAR) == [("record", "Radar")]
+
+
+def test_facts_of_what_was_found_tell_how_much():
+    labels = np.zeros(GRID.xy.shape, np.int32)
+    labels[:3, 0], labels[5:7, 2] = 1, 2
+    found = ms.Instances(grid_xy=GRID.xy, labels=labels, scores=[20.0, 10.0])
+    assert dict(viz.facts_of(found))["objects"] == "2, of 3, 2 pixels"
+    assert dict(viz.facts_of(ms.Instances(grid_xy=GRID.xy, labels=0 * labels, scores=[])))["objects"] == "0"
+    voxels = ms.VolumeMask(grid=GRID, inside=np.arange(GRID.size).reshape(GRID.shape) < 27)
+    assert dict(viz.facts_of(voxels))["inside"] == "27 voxels, 20.0 %"
+    points = np.array([[0.0, 0.0, 0.1], [0.2, 0.0, 0.0]])
+    cloud = ms.PointCloud(points=points, normals=[[0, 0, 1]] * 2, place_sigma=[1, 1], normal_sigma_deg=[1, 1])
+    assert viz.facts_of(cloud)[0] == ("record", "PointCloud, 2 points")
+    assert "z 0 to 0.1 m" in dict(viz.facts_of(cloud))["box"]
+    surface = ms.Surface(mesh=wedge(), sigma=np.zeros(6))
+    assert viz.facts_of(surface)[0][1].startswith("Surface, 6 vertices, ")

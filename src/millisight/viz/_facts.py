@@ -6,7 +6,18 @@ from typing import Any
 import numpy as np
 
 from millisight.core import box
-from millisight.data import Capture, Mask, Radar, SarImage, TriangleMesh, Waveform
+from millisight.data import (
+    Capture,
+    Instances,
+    Mask,
+    PointCloud,
+    Radar,
+    SarImage,
+    Surface,
+    TriangleMesh,
+    VolumeMask,
+    Waveform,
+)
 from millisight.imaging import sampling
 
 _MOST_VOXELS = 8_000_000  # of which the peak is looked for quickly
@@ -17,7 +28,8 @@ def facts_of(record: Any, *, quick: bool = False) -> list[tuple[str, str]]:
 
     Parameters
     ----------
-    record : Capture, SarImage, Mask or TriangleMesh; of others the kind alone is told
+    record : Capture, SarImage, Mask, Instances, VolumeMask, PointCloud, Surface or TriangleMesh; of others the kind
+        alone is told
     quick : leave out what takes long to find in a large record
     """
     if isinstance(record, Capture):
@@ -28,6 +40,23 @@ def facts_of(record: Any, *, quick: bool = False) -> list[tuple[str, str]]:
         size = " x ".join(map(str, record.grid_xy.shape))
         inside = f"{int(record.inside.sum())} pixels, {100 * record.inside.mean():.1f} %"
         return [("record", f"Mask, {size} pixels"), ("grid", box(*record.grid_xy.bounds)), ("inside", inside)]
+    if isinstance(record, Instances):
+        size = " x ".join(map(str, record.grid_xy.shape))
+        of = ", ".join(str(int(mask.inside.sum())) for mask in record)
+        objects = f"{len(record)}" + (f", of {of} pixels" if of else "")
+        return [("record", f"Instances, {size} pixels"), ("grid", box(*record.grid_xy.bounds)), ("objects", objects)]
+    if isinstance(record, VolumeMask):
+        size = " x ".join(map(str, record.grid.shape))
+        inside = f"{int(record.inside.sum())} voxels, {100 * record.inside.mean():.1f} %"
+        return [("record", f"VolumeMask, {size} voxels"), ("grid", box(*record.grid.bounds)), ("inside", inside)]
+    if isinstance(record, PointCloud):
+        facts = [("record", f"PointCloud, {len(record)} points")]
+        if len(record):
+            facts.append(("box", box(record.points.min(axis=0), record.points.max(axis=0))))
+        return [*facts, *_steps(record.metadata)]
+    if isinstance(record, Surface):
+        size = f"{len(record.mesh.vertices)} vertices, {1e4 * record.mesh.area:.1f} cm²"
+        return [("record", f"Surface, {size}"), ("box", box(*record.mesh.bounds)), *_steps(record.metadata)]
     if isinstance(record, TriangleMesh):
         size = f"{len(record.vertices)} vertices, {len(record.faces)} faces"
         return [("record", f"TriangleMesh, {size}"), ("box", box(*record.bounds))]
