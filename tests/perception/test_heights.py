@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import millisight as ms
-from millisight.core.errors import InputError
+from millisight.core.errors import InputError, UnknownNameError
 from millisight.imaging import DetectedSheet, SheetRemoval
 from millisight.perception import sheets_in
 from millisight.perception.segmentation._heights import beneath, between, lid_height, tells_height
@@ -197,3 +197,7 @@ def test_instances_under_a_lid_lie_below_it_and_above_the_support():
     assert seen["nlos", None] == {"stand", "low", "tall"}
     assert seen["nlos", SUPPORT] == {"low", "tall"}
     assert seen["los", SUPPORT] == {"low", "tall", "edge"}
+    with pytest.raises(UnknownNameError, match="condition"):
+        ms.segment_instances(image, condition="hidden")
+    with pytest.raises(InputError, match="support"):
+        ms.segment_instances(image, support=np.nan)

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from millisight.core import checked_number, checked_record, put, record, widths_in_samples
+from millisight.core import check_known, checked_number, checked_record, put, record, widths_in_samples
 from millisight.core.errors import InputError
 from millisight.data import Instances, Prompts, SarImage
 from millisight.imaging import SheetRemoval
@@ -228,6 +228,9 @@ def segment_instances(
         As `segment`, of the segmenter.
     """
     settings = InstanceSettings() if settings is None else checked_record(settings, InstanceSettings, name="settings")
+    check_known("condition", condition, ("los", "nlos"))
+    if support is not None:
+        support = checked_number(support, name="support", unit="m")
     covered = condition == "nlos"
     cleaned = without_sheets(image, frequency=HIGH_BAND, covered=True) if covered else image
     picture = project(cleaned, values=values)
