@@ -52,6 +52,9 @@ def main() -> None:
             sheets = remove_sheets(image, frequency=image.frequency or HIGH_BAND, clutter="lid").sheets
             found.append(max((overlap(sheet, lid, image.grid.xy) for sheet in sheets), default=0.0))
             print(f"  {scene}: {found[-1]:.2f}")
+        if not found:
+            print(f"{root.name}: no lids")
+            continue
         right = sum(one > 0.9 for one in found)
         print(f"{root.name}: {right} of {len(found)} lids overlap by more than 0.9, {np.mean(found):.2f} on average")
 

@@ -8,7 +8,7 @@ import pytest
 import millisight as ms
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.imaging import DetectedSheet, SheetRemoval
-from millisight.perception import sheets_in
+from millisight.perception import lids_taken_before
 from millisight.perception.segmentation._heights import beneath, between, lid_height, tells_height
 from millisight.perception.segmentation._parts import judged_apart
 
@@ -163,31 +163,35 @@ def test_what_lies_beside_the_lid_is_not_under_it():
     np.testing.assert_array_equal(beneath(mask, image, nothing), mask)
 
 
-def test_sheets_that_were_taken_before_are_as_the_history_tells():
+def lid_told(clutter="lid", *, border=0.0, **step):
+    """A step of a history: a lid over a part of the image was taken off."""
     lid = DetectedSheet(
-        height=LID, tilt_deg=(0.0, 0.0), lower=(0.0, 0.0), upper=(0.1, 0.1), area=0.01, border=0.0, explained=0.9,
-        power=0.5,
+        height=LID, tilt_deg=(0.0, 0.0), lower=(X[0], X[0]), upper=(X[24], X[-1]), area=0.015, border=border,
+        explained=0.9, power=0.5,
     )  # fmt: skip
-    told = [{"step": "remove_sheets", "clutter": "lid", "sheets": [asdict(lid)]}]
-    image = replace(image_of(), metadata={"history": told})
-    removal = sheets_in(image, covered=True)
-    assert removal.result is image
-    assert [sheet.height for sheet in removal.sheets] == [LID]
-    assert lid_height(image, removal) == LID
+    return {"history": [{"step": "remove_sheets", "clutter": clutter, "sheets": [asdict(lid)]} | step]}
+
+
+def test_lids_that_were_taken_before_are_as_the_history_tells():
+    image = replace(image_of(), metadata=lid_told(taken_db=-10.0))
+    before = lids_taken_before(image)
+    assert before.result is image
+    assert [sheet.height for sheet in before.sheets] == [LID]
+    assert lid_height(image, before, before=True) == LID
     # An image along whose depth echoes do not fall tells no heights.
     long = replace(image_of(width=1.0), metadata=image.metadata)
-    assert lid_height(long, sheets_in(long)) is None
-    for odd in ({"height": 1}, {"sheet": "lid"}):
-        assert sheets_in(replace(image, metadata={"history": [told[0] | {"sheets": [odd]}]})).sheets == ()
+    assert lid_height(long, lids_taken_before(long), before=True) is None
+    # What was found though no lid is known to be there may be a floor; what cannot be read is nothing.
+    for odd in (lid_told("auto"), lid_told(sheets=[{"height": 1}]), lid_told(sheets=[{"sheet": "lid"}]), {}):
+        assert lids_taken_before(replace(image, metadata=odd)).sheets == ()
+    # Off the frames: known where the poses are, beyond whose border it goes on.
+    (within,) = lids_taken_before(replace(image, metadata=lid_told())).sheets
+    (beyond,) = lids_taken_before(replace(image, metadata=lid_told(border=0.4))).sheets
+    assert (within.upper[0], beyond.upper[0]) == pytest.approx((X[24], X[-1]))
 
 
 def test_instances_under_a_lid_lie_below_it_and_above_the_support():
-    image = image_of()
-    lid = DetectedSheet(
-        height=LID, tilt_deg=(0.0, 0.0), lower=(X[0], X[0]), upper=(X[24], X[-1]), area=0.015, border=0.5,
-        explained=0.9, power=0.5,
-    )  # fmt: skip
-    image = replace(image, metadata={"history": [{"step": "remove_sheets", "sheets": [asdict(lid)]}]})
+    image = replace(image_of(), metadata=lid_told(taken_db=-10.0))
     seen = {}
     for condition, support in (("los", None), ("nlos", None), ("nlos", SUPPORT), ("los", SUPPORT)):
         found = ms.segment_instances(image, condition=condition, support=support)

@@ -28,6 +28,7 @@ from millisight.imaging import (
     memory_needed,
     remove_sheets,
     sampling,
+    sheets_told,
 )
 
 if TYPE_CHECKING:
@@ -220,14 +221,13 @@ def _told(found: SheetRemoval[Any], clutter: str) -> Any:
     return found.result
 
 
-def tell_sheets(metadata: Mapping[str, Any], clutter: str, what: str) -> None:
-    """Say which sheets were taken off an image or frames, `what`, before the result with these metadata was made."""
-    steps = [step for step in metadata.get("history", ()) if step.get("step") == "remove_sheets"]
-    for step in steps:
-        for sheet in step["sheets"]:
-            _tell(DetectedSheet(**sheet), what)
-    if clutter != "none" and not steps:
-        say(f"clutter: nothing taken off the {what}: no sheet is sure")
+def tell_sheets(metadata: Mapping[str, Any], clutter: str) -> None:
+    """Say which sheets were taken off before the result with these metadata was made."""
+    told = sheets_told(metadata)
+    for sheet in told:
+        _tell(sheet, "image or the frames")
+    if clutter != "none" and not told:
+        say("clutter: nothing taken off")
 
 
 def _tell(sheet: DetectedSheet, what: str) -> None:

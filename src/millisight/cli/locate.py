@@ -103,7 +103,7 @@ def locate(
                 capture, meshes, voxels, clutter=clutter, false_alarms=false_alarms, support=floor,
                 materials=materials, progress=report,
             )  # fmt: skip
-        tell_sheets(found.points.metadata, clutter, "frames")
+        tell_sheets(found.points.metadata, clutter)
         say(f"{len(found.points)} oriented points")
         for pose in found.poses:
             say(f"{pose.name}: {pose.symmetry}")

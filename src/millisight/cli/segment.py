@@ -210,9 +210,12 @@ def segment(
         )  # fmt: skip
         _write_instances(to, found, source, method=None if by is None else by.name, values=values, support=height)
         if drawn is not None:
+            from millisight.perception import HIGH_BAND, without_sheets
             from millisight.viz import plot_instances, save_figure
 
-            save_figure(plot_instances(found, image=image, title=source.name), drawn)
+            covered = source.condition == "nlos"
+            shown = without_sheets(image, frequency=HIGH_BAND, covered=True) if covered else image
+            save_figure(plot_instances(found, image=shown, title=source.name), drawn)
         return _entry(source, to, "instances", None if by is None else by.name, [mask.inside for mask in found], None)
 
     def in_depth(

@@ -136,7 +136,7 @@ def surface(
             opened, grid, clutter=clutter, false_alarms=false_alarms, frequency=frequency,
             window=None if window == "none" else window, support=rests_on,
         )  # fmt: skip
-        tell_sheets(found.metadata, clutter, "frames" if isinstance(opened, Capture) else "image")
+        tell_sheets(found.metadata, clutter)
         say(f"{len(found)} oriented points")
         from millisight.geometry import surface as surface_of
 

@@ -24,6 +24,7 @@ from ._sheets import CLUTTER as CLUTTER
 from ._sheets import DetectedSheet as DetectedSheet
 from ._sheets import SheetRemoval as SheetRemoval
 from ._sheets import remove_sheets as remove_sheets
+from ._sheets import sheets_told as sheets_told
 from ._slabs import form_image_to as form_image_to
 from ._slabs import image_slabs as image_slabs
 from ._slabs import memory_needed as memory_needed

@@ -95,6 +95,24 @@ class DetectedSheet:
         return (self.lower[0] <= x) & (x <= self.upper[0]) & (self.lower[1] <= y) & (y <= self.upper[1])
 
 
+def sheets_told(metadata: Mapping[str, Any], *, clutter: str | None = None) -> tuple[DetectedSheet, ...]:
+    """The sheets that were taken off before, as a history tells them; none of a step that cannot be read.
+
+    Parameters
+    ----------
+    metadata : of an image, a capture or what was made of them
+    clutter : of the steps that count, "lid" or "auto"; None: all
+    """
+    found: list[DetectedSheet] = []
+    for step in metadata.get("history", ()):
+        if step.get("step") == "remove_sheets" and clutter in (None, step.get("clutter")):
+            try:
+                found += [DetectedSheet(**sheet) for sheet in step.get("sheets", ())]
+            except (TypeError, InputError):
+                continue
+    return tuple(found)
+
+
 def _checked_corners(value: Any) -> tuple[tuple[float, float], ...]:
     """Four places counterclockwise around something, or none."""
     if not isinstance(value, Iterable):

@@ -13,6 +13,7 @@ from ._canvas import resampling_weights as resampling_weights
 from ._cleaned import HIGH_BAND as HIGH_BAND
 from ._cleaned import LOW_BAND as LOW_BAND
 from ._cleaned import Condition as Condition
+from ._cleaned import lids_taken_before as lids_taken_before
 from ._cleaned import sheets_in as sheets_in
 from ._cleaned import taken_db as taken_db
 from ._cleaned import without_sheets as without_sheets

@@ -1,14 +1,14 @@
 """Images without their sheets: what segmenters and classifiers look at."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any, Literal
 
 import numpy as np
 
-from millisight.core.errors import InputError
 from millisight.data import SarImage
-from millisight.imaging import DetectedSheet, SheetRemoval, remove_sheets
+from millisight.imaging import SheetRemoval, remove_sheets, sheets_told
 
 Condition = Literal["los", "nlos"]
 """Whether something is known to cover the scene ("nlos"), as a lid or a cloth does."""
@@ -19,12 +19,7 @@ HIGH_BAND, LOW_BAND = 79e9, 24.125e9
 
 @lru_cache(maxsize=4)
 def sheets_in(image: SarImage, *, frequency: float = HIGH_BAND, covered: bool = False) -> SheetRemoval[SarImage]:
-    """The lids, cloths and walls in an image, as by `remove_sheets`; the last four are kept. See `without_sheets`.
-
-    Where they were taken off before, those that the history tells, and the image as it is.
-    """
-    if _taken_before(image):
-        return SheetRemoval(result=image, sheets=_told(image), left=(), reason="")
+    """The lids, cloths and walls in an image, as by `remove_sheets`; the last four are kept. See `without_sheets`."""
     return remove_sheets(image, frequency=image.frequency or frequency, clutter="lid" if covered else "auto")
 
 
@@ -55,9 +50,16 @@ def _taken_before(image: SarImage) -> list[Mapping[str, Any]]:
     return [step for step in image.metadata.get("history", ()) if step.get("step") == "remove_sheets"]
 
 
-def _told(image: SarImage) -> tuple[DetectedSheet, ...]:
-    """The sheets of these steps; none where they cannot be read."""
-    try:
-        return tuple(DetectedSheet(**sheet) for step in _taken_before(image) for sheet in step.get("sheets", ()))
-    except (TypeError, InputError):
-        return ()
+def lids_taken_before(image: SarImage) -> SheetRemoval[SarImage]:
+    """The known lids that were taken off an image, or off its frames, before, as its history tells.
+
+    What was found in frames is known where the poses are. Where it reaches their border it goes on: it counts as
+    everywhere.
+    """
+    step = next(iter(_taken_before(image)), {})
+    lids = sheets_told(image.metadata, clutter="lid")
+    if "taken_db" not in step:  # off the frames
+        (x0, y0), (x1, y1) = ((float(axis[i]) for axis in (image.grid.x, image.grid.y)) for i in (0, -1))
+        everywhere = {"lower": (x0, y0), "upper": (x1, y1), "corners": ()}
+        lids = tuple(replace(lid, **everywhere) if lid.border > 0 else lid for lid in lids)
+    return SheetRemoval(result=image, sheets=lids, left=(), reason="")

@@ -91,14 +91,14 @@ def tells_height(inside: np.ndarray, image: SarImage) -> bool:
     return bool(power.any()) and _height(power, image.grid.z) is not None
 
 
-def lid_height(image: SarImage, removal: SheetRemoval[SarImage]) -> float | None:
+def lid_height(image: SarImage, removal: SheetRemoval[SarImage], *, before: bool = False) -> float | None:
     """z of the highest sheet that was taken off an image [m]; None where none was, or its height is unknown.
 
     It is known where the power falls to a fifth below it, by the median where the sheet is seen. Above it lie its
-    grating lobes, which may be as bright. Of sheets that were taken off before, it is known where the image tells
+    grating lobes, which may be as bright. Of sheets that were taken off `before`, it is known where the image tells
     heights.
     """
-    if removal.result is image:
+    if before:
         known = tells_height(np.ones(image.grid.xy.shape, bool), image)
         return max((sheet.height for sheet in removal.sheets), default=None) if known else None
     heights, z = [], image.grid.z

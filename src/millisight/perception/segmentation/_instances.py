@@ -16,7 +16,7 @@ from millisight.core import check_known, checked_number, checked_record, put, re
 from millisight.core.errors import InputError
 from millisight.data import Instances, Prompts, SarImage
 from millisight.imaging import SheetRemoval
-from millisight.perception import HIGH_BAND, project, sheets_in, without_sheets
+from millisight.perception import HIGH_BAND, lids_taken_before, project, sheets_in, without_sheets
 from millisight.perception.segmentation._heights import beneath, between, lid_height
 from millisight.perception.segmentation._parts import parts_of
 from millisight.perception.segmentation._segmentation import (
@@ -257,13 +257,17 @@ def segment_instances(
         smallest=max(1, round(settings.smallest / area)) if area else 1,
     )
     limit = largest_share(picture) if largest is None else largest
-    taken = sheets_in(image, frequency=HIGH_BAND, covered=True) if covered else None
+    before = cleaned is image
+    taken = lid = None
+    if covered:
+        taken = lids_taken_before(image) if before else sheets_in(image, frequency=HIGH_BAND, covered=True)
+        lid = lid_height(image, taken, before=before)
     fits = [
         number
         for number, peak in enumerate(peaks, 1)
         if peak >= -settings.dimmest_db
         and (labels == number).mean() <= limit
-        and _lies_there(labels == number, image, support, taken)
+        and _lies_there(labels == number, cleaned, support, lid, taken)
     ]
     kept = np.zeros(labels.shape, np.int32)
     for new, number in enumerate(fits, 1):
@@ -272,11 +276,14 @@ def segment_instances(
 
 
 def _lies_there(
-    inside: np.ndarray, image: SarImage, support: float | None, taken: SheetRemoval[SarImage] | None
+    inside: np.ndarray,
+    cleaned: SarImage,
+    support: float | None,
+    lid: float | None,
+    taken: SheetRemoval[SarImage] | None,
 ) -> bool:
     """Whether an object may lie where a mask (X, Y) is: above the support, below the lid that was taken, if any."""
+    low = between(inside, cleaned, support=support, lid=lid, surely=True)
     if taken is None or not taken.sheets:
-        return bool(between(inside, image, support=support).any())
-    lid = lid_height(image, taken)
-    low = between(inside, taken.result, support=support, lid=lid, surely=True)
-    return bool(beneath(low, image, taken, surely=True).any())
+        return bool(low.any())
+    return bool(beneath(low, cleaned, taken, surely=True).any())

@@ -22,6 +22,7 @@ from millisight.perception import (
     SPACING,
     canvas_axes,
     canvas_power,
+    lids_taken_before,
     open_network,
     power_levels,
     projected_levels,
@@ -107,7 +108,7 @@ def _slice_levels(power: np.ndarray) -> np.ndarray:
 WAVE_WEIGHTS = Path(__file__).with_name("weights") / "wave.onnx"
 """Shipped; its description lies beside it as .json."""
 PRESENCE_WEIGHTS = WAVE_WEIGHTS.with_name("presence.onnx")
-"""Of a second network of the same kind, which judges whether anything lies in a covered scene; shipped."""
+"""Of a second network of the same kind, which judges whether anything is there; shipped."""
 
 _STEPS = (0.0, 0.15, -0.15, 0.3)  # from the description's cut: one mask each
 _PARTING = (0.55, 0.7, 0.85)  # further ones, at which an object and its lid's edge may be apart
@@ -129,8 +130,9 @@ class WaveSegmenter:
     Parameters
     ----------
     weights : ONNX file as `millisight train segmenter` writes it, its description beside it; None: the shipped one
-    presence : such a file of a second network, which judges whether a covered scene is empty; None: the shipped one
-        where the weights are the shipped ones, else `weights` alone decide
+    presence : such a file of a second network, which judges whether a covered scene is empty, and in sight whether a
+        flat top fills the image; None: the shipped one where the weights are the shipped ones, else `weights` alone
+        decide
 
     Raises
     ------
@@ -168,7 +170,7 @@ class WaveSegmenter:
         """Whether nothing lies in a covered scene, by all views of its image, with the other band and without it.
 
         It is the second network's word, which marks objects less well. In sight it takes a lone ball's glint for the
-        floor's, and is not asked; nor where an echo is long along z, as at 24 GHz alone.
+        floor's, and is not asked this; nor where an echo is long along z, as at 24 GHz alone.
 
         Raises
         ------
@@ -201,7 +203,8 @@ class WaveSegmenter:
 
     def _fills(self, picture: Picture) -> bool:
         """Whether the second network is sure of an object in sight: it knows flat tops that fill an image better."""
-        return self._judge is not None and not picture.covered and self._judged_there(picture, _SURELY_THERE)
+        alone = dataclasses.replace(picture, other_band=None)  # at 24 GHz they pass for sheets
+        return self._judge is not None and not picture.covered and self._judged_there(alone, _SURELY_THERE)
 
     def canvas_mask(
         self,
@@ -254,7 +257,7 @@ class WaveSegmenter:
         if presence(probability) < least and picture.other_band is not None:
             # A flat top that fills the image passes for a sheet, more often at 24 GHz, and is taken off there.
             probability = self.probability(dataclasses.replace(picture, other_band=None), prompts)
-        if presence(probability) < least and not self._fills(picture):
+        if presence(probability) < least and (prompts is not None or not self._fills(picture)):
             return nothing
         cut = min(self.description["cut"], 0.9 * float(probability.max()))
         cuts = [cut, *(cut + step for step in _STEPS[1:] if 0.05 < cut + step < probability.max())]
@@ -326,8 +329,9 @@ def _placed(masks: Sequence[np.ndarray], picture: Picture) -> list[np.ndarray]:
         return list(masks)
     cleaned = without_sheets(image, frequency=HIGH_BAND, covered=picture.covered)
     if picture.covered:
-        taken = sheets_in(image, frequency=HIGH_BAND, covered=True)
-        lid = lid_height(image, taken)
+        before = cleaned is image
+        taken = lids_taken_before(image) if before else sheets_in(image, frequency=HIGH_BAND, covered=True)
+        lid = lid_height(image, taken, before=before)
     real = without_ghosts(masks, cleaned)
     kept = [between(mask, cleaned, support=picture.support, lid=lid) for mask in real]
     if taken is not None and taken.sheets:

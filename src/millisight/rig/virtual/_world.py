@@ -120,8 +120,8 @@ class Carton:
     Attributes
     ----------
     stack : layers of its walls, a name of `LAYERED`
-    thickness : of its walls, 5 cm at most, the middle one of an odd number of layers thicker or thinner; None: as the
-        stack [m]
+    thickness : of its walls, 0.05 at most [m], the middle one of an odd number of layers thicker or thinner; None: as
+        the stack
     clearance : between the objects and its walls, and its lid [m]
     size : along x, y and z, around the objects' middle [m]; None: so that it fits
     at : x and y of its middle [m]; None: the objects' middle, in an empty scene the aperture's
