@@ -187,7 +187,8 @@ def test_lids_that_were_taken_before_are_as_the_history_tells():
     # Off the frames: known where the poses are, beyond whose border it goes on.
     (within,) = lids_taken_before(replace(image, metadata=lid_told())).sheets
     (beyond,) = lids_taken_before(replace(image, metadata=lid_told(border=0.4))).sheets
-    assert (within.upper[0], beyond.upper[0]) == pytest.approx((X[24], X[-1]))
+    assert (within.lower, within.upper) == ((X[0], X[0]), (X[24], X[-1]))
+    assert (beyond.lower, beyond.upper) == ((X[0], X[0]), (X[-1], X[-1]))
 
 
 def test_instances_under_a_lid_lie_below_it_and_above_the_support():
@@ -201,6 +202,10 @@ def test_instances_under_a_lid_lie_below_it_and_above_the_support():
     assert seen["nlos", None] == {"stand", "low", "tall"}
     assert seen["nlos", SUPPORT] == {"low", "tall"}
     assert seen["los", SUPPORT] == {"low", "tall", "edge"}
+    # A lid below all objects is a floor.
+    floor = image.metadata["history"][0]["sheets"][0] | {"height": -0.36, "upper": (X[-1], X[-1])}
+    below = replace(image, metadata=lid_told(sheets=[floor], taken_db=-10.0))
+    assert len(ms.segment_instances(below, condition="nlos")) == len(ms.segment_instances(below))
     with pytest.raises(UnknownNameError, match="condition"):
         ms.segment_instances(image, condition="hidden")
     with pytest.raises(InputError, match="support"):

@@ -59,7 +59,7 @@ def lids_taken_before(image: SarImage) -> SheetRemoval[SarImage]:
     step = next(iter(_taken_before(image)), {})
     lids = sheets_told(image.metadata, clutter="lid")
     if "taken_db" not in step:  # off the frames
-        (x0, y0), (x1, y1) = ((float(axis[i]) for axis in (image.grid.x, image.grid.y)) for i in (0, -1))
-        everywhere = {"lower": (x0, y0), "upper": (x1, y1), "corners": ()}
-        lids = tuple(replace(lid, **everywhere) if lid.border > 0 else lid for lid in lids)
+        x, y = image.grid.x, image.grid.y
+        ends = {"lower": (float(x[0]), float(y[0])), "upper": (float(x[-1]), float(y[-1]))}
+        lids = tuple(replace(lid, **ends, corners=()) if lid.border > 0 else lid for lid in lids)
     return SheetRemoval(result=image, sheets=lids, left=(), reason="")

@@ -262,13 +262,14 @@ def segment_instances(
     if covered:
         taken = lids_taken_before(image) if before else sheets_in(image, frequency=HIGH_BAND, covered=True)
         lid = lid_height(image, taken, before=before)
-    fits = [
+    likely = [
         number
         for number, peak in enumerate(peaks, 1)
-        if peak >= -settings.dimmest_db
-        and (labels == number).mean() <= limit
-        and _lies_there(labels == number, cleaned, support, lid, taken)
+        if peak >= -settings.dimmest_db and (labels == number).mean() <= limit
     ]
+    fits = [number for number in likely if _lies_there(labels == number, cleaned, support, lid, taken)]
+    if not fits and support is None:  # what was taken for the lid may be a floor
+        fits = [number for number in likely if _lies_there(labels == number, cleaned, None, None, taken)]
     kept = np.zeros(labels.shape, np.int32)
     for new, number in enumerate(fits, 1):
         kept[labels == number] = new
