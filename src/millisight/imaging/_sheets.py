@@ -96,7 +96,7 @@ class DetectedSheet:
 
 
 def sheets_told(metadata: Mapping[str, Any], *, clutter: str | None = None) -> tuple[DetectedSheet, ...]:
-    """The sheets that were taken off before, as a history tells them; none of a step that cannot be read.
+    """The sheets that were taken off before, as a history tells them; those that cannot be read are left out.
 
     Parameters
     ----------
@@ -106,10 +106,12 @@ def sheets_told(metadata: Mapping[str, Any], *, clutter: str | None = None) -> t
     found: list[DetectedSheet] = []
     for step in metadata.get("history", ()):
         if step.get("step") == "remove_sheets" and clutter in (None, step.get("clutter")):
-            try:
-                found += [DetectedSheet(**sheet) for sheet in step.get("sheets", ())]
-            except (TypeError, InputError):
-                continue
+            sheets = step.get("sheets")
+            for sheet in sheets if isinstance(sheets, (list, tuple)) else ():
+                try:
+                    found.append(DetectedSheet(**sheet))
+                except (TypeError, InputError):  # written by another program
+                    continue
     return tuple(found)
 
 

@@ -5,6 +5,7 @@ import numpy as np
 from millisight.core import peak_place
 from millisight.data import SarImage
 from millisight.imaging import SheetRemoval
+from millisight.perception import HIGH_BAND, lids_taken_before, sheets_in
 from millisight.perception.segmentation._parts import parts_of
 
 _CLEARANCE = 0.008  # above its support and below its lid, an object's echo is at least so far away [m]
@@ -110,6 +111,19 @@ def lid_height(image: SarImage, removal: SheetRemoval[SarImage], *, before: bool
             if power[below].min() < _FALLS * power[abs(z - sheet.height).argmin()]:
                 heights.append(sheet.height)
     return max(heights, default=None)
+
+
+def lid_over(image: SarImage, cleaned: SarImage) -> tuple[SheetRemoval[SarImage], float | None]:
+    """The sheets of a covered scene that were taken off now or before, and the lid's height z [m], if it is known.
+
+    Parameters
+    ----------
+    image : as it was given
+    cleaned : by `without_sheets`
+    """
+    before = cleaned is image
+    taken = lids_taken_before(image) if before else sheets_in(image, frequency=HIGH_BAND, covered=True)
+    return taken, lid_height(image, taken, before=before)
 
 
 def _height(power: np.ndarray, z: np.ndarray, *, surely: bool = True) -> float | None:

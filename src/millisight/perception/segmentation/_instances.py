@@ -16,8 +16,8 @@ from millisight.core import check_known, checked_number, checked_record, put, re
 from millisight.core.errors import InputError
 from millisight.data import Instances, Prompts, SarImage
 from millisight.imaging import SheetRemoval
-from millisight.perception import HIGH_BAND, lids_taken_before, project, sheets_in, without_sheets
-from millisight.perception.segmentation._heights import beneath, between, lid_height
+from millisight.perception import HIGH_BAND, project, without_sheets
+from millisight.perception.segmentation._heights import beneath, between, lid_over
 from millisight.perception.segmentation._parts import parts_of
 from millisight.perception.segmentation._segmentation import (
     Segmenter,
@@ -257,11 +257,7 @@ def segment_instances(
         smallest=max(1, round(settings.smallest / area)) if area else 1,
     )
     limit = largest_share(picture) if largest is None else largest
-    before = cleaned is image
-    taken = lid = None
-    if covered:
-        taken = lids_taken_before(image) if before else sheets_in(image, frequency=HIGH_BAND, covered=True)
-        lid = lid_height(image, taken, before=before)
+    taken, lid = lid_over(image, cleaned) if covered else (None, None)
     likely = [
         number
         for number, peak in enumerate(peaks, 1)

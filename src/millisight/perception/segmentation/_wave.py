@@ -22,20 +22,18 @@ from millisight.perception import (
     SPACING,
     canvas_axes,
     canvas_power,
-    lids_taken_before,
     open_network,
     power_levels,
     projected_levels,
     read_description,
     resampling_weights,
     run_network,
-    sheets_in,
     taken_db,
     without_sheets,
 )
 from millisight.perception.segmentation._edges import at_edges
 from millisight.perception.segmentation._ghosts import without_ghosts
-from millisight.perception.segmentation._heights import beneath, between, lid_height, tells_height
+from millisight.perception.segmentation._heights import beneath, between, lid_over, tells_height
 from millisight.perception.segmentation._parts import judged_apart, parts_of
 from millisight.perception.segmentation._segmentation import SEGMENTERS, Candidates
 
@@ -329,9 +327,7 @@ def _placed(masks: Sequence[np.ndarray], picture: Picture) -> list[np.ndarray]:
         return list(masks)
     cleaned = without_sheets(image, frequency=HIGH_BAND, covered=picture.covered)
     if picture.covered:
-        before = cleaned is image
-        taken = lids_taken_before(image) if before else sheets_in(image, frequency=HIGH_BAND, covered=True)
-        lid = lid_height(image, taken, before=before)
+        taken, lid = lid_over(image, cleaned)
     real = without_ghosts(masks, cleaned)
     kept = [between(mask, cleaned, support=picture.support, lid=lid) for mask in real]
     if taken is not None and taken.sheets:

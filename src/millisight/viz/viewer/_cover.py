@@ -1,13 +1,10 @@
 """What lies over the object in an image, such as the lid of a carton: where it is, and how to look under it."""
 
-from collections.abc import Iterator, Mapping
-from typing import Any
-
 import numpy as np
 
 from millisight.core import check_known, checked_array, checked_number, put, record
 from millisight.data import SarImage
-from millisight.imaging import CLUTTER, DetectedSheet, remove_sheets
+from millisight.imaging import CLUTTER, DetectedSheet, remove_sheets, sheets_told
 from millisight.perception import HIGH_BAND, LOW_BAND
 from millisight.viz.viewer._levels import FLOOR_DB, Levels, levels_of
 
@@ -66,7 +63,7 @@ def cover_of(image: SarImage, clutter: str, *, low_band: bool = False) -> Cover 
     check_known("clutter", clutter, CLUTTER)
     if clutter == "none":
         return None
-    sheets, cleaned = [*_told(image.metadata)], image
+    sheets, cleaned = [*sheets_told(image.metadata)], image
     if not sheets:
         if clutter == "auto" and image.grid.size > MOST_SEARCHED:
             return None
@@ -89,16 +86,6 @@ def cover_of(image: SarImage, clutter: str, *, low_band: bool = False) -> Cover 
         extent=np.array([lid.lower, lid.upper]),
         levels=None if cleaned is image else levels,
     )
-
-
-def _told(metadata: Mapping[str, Any]) -> Iterator[DetectedSheet]:
-    """The sheets that were taken off, by the image's history."""
-    for step in metadata.get("history", ()):
-        for sheet in step.get("sheets", ()) if step.get("step") == "remove_sheets" else ():
-            try:
-                yield DetectedSheet(**sheet)
-            except (TypeError, ValueError):  # written by another program
-                continue
 
 
 def _rise(sheet: DetectedSheet) -> float:
