@@ -108,3 +108,19 @@ def test_mutations_end_in_our_errors(small):
             ends.append("small.txt" in str(error))
     assert len(ends) == 300
     assert all(ends)
+
+
+@pytest.mark.parametrize("scale", [3, 300, 2**15, 1e5, 0.5])
+def test_numbers_are_written_as_nine_digits_have_them_whole_or_not(tmp_path, scale):
+    """Whole ones come from a table; what is empty is filled up with zeros that have no sign."""
+    rng = np.random.default_rng(8)
+    parts = np.rint(rng.normal(size=(5, 2, 2, 9, 2))) * scale
+    frames = np.conj(parts[..., 0] + 1j * parts[..., 1]).astype(np.complex64)
+    frames[3] = np.conj(0j)
+    write_position2go(tmp_path / "frames.txt", frames)
+    rows = np.stack([frames.real, frames.imag], axis=-2).reshape(-1, 9)
+    lines = (tmp_path / "frames.txt").read_text().splitlines()
+    assert len(lines) == len(rows)
+    for line, row in zip(lines, rows, strict=True):
+        assert line == ",".join(["%.9g" % (value if row.any() else 0) for value in row.tolist()])
+    assert np.array_equal(read_position2go(tmp_path / "frames.txt", samples=9, chirps=2).samples, frames)
