@@ -20,16 +20,17 @@ from millisight.io.mito import FRAMES
 from millisight.rig.virtual import ScanSettings, VirtualRig, World, WorldLayout, WorldObject, build_layout, optics_of
 
 # Processor time of one core of an AMD EPYC (Zen 5, 2.6 GHz), see benchmarks/test_generate.py [s].
-_JOB = 0.4  # building the world, and files
-_BEHIND, _OBJECT, _SHEET, _FACE = 12e-9, 46e-9, 44e-9, 22e-9  # a frame: patches of each kind, and faces
+_JOB = 0.9  # building the world, and files
+_ECHO = 22e-5  # a frame, whatever there is
+_BEHIND, _OBJECT, _SHEET, _FACE = 6e-9, 49e-9, 23e-9, 5e-9  # a frame: patches of each kind, and faces
 _PATCHES = 10.0  # a square wavelength
-_FRAME = {"77_ghz": 0.16e-3, "24_ghz": 6.3e-3}  # noise, and the raw file written and read
+_FRAME = {"77_ghz": 0.42e-3, "24_ghz": 1.4e-3}  # noise, the arm's log, and the raw file written and read
 _PICTURE = 0.65
-_PAIR, _CHANNEL, _VOXEL = 0.7e-9, 3.3e-5, 0.4e-6  # imaging: direct, or factorised
+_START, _PAIR, _CHANNEL, _VOXEL = 0.4, 0.7e-9, 2.0e-5, 0.5e-6  # imaging: direct, or factorised
 _VERTEX_PAIR, _VERTEX = 2.5e-9, 0.8e-4  # the simulator: a vertex seen from a position, and resampling
 
 _PROBES = 7
-_ALL_ROWS, _REST = 1.1, 1.3  # what all rows take over what the middle one tells, and all but echoes over the figures
+_ALL_ROWS = 1.0  # what all rows take over what the middle one tells
 # What whole recipes may take over what is told: with a probe of a small row (0.8 and 1.26 did), and of their own jobs.
 _FIGURES, _OWN = (0.6, 1.6), (0.85, 1.2)
 
@@ -116,7 +117,7 @@ def row_seconds(stage: WorldLayout, radar: Radar, frames: float) -> float:
         (_SHEET, stage.panels),
     )
     frame = sum(cost * patches * part.mesh.area for cost, parts in kinds for part in parts)
-    return frames * (frame + _FACE * sum(len(part.mesh.faces) for part in stage.parts))
+    return frames * (_ECHO + frame + _FACE * sum(len(part.mesh.faces) for part in stage.parts))
 
 
 def simulator_cost(scene: Scene, trajectory: Trajectory, grid: VoxelGrid, settings: Simulator) -> Cost:
@@ -131,7 +132,7 @@ def simulator_cost(scene: Scene, trajectory: Trajectory, grid: VoxelGrid, settin
 
 def _imaging_seconds(channels: float, grid: VoxelGrid) -> float:
     direct = channels * grid.size * _PAIR
-    return min(direct, 1.0 + channels * _CHANNEL + grid.size * _VOXEL)
+    return min(direct, _START + channels * _CHANNEL + grid.size * _VOXEL)
 
 
 class Slowness(NamedTuple):
@@ -157,7 +158,7 @@ def slowness_of(scans: Iterable[tuple[WorldLayout, float]], done: Callable[[], o
         for stage, told in scans:
             rig = VirtualRig(stage.world, layout=stage)
             rest = max(told - _echo_seconds(rig), 0.0)
-            ratios.append((_ALL_ROWS * rig.estimated_seconds(time.process_time) + _REST * rest) / told)
+            ratios.append((_ALL_ROWS * rig.estimated_seconds(time.process_time) + rest) / told)
             done()
     finally:
         numba.set_num_threads(threads)

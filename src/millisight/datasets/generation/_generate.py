@@ -35,7 +35,8 @@ Progress = Callable[[int, int], None]
 
 _VERSION = 1  # of the generator: another one, and everything is made anew
 _SHOWN = 5  # problems of a recipe
-_SAMPLES, _MUCH = 5, 600.0  # scans that are tried where there is more to do than so many core-seconds
+_MUCH = 600.0  # core-seconds, from which on scans of the recipe are tried
+_SAMPLES, _MOST, _EACH = 5, 24, 80.0  # how many, at least and at most; core-seconds that one stands for
 _FEW = 10  # jobs that one process has checked before others have started
 
 
@@ -141,11 +142,13 @@ def _slowness(todo: Sequence[Job], costs: Sequence[Cost], root: Path, progress: 
     until = np.cumsum([seconds for _, seconds in rig])
     if until[-1] < _MUCH:
         return slowness()
-    picks = np.searchsorted(until, until[-1] * (np.arange(_SAMPLES) + 0.5) / _SAMPLES)
-    done = count(len(todo) + 1)
+    tried = int(np.clip(until[-1] / _EACH, _SAMPLES, _MOST))
+    picks = np.searchsorted(until, until[-1] * (np.arange(tried) + 0.5) / tried)
+    done = count(1)
+    # Before jobs are checked nobody knows how many scans will be tried: together they count as many as `_SAMPLES`.
     return slowness_of(
         ((rig[pick][0].stage(root), rig[pick][1]) for pick in picks),
-        lambda: None if progress is None else progress(next(done), len(todo) + _SAMPLES),
+        lambda: progress and progress(len(todo) + _SAMPLES * next(done) // tried, len(todo) + _SAMPLES),
     )
 
 
