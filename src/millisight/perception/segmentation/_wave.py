@@ -116,9 +116,9 @@ _LEAST_AREA = 5e-5  # of what is left of a mask [m²]
 _THERE = 0.24  # presence, by the second network, on average over the views of a covered scene; below, it is empty
 _SURELY_THERE = 0.9  # the same, from which on something lies in a scene in sight, whatever the first network says
 _VIEWS = 8  # rotations and reflections
-# Unless the first network is so sure of so large a mask: flat bricks pass for a floor, but a tripod's plate is smaller.
-# Chosen on examples/recipes/looked-at.toml and sets like it.
-_SURE, _SURE_AREA = 0.8, 26e-4  # mean probability, and area [m²]
+# Unless the first network is so sure of what shines over so large an area, to so much of the mask's highest power: flat
+# things pass for a floor or a stand, but a tripod's plate of 2 cm fills no more than 8 cm².
+_SURE, _SURE_AREA, _SHINES = 0.8, 10.5e-4, 0.08  # mean probability, area [m²], share of the power
 
 
 @SEGMENTERS.add("wave")
@@ -238,8 +238,8 @@ class WaveSegmenter:
 
         Where nothing is found the only mask is empty: the mean of the 16 highest probabilities is less than that of
         99 % of the validation scenes with an object, with the other band and without it, and in sight the second
-        network is not sure that something is there; or a covered scene is `empty`, and the mask is smaller than 26 cm²
-        or its mean probability below 0.8.
+        network is not sure that something is there; or a covered scene is `empty`, and what shines in the mask, to a
+        twelfth of its highest power, is smaller than 10.5 cm² or its mean probability below 0.8.
 
         A mask's score is the intersection over union that the probabilities let expect of it; the first one's is at
         least as high as the others'.
@@ -269,13 +269,14 @@ class WaveSegmenter:
         else:
             placed = _placed(likely, picture)
         placed = [_without_small_parts(mask) for mask in placed]
-        if tells_height(placed[0], cleaned):
+        wide = placed[0]
+        if tells_height(wide, cleaned):
             edged = at_edges(placed, probability, cuts, cleaned.magnitude.mean(axis=2), sides)
             placed = [_without_small_parts(mask) for mask in edged]
         masks = np.stack(placed)
         if not masks[0].any():
             return nothing
-        if prompts is None and not _surely(masks[0], probability, sides) and self.empty(picture):
+        if prompts is None and not _surely(wide, probability, cleaned) and self.empty(picture):
             return nothing
         scores = np.array([_expected_iou(mask, probability) for mask in masks])
         scores[0] = scores.max()
@@ -315,9 +316,12 @@ def _channels_of(picture: Picture, prompts: Prompts | None) -> tuple[np.ndarray,
     return wave_input(power, other, points, before=before, taken_db=taken), x, y
 
 
-def _surely(mask: np.ndarray, probability: np.ndarray, sides: Sequence[float]) -> bool:
-    """Whether a mask that is not empty is so large, and its probability so high, that no second network is asked."""
-    return bool(mask.sum() * np.prod(sides) >= _SURE_AREA and probability[mask].mean() >= _SURE)
+def _surely(mask: np.ndarray, probability: np.ndarray, image: SarImage) -> bool:
+    """Whether what shines in a mask that is not empty is so large, and its probability so high, that no second network is
+    asked; of an image without its sheets."""
+    power = np.square(image.magnitude.mean(axis=2))
+    shining = mask & (power >= _SHINES * power[mask].max())
+    return bool(shining.sum() * np.prod(_pixel(image)) >= _SURE_AREA and probability[shining].mean() >= _SURE)
 
 
 def _placed(masks: Sequence[np.ndarray], picture: Picture) -> list[np.ndarray]:
