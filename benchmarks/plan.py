@@ -29,8 +29,8 @@ class Unit(NamedTuple):
 
 UNITS = {
     "reduced": Unit(20, 45e6, 4.3e6),  # measured: bench24.toml
-    "half": Unit(58, 65e6, 13.5e6, 300),  # estimated: half of full, but for the images
-    "full": Unit(117, 130e6, 13.5e6, 600),  # 24 captures of paper.toml measured, the rest by --dry-run
+    "half": Unit(30, 65e6, 13.5e6, 150),  # estimated: half of full, but for the images
+    "full": Unit(60, 130e6, 13.5e6, 300),  # 24 captures of paper.toml measured, the rest by --dry-run
 }
 COUNTS = {"reduced": (10_000, 1_000_000), "half": (10_000, 1_000_000), "full": (912, 10_000, 1_000_000)}
 

@@ -31,8 +31,10 @@ class _Trust(NamedTuple):
 
 # Chosen on 12 objects in line of sight that may be looked at, on 24 without noise, in sight and hidden, and on a wrench
 # in a carton; the second on ten of them and 30 flat or small ones, in sight and in cartons.
-_ROUND, _FLAT = _Trust(0.5, 0.5, 0.005, 5.0, 5.0), _Trust(1.0, 4.0, 0.0075, 5.0, 9.0)
-_SHARP = 1300.0  # from which on an edge is as sharp as the radar makes it, that of something flat or thin [dB/m]
+_ROUND, _FLAT = _Trust(0.5, 0.5, 0.005, 5.0, 5.0), _Trust(1.0, 2.0, 0.0075, 5.0, 9.0)
+# Of something flat or thin: an edge as sharp as the radar makes it [dB/m], and how much of the mask shines, to a tenth of
+# its highest power. A ball is a glint.
+_SHARP, _SHINING, _SHINES = 1300.0, 0.31, 0.1
 
 
 def at_edges(
@@ -47,9 +49,9 @@ def at_edges(
     The edge's level is that of the contour along which the image falls most steeply, in decibels a metre, times the
     F1 that the probabilities let expect of what lies within. A pixel's log-odds rise or fall with its level above or
     below it. They fall further where the level is less than half the brightest amplitude nearby: there a blurred edge
-    ends. Both together are bounded, so that what the network is sure of stays. Of round things the image tells less: their
-    sides are dark, and edges less steep than 1300 dB/m are followed less. A border moves outwards by no more than the
-    network's pixel.
+    ends. Both together are bounded, so that what the network is sure of stays. Of flat and thin things, whose edges are steep and
+    most of which shines, a border follows the image further: the sides of round ones are dark. A border moves outwards by
+    no more than the network's pixel.
 
     The mean gradient along each contour follows from two histograms over the pixels' levels, by the coarea formula: the
     sum of the gradient's square over that of the gradient.
@@ -88,7 +90,9 @@ def at_edges(
     best = int(np.argmax(sharpness * expected))
     if sharpness[best] <= 0:
         return list(masks)
-    trust = _FLAT if sharpness[best] >= _SHARP else _ROUND
+    shining = first & (level**2 >= _SHINES * level[first].max() ** 2)
+    flat = sharpness[best] >= _SHARP and shining.sum() >= _SHINING * first.sum()
+    trust = _FLAT if flat else _ROUND
     nearby = maximum_filter(db, [2 * round(trust.near / side) + 1 for side in sides])
     told = trust.edge * (db - _LEVELS[best]) - trust.half * np.maximum(nearby - db - _HALF, 0)
     odds = np.log(np.maximum(probability, 1e-6) / np.maximum(1 - probability, 1e-6))
