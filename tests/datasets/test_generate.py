@@ -438,6 +438,22 @@ def test_where_there_is_much_to_do_scans_of_the_recipe_tell_how_long(monkeypatch
     assert told[-1] == (len(plan.todo) + 5, len(plan.todo) + 5)
 
 
+def test_the_more_there_is_to_do_the_more_scans_are_tried(monkeypatch):
+    tried, told = [], []
+    monkeypatch.setattr(VirtualRig, "estimated_seconds", lambda self, clock: tried.append(self) or 1.0)
+    monkeypatch.setattr(generate, "_MUCH", 1.0)
+    work = sum(one.seconds for one in plan_dataset(small_recipe.recipe(simulator=None), "nowhere").costs)
+    tried.clear()
+    for each, expected in ((1e9, 5), (work / 8.5, 8), (1e-9, 24)):
+        monkeypatch.setattr(generate, "_EACH", each)
+        plan = plan_dataset(small_recipe.recipe(), "nowhere", progress=lambda *pair: told.append(pair))
+        assert len(tried) == expected
+        assert told == sorted(told)
+        assert told[-1] == (len(plan.todo) + 5, len(plan.todo) + 5)
+        tried.clear()
+        told.clear()
+
+
 def test_what_finished_jobs_took_corrects_what_is_left():
     told = {"a": ("rig", 10.0), "b": ("rig", 20.0), "c": ("simulator", 10.0), "d": ("simulator", 10.0)}
     remaining = cost.Remaining(told, slowness=2.0)
