@@ -32,8 +32,8 @@ class _Trust(NamedTuple):
 # Chosen on 12 objects in line of sight that may be looked at, on 24 without noise, in sight and hidden, and on a wrench
 # in a carton; the second on ten of them and 30 flat or small ones, in sight and in cartons.
 _ROUND, _FLAT = _Trust(0.5, 0.5, 0.005, 5.0, 5.0), _Trust(1.0, 2.0, 0.0075, 5.0, 9.0)
-# Of something flat or thin: an edge as sharp as the radar makes it [dB/m], and how much of the mask shines, to a tenth of
-# its highest power. A ball is a glint.
+# Of something flat or thin: an edge as sharp as the radar makes it [dB/m], and how much of the mask shines, to a tenth
+# of its highest power. A ball is a glint.
 _SHARP, _SHINING, _SHINES = 1300.0, 0.31, 0.1
 
 
@@ -49,9 +49,9 @@ def at_edges(
     The edge's level is that of the contour along which the image falls most steeply, in decibels a metre, times the
     F1 that the probabilities let expect of what lies within. A pixel's log-odds rise or fall with its level above or
     below it. They fall further where the level is less than half the brightest amplitude nearby: there a blurred edge
-    ends. Both together are bounded, so that what the network is sure of stays. Of flat and thin things, whose edges are steep and
-    most of which shines, a border follows the image further: the sides of round ones are dark. A border moves outwards by
-    no more than the network's pixel.
+    ends. Both together are bounded, so that what the network is sure of stays. A border follows the image further where
+    the edge is steep and much of the mask shines, as of flat and thin things: the sides of round ones are dark. It
+    moves outwards by no more than the network's pixel.
 
     The mean gradient along each contour follows from two histograms over the pixels' levels, by the coarea formula: the
     sum of the gradient's square over that of the gradient.

@@ -317,8 +317,8 @@ def _channels_of(picture: Picture, prompts: Prompts | None) -> tuple[np.ndarray,
 
 
 def _surely(mask: np.ndarray, probability: np.ndarray, image: SarImage) -> bool:
-    """Whether what shines in a mask that is not empty is so large, and its probability so high, that no second network is
-    asked; of an image without its sheets."""
+    """Whether what shines in a mask that is not empty is so large, and its probability so high, that no second network
+    is asked; of an image without its sheets."""
     power = np.square(image.magnitude.mean(axis=2))
     shining = mask & (power >= _SHINES * power[mask].max())
     return bool(shining.sum() * np.prod(_pixel(image)) >= _SURE_AREA and probability[shining].mean() >= _SURE)
