@@ -107,14 +107,13 @@ def write_position2go(path: str | os.PathLike[str], samples: ArrayLike) -> None:
 
 def _text(rows: np.ndarray) -> bytes:
     """Rows (n, N) float32 as lines of numbers; of whole ones, as radars record them, by a table: five times as fast."""
-    told = rows.any(axis=1, keepdims=True)
+    told = np.any(rows != 0, axis=1)
     if not ((np.abs(rows) <= _MOST) & (np.rint(rows) == rows)).all():
         line, empty = (",".join([cell] * rows.shape[1]) + "\n" for cell in ("%.9g", "0"))
-        return "".join(
-            line % tuple(row.tolist()) if one else empty for row, one in zip(rows, told[:, 0], strict=True)
-        ).encode("ascii")
+        lines = [line % tuple(row.tolist()) if one else empty for row, one in zip(rows, told, strict=True)]
+        return "".join(lines).encode("ascii")
     whole = rows.astype(np.int64) + _MOST
-    whole[np.signbit(rows) & (rows == 0) & told] = 2 * _MOST + 1
+    whole[np.signbit(rows) & (rows == 0) & told[:, np.newaxis]] = 2 * _MOST + 1  # -0, but where a row is empty
     cells, ends = _table()
     text = cells[whole]
     text[:, -1] = ends[whole[:, -1]]
