@@ -9,8 +9,8 @@ from millisight.core import SPEED_OF_LIGHT, product
 from millisight.core.errors import CoverageError, InputError
 from millisight.data import Radar, TriangleMesh, Waveform
 from millisight.meshes import LIFT, RayCaster
-from millisight.rig.virtual import _kernels as _kernels
 from millisight.rig.virtual import _bounce_kernels as _bounce_kernels
+from millisight.rig.virtual import _kernels as _kernels
 from millisight.rig.virtual import _path_kernels as _path_kernels
 from millisight.rig.virtual._edges import Edges, sharp_edges
 from millisight.rig.virtual._multipath import double_bounces
