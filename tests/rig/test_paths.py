@@ -47,6 +47,22 @@ def test_fringes_are_finite_square_on_and_none_inside():
     assert fringe_at(1.6 * np.pi, 1.5) == 0
 
 
+@pytest.mark.parametrize("n", [1.05, 1.4, 1.5, 1.9, 2.0])
+def test_fringes_are_good_to_single_precision_next_to_where_their_terms_are_infinite(n):
+    """By the library's cosine and arcus tangent."""
+    away = np.geomspace(1.5e-4, 0.3, 40)
+    square = np.concatenate([np.pi / 2 + away, np.pi / 2 - away])
+    angles = np.concatenate([square, n * np.pi - square, np.linspace(0.01, 2 * np.pi, 200)])
+    for angle in angles[(angles > 0) & (angles < n * np.pi)]:
+        whole = -np.sin(np.pi / n) / n / (np.cos(np.pi / n) - np.cos(2 * angle / n))
+        whole -= sum(np.tan(turn) / 2 for turn in (angle, n * np.pi - angle) if turn < np.pi)
+        found = fringe_at(angle, n)
+        if n == 2.0 and angle >= np.pi:
+            assert found == 0
+        elif min(abs(angle - np.pi / 2), abs(n * np.pi - angle - np.pi / 2)) > 1e-4:
+            assert found == pytest.approx(whole, rel=1e-6, abs=1e-6)
+
+
 def test_edges_mend_physical_optics_off_the_specular_angle():
     """A plate far away, in the plane across two of its edges, up to edge-on: their diffracted waves (Keller) are all.
 

@@ -16,7 +16,7 @@ fold turns the polarisation and a linearly polarised radar sees nothing; that is
 import numpy as np
 
 from millisight.meshes import LIFT, RayCaster
-from millisight.rig.virtual._path_kernels import NO_SLOPE
+from millisight.rig.virtual._bounce_kernels import NO_SLOPE
 from millisight.rig.virtual._shadow_kernels import mirror_ways, returning_ways
 
 _SLANT = 0.05  # cosine of incidence under which a face mirrors nothing onward

@@ -1,11 +1,11 @@
-"""Compiled loops over single paths: legs through antennas and sheets, edges, and double bounces. See `_kernels`."""
+"""Compiled loops over single paths: legs through antennas and sheets, and edges. See `_kernels`."""
 
 import math
 
 import numpy as np
 
 from millisight.core import inline, kernel, phase, prange
-from millisight.rig.virtual._kernels import BLOCK, FULL, LEG, ORDER, faces, form_factor, polynomial
+from millisight.rig.virtual._kernels import BLOCK, FULL, LEG, ORDER, faces
 
 _distance = inline(phase.distance)
 _wrapped = inline(phase.wrapped)
@@ -15,14 +15,7 @@ _sine = inline(phase.sine)
 _f32 = np.float32
 _ONE, _ZERO = _f32(1), _f32(0)
 
-FULL_SLOPE, NO_SLOPE = 0.4, 0.8
-"""Slope of the path over the second face up to which a double bounce counts in full, and from which not at all."""
-
-MOST_PHASE = 4.3
-"""On a patch, off that of its centroid, for which its series is made; a slant may stretch a tube of rays beyond."""
-
 _SQUARE_ON = 1e-4  # [rad]
-_FLATTEST = 0.02  # cosine of incidence at which a wave still meets the second face
 
 _PLANE = 1e-6  # nearer to a sheet than this [m], a place lies in it and not behind it
 
@@ -121,43 +114,120 @@ def _fill_leg(antenna, axes, exponents, center, own, sheets, tables, row):
     row[8], row[9] = slope_re, slope_im
 
 
-@kernel(error_model="numpy")
+@kernel(fastmath={"contract", "reassoc", "arcp", "nsz"}, error_model="numpy")
 def edge_echoes(transmitters, nodes, between, shares, antennas, light, legs, edges, cluster, carrier, half_band,
                 first_bin, width, bins):  # fmt: skip
     """Add what edges diffract beyond physical optics: see `edges`.
 
     light (P (T + M), E); edges (E, 23): middle; unit vector along; normal of the first face, and direction from the
-    edge into it; length; exterior angle n pi, as n; strength (real, imaginary part); the middle in its cluster (E,),
+    edge into it; length; exterior angle n pi, as n; strength (real, imaginary part); the middle in its cluster (E, 1),
     whose legs hold; cos(pi / n), sin(pi / n) / n, cos(n pi), sin(n pi).
     """
-    receivers = len(between)
-    for c in prange(len(bins)):
-        sender, i = c // receivers, c % receivers
+    receivers, columns = len(between), edges.shape[1]
+    for sender in prange(len(bins) // receivers):
         pose, number = sender // transmitters, sender % transmitters
-        t, r = pose * (transmitters + receivers) + number, pose * (transmitters + receivers) + transmitters + i
+        t, r0 = pose * (transmitters + receivers) + number, pose * (transmitters + receivers) + transmitters
         eye_t, eye_r = pose * (transmitters + len(nodes)) + number, pose * (transmitters + len(nodes)) + transmitters
-        one, other = eye_r + between[i, 0], eye_r + between[i, 1]
-        for e in range(len(edges)):
-            seen = light[eye_t, e] * ((1 - shares[i]) * light[one, e] + shares[i] * light[other, e]) / FULL**2
-            if seen == 0:
-                continue
-            s = edges[e]
-            px, py, pz = _between(s, antennas[t])
-            qx, qy, qz = _between(s, antennas[r])
-            to, back = _distance(px, py, pz), _distance(qx, qy, qz)
-            ux, uy, uz = px / to + qx / back, py / to + qy / back, pz / to + qz / back
-            fringe = _fringe(_along(s, 9, ux, uy, uz), _along(s, 6, ux, uy, uz), s[13], s[19], s[20], s[21], s[22])
-            if fringe == 0:
-                continue
-            turns = carrier * s[12] * _along(s, 3, ux, uy, uz) / 2
-            if abs(turns) > 1e-6:
-                fringe *= _sine(_wrapped(turns)) / (2 * math.pi * turns)
-            leg_t, leg_r = legs[t, cluster[e]], legs[r, cluster[e]]
-            gain = _amplitude_at(leg_t, s[16], s[17], s[18]) * _amplitude_at(leg_r, s[16], s[17], s[18])
-            cycles = _cycles_at(leg_t, s[16], s[17], s[18]) + _cycles_at(leg_r, s[16], s[17], s[18])
-            size = seen * gain * fringe * s[12] / (2 * math.pi * to * back)
-            _deposit(size * complex(s[14], s[15]), to + back, cycles, _tilt(leg_t, leg_r), carrier, half_band,
-                     first_bin, width, bins, c)  # fmt: skip
+        # Of some edges that are seen: their columns, and the legs of one antenna; what is sent to them: direction
+        # back, path, amplitude, cycles, slope; what returns to each node, but its phase; then echoes of one channel,
+        # and their bins.
+        chosen, own = np.empty(BLOCK, np.int64), np.empty((columns, BLOCK))
+        leg, sent, seen = np.empty((LEG, BLOCK), np.float32), np.empty((8, BLOCK)), np.empty((len(nodes), BLOCK))
+        returned = np.empty((len(nodes), BLOCK))
+        echo, place = np.empty((4, BLOCK), np.float32), np.empty(BLOCK, np.int32)
+        e = 0
+        while e < len(edges):
+            found = 0
+            while e < len(edges) and found < BLOCK:
+                shown = 0
+                for m in range(len(nodes)):
+                    shown += light[eye_r + m, e]
+                if light[eye_t, e] and shown:
+                    chosen[found] = e
+                    found += 1
+                e += 1
+            count = np.uint64(found)
+            for n in range(found):
+                for k in range(columns):
+                    own[k, n] = edges[chosen[n], k]
+                sent[4, n] = light[eye_t, chosen[n]] / FULL**2
+                for m in range(len(nodes)):
+                    seen[m, n] = light[eye_r + m, chosen[n]]
+            _gather_of(legs[t], cluster, chosen, count, leg)
+            _sent_to(antennas[t], own, leg, count, sent)
+            for m in range(len(nodes)):
+                _gather_of(legs[r0 + nodes[m]], cluster, chosen, count, leg)
+                _returned(antennas[r0 + nodes[m]], own, leg, sent, carrier, count, returned[m])
+            for i in range(receivers):
+                one, other = between[i, 0], between[i, 1]
+                _gather_of(legs[r0 + i], cluster, chosen, count, leg)
+                _echoes(antennas[r0 + i], own, leg, sent, seen[one], seen[other], returned[one], returned[other],
+                        shares[i], carrier, half_band, first_bin, width, count, echo, place)  # fmt: skip
+                for n in range(count):
+                    if echo[0, n] != 0 or echo[1, n] != 0:
+                        add_series(complex(echo[0, n], echo[1, n]), echo[2, n], echo[3, n], bins,
+                                   sender * receivers + i, np.uint64(place[n]))  # fmt: skip
+
+
+@inline
+def _gather_of(legs, cluster, chosen, count, leg):
+    """The legs to the clusters of chosen edges, in a row for each number."""
+    for n in range(count):
+        g = cluster[chosen[n]]
+        for k in range(LEG):
+            leg[k, n] = legs[g, k]
+
+
+@inline
+def _sent_to(antenna, own, leg, count, sent):
+    """See `edge_echoes`: what an antenna sends to edges; sent[4] is how much of them it sees."""
+    ax, ay, az = antenna[0], antenna[1], antenna[2]
+    for n in range(count):
+        x, y, z = ax - own[0, n], ay - own[1, n], az - own[2, n]
+        far = _distance(x, y, z)
+        sent[0, n], sent[1, n], sent[2, n], sent[3, n] = x / far, y / far, z / far, far
+        px, py, pz = own[16, n], own[17, n], own[18, n]
+        gain = leg[0, n] * (_ONE + leg[2, n] * px + leg[3, n] * py + leg[4, n] * pz)
+        sent[4, n] *= gain * own[12, n] / (2 * math.pi * far)
+        sent[5, n] = leg[1, n] + leg[5, n] * px + leg[6, n] * py + leg[7, n] * pz
+        sent[6, n], sent[7, n] = leg[8, n], leg[9, n]
+
+
+@inline
+def _returned(antenna, own, leg, sent, carrier, count, returned):
+    """See `edge_echoes`: what edges return to an antenna."""
+    ax, ay, az = antenna[0], antenna[1], antenna[2]
+    for n in range(count):
+        x, y, z = ax - own[0, n], ay - own[1, n], az - own[2, n]
+        far = _distance(x, y, z)
+        ux, uy, uz = sent[0, n] + x / far, sent[1, n] + y / far, sent[2, n] + z / far
+        fringe = _fringe(
+            own[9, n] * ux + own[10, n] * uy + own[11, n] * uz, own[6, n] * ux + own[7, n] * uy + own[8, n] * uz,
+            own[13, n], own[19, n], own[20, n], own[21, n], own[22, n],
+        )  # fmt: skip
+        turns = carrier * own[12, n] * (own[3, n] * ux + own[4, n] * uy + own[5, n] * uz) / 2
+        turns = turns if abs(turns) > 1e-6 else 1e-6
+        gain = leg[0, n] * (_ONE + leg[2, n] * own[16, n] + leg[3, n] * own[17, n] + leg[4, n] * own[18, n])
+        returned[n] = fringe * _sine(_wrapped(turns)) / (2 * math.pi * turns) * gain / far
+
+
+@inline
+def _echoes(antenna, own, leg, sent, shown, other_shown, first, second, share, carrier, half_band, first_bin, width,
+            count, echo, place):  # fmt: skip
+    """See `edge_echoes`: the echoes at a receiver between two nodes, and their bins."""
+    ax, ay, az = antenna[0], antenna[1], antenna[2]
+    for n in range(count):
+        path = sent[3, n] + _distance(ax - own[0, n], ay - own[1, n], az - own[2, n])
+        cycles = sent[5, n] + leg[1, n] + leg[5, n] * own[16, n] + leg[6, n] * own[17, n] + leg[7, n] * own[18, n]
+        value = sent[4, n] * (shown[n] + share * (other_shown[n] - shown[n]))
+        value *= first[n] + share * (second[n] - first[n])
+        whole = np.rint(path / width)
+        over = path - whole * width
+        late = _wrapped(carrier * over + cycles)
+        re, im, cosine, sine = value * own[14, n], value * own[15, n], _cosine(late), _sine(late)
+        echo[0, n], echo[1, n] = re * cosine + im * sine, im * cosine - re * sine
+        echo[2, n], echo[3, n] = sent[6, n] + leg[8, n], sent[7, n] + leg[9, n] - half_band * over
+        place[n] = np.int32(whole) - np.int32(first_bin)
 
 
 @inline
@@ -165,162 +235,69 @@ def _fringe(x, y, n, cos_over, sin_over, cos_open, sin_open):
     """Half the sum of both polarisations' fringe coefficients, in backscatter from where (x, y) points.
 
     x along the first face, y off it; n pi is the exterior angle; then cos(pi / n), sin(pi / n) / n, cos(n pi) and
-    sin(n pi). 0 where neither face is seen.
+    sin(n pi). 0 where neither face is seen. Nothing branches: vector code has no way to.
     """
-    angle = math.atan2(y, x)
-    angle = angle if angle >= 0 else angle + 2 * math.pi
+    angle = _angle(x, y)
     other = n * math.pi - angle
-    if other <= 0 or (n > 1.999 and angle >= math.pi):
-        return 0.0
+    hidden = (other <= 0) | ((n > 1.999) & (angle >= math.pi))
     # Both terms are infinite where a face is seen square on, and their difference is not.
-    if abs(angle - math.pi / 2) < _SQUARE_ON or abs(other - math.pi / 2) < _SQUARE_ON:
-        angle, other = angle + 2 * _SQUARE_ON, other - 2 * _SQUARE_ON
-        x, y = x - 2 * _SQUARE_ON * y, y + 2 * _SQUARE_ON * x
-    whole = -sin_over / (cos_over - math.cos(2 * angle / n))
-    if angle < math.pi:
-        whole -= y / x / 2  # tan(angle)
-    if other < math.pi:
-        whole -= (sin_open * x - cos_open * y) / (cos_open * x + sin_open * y) / 2  # tan(n pi - angle)
-    return whole
+    square = (abs(angle - math.pi / 2) < _SQUARE_ON) | (abs(other - math.pi / 2) < _SQUARE_ON)
+    shift = 2 * _SQUARE_ON if square else 0.0
+    angle, other, x, y = angle + shift, other - shift, x - shift * y, y + shift * x
+    whole = -sin_over / (cos_over - _cosine_of(2 * angle / n))
+    whole -= y / x / 2 if angle < math.pi else 0.0  # tan(angle)
+    second = (sin_open * x - cos_open * y) / (cos_open * x + sin_open * y) / 2  # tan(n pi - angle)
+    whole -= second if other < math.pi else 0.0
+    return 0.0 if hidden else whole
 
 
-@kernel(fastmath=True, error_model="numpy")
-def bounce_echoes(transmitters, nodes, between, shares, antennas, legs, pairs, clusters, starts, faces, centers,
-                  coherent, carrier, half_band, first_bin, width, bins):  # fmt: skip
-    """Add echoes of waves that one patch mirrors onto another's plane: see `bounce`.
-
-    pairs (20, M): centroid of the first patch; its normal; normal of the second; from the first's centroid to two of
-    its corners; its area; its height over the second's plane; its place in its cluster. clusters (M, 2): of both.
-    starts (K + 1,) and faces (K, 2): where pairs of the same two surfaces begin, and which these are.
-    """
-    receivers = len(between)
-    for sender in prange(len(bins) // receivers):
-        pose, number = sender // transmitters, sender % transmitters
-        t, r0 = pose * (transmitters + receivers) + number, pose * (transmitters + receivers) + transmitters
-        # Of some pairs: the path to the second plane and where it meets that; by node the amplitude (real, imaginary
-        # part); amplitude, cycles and slope by the transmitter's leg; the legs of one antenna, and where in their
-        # clusters; then echoes of one channel, and their bins.
-        met, value, sent = np.empty((4, BLOCK)), np.empty((len(nodes), 2, BLOCK)), np.empty((4, BLOCK), np.float32)
-        leg = np.empty((LEG, BLOCK), np.float32)
-        inner, beyond = np.empty((3, BLOCK), np.float32), np.empty((3, BLOCK), np.float32)
-        echo, place = np.empty((4, BLOCK), np.float32), np.empty(BLOCK, np.int32)
-        for f in range(len(faces)):
-            for start in range(starts[f], starts[f + 1], BLOCK):
-                count = np.uint64(min(starts[f + 1] - start, BLOCK))
-                for m in range(len(nodes)):
-                    r = r0 + nodes[m]
-                    _bounced(antennas[t], antennas[r], pairs, start, count, coherent[faces[f, 0], 0],
-                             coherent[faces[f, 1], 0], carrier, met, value[m])  # fmt: skip
-                _gather(legs[t], clusters, 0, start, count, leg)
-                for n in range(count):
-                    p, b = np.uint64(start) + n, clusters[start + n, 1]
-                    for k in range(3):
-                        inner[k, n], beyond[k, n] = pairs[17 + k, p], met[1 + k, n] - centers[b, k]
-                _sent(leg, inner, count, sent)
-                for i in range(receivers):
-                    one, other = value[between[i, 0]], value[between[i, 1]]
-                    _gather(legs[r0 + i], clusters, 1, start, count, leg)
-                    _received(antennas[r0 + i], leg, beyond, count, met, sent, one, other, shares[i], carrier,
-                              half_band, first_bin, width, echo, place)  # fmt: skip
-                    for n in range(count):
-                        if one[0, n] == 0 and one[1, n] == 0 and other[0, n] == 0 and other[1, n] == 0:
-                            continue  # its place is anywhere
-                        at = np.uint64(place[n])
-                        _add_series(
-                            complex(echo[0, n], echo[1, n]), echo[2, n], echo[3, n], bins, sender * receivers + i, at
-                        )
+# Least errors over their ranges, by interpolation at Chebyshev's nodes: atan(√t) / √t up to tan²(π / 8), and cos(√t) up
+# to π²; good to 1e-16 and 1e-15, which the difference of two large terms in `_fringe` needs.
+_ATAN = (
+    1.0, -0.3333333333332844, 0.1999999999885511, -0.14285714180976467, 0.11111106180455946, -0.09090773074808414,
+    0.07689953496306857, -0.06640233930429408, 0.056883492268090106, -0.04348052215716462, 0.021135373157693246,
+)  # fmt: skip
+_COS = (
+    1.0, -0.5, 0.041666666666666664, -0.0013888888888888887, 2.4801587301587014e-05, -2.7557319223966073e-07,
+    2.087675698699106e-09, -1.1470745571715717e-11, 4.779476804132112e-14, -1.561913328266812e-16,
+    4.109622823389878e-19, -8.854403697931455e-22, 1.4599701429343213e-24,
+)  # fmt: skip
 
 
 @inline
-def _bounced(a, b, pairs, start, count, law_a, law_b, carrier, met, value):
-    """What double bounces return, but their phase, from the antenna at a to that at b. What does not count is 0."""
-    turning = -2 * math.pi * carrier
-    ax, ay, az, bx, by, bz = a[0], a[1], a[2], b[0], b[1], b[2]
-    a_re, a_im, b_re, b_im = law_a[0], law_a[1], law_b[0], law_b[1]
-    for n in range(np.uint64(0), count):
-        i = np.uint64(start) + n
-        nx, ny, nz = pairs[3, i], pairs[4, i], pairs[5, i]
-        mx, my, mz = pairs[6, i], pairs[7, i], pairs[8, i]
-        # From the transmitter to the first patch, and on in the mirrored direction w.
-        x, y, z = pairs[0, i] - ax, pairs[1, i] - ay, pairs[2, i] - az
-        one = _distance(x, y, z)
-        over = 1 / one
-        cos_a = -over * _dot(x, y, z, nx, ny, nz)
-        twice = 2 * cos_a
-        wx, wy, wz = x * over + twice * nx, y * over + twice * ny, z * over + twice * nz
-        cos_b = -_dot(wx, wy, wz, mx, my, mz)
-        height = pairs[16, i]
-        counts = (cos_a > 0) & (cos_b >= _FLATTEST) & (height > 0)
-        slant = 1 / max(cos_b, _FLATTEST)
-        two = height * slant
-        # Where it meets the second plane, and from there to the receiver, in direction v.
-        hx, hy, hz = pairs[0, i] + two * wx, pairs[1, i] + two * wy, pairs[2, i] + two * wz
-        vx, vy, vz = bx - hx, by - hy, bz - hz
-        back = 1 / _distance(vx, vy, vz)
-        vx, vy, vz = vx * back, vy * back, vz * back
-        cos_s = _dot(vx, vy, vz, mx, my, mz)
-        # How fast the path changes over the second plane.
-        onto = cos_b + cos_s
-        gx, gy, gz = wx - vx + onto * mx, wy - vy + onto * my, wz - vz + onto * mz
-        slope = _distance(gx, gy, gz)
-        # The tube of rays has grown on its way, and falls on the second face at a slant.
-        growth = 1 + two * over
-        area = pairs[15, i] * cos_a * growth * growth * slant
-        # Displaced by e on the first face, a ray falls e + w (e m) / cos_b aside on the second, times its growth.
-        along_w = _dot(gx, gy, gz, wx, wy, wz) * slant
-        ex, ey, ez = gx + along_w * mx, gy + along_w * my, gz + along_w * mz
-        p = turning * growth * _dot(pairs[9, i], pairs[10, i], pairs[11, i], ex, ey, ez)
-        q = turning * growth * _dot(pairs[12, i], pairs[13, i], pairs[14, i], ex, ey, ez)
-        counts &= (cos_s > 0) & (slope < NO_SLOPE) & (max(abs(p), abs(q), abs(p + q)) <= MOST_PHASE)
-        form_re, form_im = form_factor(np.float32(p), np.float32(q))
-        at_a, at_b = np.float32(twice - 1), np.float32(onto - 1)
-        re_a, im_a = polynomial(a_re, at_a), polynomial(a_im, at_a)
-        re_b, im_b = polynomial(b_re, at_b), polynomial(b_im, at_b)
-        re, im = re_a * re_b - im_a * im_b, re_a * im_b + im_a * re_b
-        fading = min(max((slope - FULL_SLOPE) / (NO_SLOPE - FULL_SLOPE), 0.0), 1.0)
-        size = (1 + _cosine(fading / 2)) / 2 * carrier * area * onto / 2 * back / (one + two)
-        size = size if counts else 0.0
-        value[0, n], value[1, n] = -size * (re * form_im + im * form_re), size * (re * form_re - im * form_im)
-        met[0, n], met[1, n], met[2, n], met[3, n] = one + two, hx, hy, hz
+def _angle(x, y):
+    """Of (x, y), from 0 to 2 pi."""
+    across, up = abs(x), abs(y)
+    large, small = max(across, up), min(across, up)
+    ratio = small / max(large, 1e-300)
+    steep = ratio > 0.41421356237309503  # tan(pi / 8)
+    ratio = (ratio - 1) / (ratio + 1) if steep else ratio
+    t, sum_ = ratio * ratio, _ATAN[10]
+    for k in range(9, -1, -1):
+        sum_ = _ATAN[k] + t * sum_
+    angle = ratio * sum_ + (math.pi / 4 if steep else 0.0)
+    angle = math.pi / 2 - angle if up > across else angle
+    angle = math.pi - angle if x < 0 else angle
+    return 2 * math.pi - angle if y < 0 else angle
 
 
 @inline
-def _gather(legs, clusters, which, start, count, leg):
+def _cosine_of(angle):
+    """In double precision, of an angle of some turns."""
+    over = angle - 2 * math.pi * np.rint(angle / (2 * math.pi))
+    t, sum_ = over * over, _COS[12]
+    for k in range(11, -1, -1):
+        sum_ = _COS[k] + t * sum_
+    return sum_
+
+
+@inline
+def gather(legs, clusters, which, start, count, leg):
     """The legs to the first or the second patches' clusters, in a row for each number: vector code needs them so."""
     for n in range(count):
         g = clusters[start + n, which]
         for k in range(LEG):
             leg[k, n] = legs[g, k]
-
-
-@inline
-def _sent(leg, place, count, sent):
-    """What the transmitter's legs do to double bounces: amplitude, cycles, slope."""
-    for n in range(np.uint64(0), count):
-        x, y, z = place[0, n], place[1, n], place[2, n]
-        sent[0, n] = leg[0, n] * (_ONE + leg[2, n] * x + leg[3, n] * y + leg[4, n] * z)
-        sent[1, n] = leg[1, n] + leg[5, n] * x + leg[6, n] * y + leg[7, n] * z
-        sent[2, n], sent[3, n] = leg[8, n], leg[9, n]
-
-
-@inline
-def _received(b, leg, place, count, met, sent, first, second, share, carrier, half_band, first_bin, width, echo, bin_):
-    """Echoes at the receiver at b, whose amplitudes lie between the `first` and the `second`, and their bins."""
-    bx, by, bz = b[0], b[1], b[2]
-    for n in range(np.uint64(0), count):
-        path = met[0, n] + _distance(bx - met[1, n], by - met[2, n], bz - met[3, n])
-        x, y, z = place[0, n], place[1, n], place[2, n]
-        gain = sent[0, n] * leg[0, n] * (_ONE + leg[2, n] * x + leg[3, n] * y + leg[4, n] * z)
-        cycles = sent[1, n] + leg[1, n] + leg[5, n] * x + leg[6, n] * y + leg[7, n] * z
-        whole = np.rint(path / width)
-        over = path - whole * width
-        late = _f32(_wrapped(carrier * over + cycles))
-        re = gain * _f32(first[0, n] + share * (second[0, n] - first[0, n]))
-        im = gain * _f32(first[1, n] + share * (second[1, n] - first[1, n]))
-        cosine, sine = _cosine(late), _sine(late)
-        echo[0, n], echo[1, n] = re * cosine + im * sine, im * cosine - re * sine
-        echo[2, n], echo[3, n] = sent[2, n] + leg[8, n], sent[3, n] + leg[9, n] - _f32(half_band * over)
-        bin_[n] = np.int32(whole) - np.int32(first_bin)
 
 
 @inline
@@ -336,37 +313,7 @@ def _along(s, k, x, y, z):
 
 
 @inline
-def _dot(ax, ay, az, bx, by, bz):
-    return ax * bx + ay * by + az * bz
-
-
-@inline
-def _amplitude_at(leg, x, y, z):
-    return leg[0] * (1 + leg[2] * x + leg[3] * y + leg[4] * z)
-
-
-@inline
-def _cycles_at(leg, x, y, z):
-    return leg[1] + leg[5] * x + leg[6] * y + leg[7] * z
-
-
-@inline
-def _tilt(leg_t, leg_r):
-    return complex(leg_t[8] + leg_r[8], leg_t[9] + leg_r[9])
-
-
-@inline
-def _deposit(value, path, cycles, tilt, carrier, half_band, first_bin, width, bins, c):
-    """Add an echo of complex amplitude `value` at path length `path`, and `cycles` later, to the bins of channel c."""
-    b = int(np.rint(path / width))
-    over = path - b * width
-    late = _wrapped(carrier * over + cycles)
-    value = value * complex(_cosine(late), -_sine(late))
-    _add_series(value, tilt.real, tilt.imag - half_band * over, bins, c, np.uint64(b - first_bin))
-
-
-@inline
-def _add_series(value, slope_re, slope_im, bins, c, b):
+def add_series(value, slope_re, slope_im, bins, c, b):
     """Add value times exp(slope ν) to the series of a bin."""
     re, im = value.real, value.imag
     for m in range(ORDER):

@@ -9,6 +9,7 @@ from millisight.core import SPEED_OF_LIGHT, product
 from millisight.core.errors import CoverageError, InputError
 from millisight.data import Radar, TriangleMesh, Waveform
 from millisight.meshes import LIFT, RayCaster
+from millisight.rig.virtual import _bounce_kernels as _bounce_kernels
 from millisight.rig.virtual import _kernels as _kernels
 from millisight.rig.virtual import _path_kernels as _path_kernels
 from millisight.rig.virtual._edges import Edges, sharp_edges
@@ -152,7 +153,7 @@ class SurfaceScatterers:
         return self._solid[first], self._solid[second]
 
     def _bounce_tables(self, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, ...]:
-        """(20, M), (M, 2), (K + 1,) and (K, 2), see `_path_kernels.bounce_echoes`."""
+        """(20, M), (M, 2), (K + 1,) and (K, 2), see `_bounce_kernels.bounce_echoes`."""
         clusters = self._cluster[np.column_stack([first, second])]
         surfaces = self._surface[clusters]
         order = np.lexsort(surfaces.T)
@@ -204,7 +205,7 @@ class SurfaceScatterers:
         for run, pairs in mirrors:
             of_antennas, of_channels = (slice(start * n, (start + run) * n) for n in (count, each))
             if len(pairs[0]):
-                _path_kernels.bounce_echoes(
+                _bounce_kernels.bounce_echoes(
                     *nodes, flat[of_antennas], legs[of_antennas], *self._bounce_tables(*pairs), self._centers,
                     self._coherent, *scale, bins[of_channels],
                 )  # fmt: skip
