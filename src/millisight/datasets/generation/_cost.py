@@ -20,11 +20,11 @@ from millisight.io.mito import FRAMES
 from millisight.rig.virtual import ScanSettings, VirtualRig, World, WorldLayout, WorldObject, build_layout, optics_of
 
 # Processor time of one core of an AMD EPYC (Zen 5, 2.6 GHz), see benchmarks/test_generate.py [s].
-_JOB = 0.9  # building the world, and files
+_JOB = 0.4  # building the world, and files
 _ECHO = 22e-5  # a frame, whatever there is
 _BEHIND, _OBJECT, _SHEET, _FACE = 6e-9, 49e-9, 23e-9, 5e-9  # a frame: patches of each kind, and faces
 _PATCHES = 10.0  # a square wavelength
-_FRAME = {"77_ghz": 0.42e-3, "24_ghz": 1.4e-3}  # noise, the arm's log, and the raw file written and read
+_FRAME = {"77_ghz": 0.5e-3, "24_ghz": 1.7e-3}  # noise, the arm's log, and the raw file written and read
 _PICTURE = 0.65
 _START, _PAIR, _CHANNEL, _VOXEL = 0.4, 0.7e-9, 2.0e-5, 0.5e-6  # imaging: direct, or factorised
 _VERTEX_PAIR, _VERTEX = 2.5e-9, 0.8e-4  # the simulator: a vertex seen from a position, and resampling
