@@ -90,11 +90,18 @@ def at_edges(
     best = int(np.argmax(sharpness * expected))
     if sharpness[best] <= 0:
         return list(masks)
-    shining = first & (level**2 >= _SHINES * level[first].max() ** 2)
-    flat = sharpness[best] >= _SHARP and shining.sum() >= _SHINING * first.sum()
+    flat = sharpness[best] >= _SHARP and shining(first, level, _SHINES).sum() >= _SHINING * first.sum()
     trust = _FLAT if flat else _ROUND
     nearby = maximum_filter(db, [2 * round(trust.near / side) + 1 for side in sides])
     told = trust.edge * (db - _LEVELS[best]) - trust.half * np.maximum(nearby - db - _HALF, 0)
     odds = np.log(np.maximum(probability, 1e-6) / np.maximum(1 - probability, 1e-6))
     odds = odds + np.clip(told, -trust.fall, trust.rise)
     return [(odds > np.log(cut / (1 - cut))) & there for cut, there in zip(cuts, around, strict=True)]
+
+
+def shining(mask: np.ndarray, level: np.ndarray, share: float) -> np.ndarray:
+    """(A, B) bool, where in a mask that is not empty the power reaches a share of its maximum there.
+
+    level : (A, B) mean magnitude along z
+    """
+    return mask & (level**2 >= share * level[mask].max() ** 2)

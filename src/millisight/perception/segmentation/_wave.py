@@ -31,7 +31,7 @@ from millisight.perception import (
     taken_db,
     without_sheets,
 )
-from millisight.perception.segmentation._edges import at_edges
+from millisight.perception.segmentation._edges import at_edges, shining
 from millisight.perception.segmentation._ghosts import without_ghosts
 from millisight.perception.segmentation._heights import beneath, between, lid_over, tells_height
 from millisight.perception.segmentation._parts import judged_apart, parts_of
@@ -269,14 +269,14 @@ class WaveSegmenter:
         else:
             placed = _placed(likely, picture)
         placed = [_without_small_parts(mask) for mask in placed]
-        wide = placed[0]
+        wide, level = placed[0], cleaned.magnitude.mean(axis=2)
         if tells_height(wide, cleaned):
-            edged = at_edges(placed, probability, cuts, cleaned.magnitude.mean(axis=2), sides)
+            edged = at_edges(placed, probability, cuts, level, sides)
             placed = [_without_small_parts(mask) for mask in edged]
         masks = np.stack(placed)
         if not masks[0].any():
             return nothing
-        if prompts is None and not _surely(wide, probability, cleaned) and self.empty(picture):
+        if prompts is None and not _surely(wide, probability, level, sides) and self.empty(picture):
             return nothing
         scores = np.array([_expected_iou(mask, probability) for mask in masks])
         scores[0] = scores.max()
@@ -316,12 +316,11 @@ def _channels_of(picture: Picture, prompts: Prompts | None) -> tuple[np.ndarray,
     return wave_input(power, other, points, before=before, taken_db=taken), x, y
 
 
-def _surely(mask: np.ndarray, probability: np.ndarray, image: SarImage) -> bool:
+def _surely(mask: np.ndarray, probability: np.ndarray, level: np.ndarray, sides: Sequence[float]) -> bool:
     """Whether what shines in a mask that is not empty is so large, and its probability so high, that no second network
-    is asked; of an image without its sheets."""
-    power = np.square(image.magnitude.mean(axis=2))
-    shining = mask & (power >= _SHINES * power[mask].max())
-    return bool(shining.sum() * np.prod(_pixel(image)) >= _SURE_AREA and probability[shining].mean() >= _SURE)
+    is asked; by the mean magnitude along z."""
+    core = shining(mask, level, _SHINES)
+    return bool(core.sum() * np.prod(sides) >= _SURE_AREA and probability[core].mean() >= _SURE)
 
 
 def _placed(masks: Sequence[np.ndarray], picture: Picture) -> list[np.ndarray]:
