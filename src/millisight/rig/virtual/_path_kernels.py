@@ -120,7 +120,7 @@ def edge_echoes(transmitters, nodes, between, shares, antennas, light, legs, edg
     """Add what edges diffract beyond physical optics: see `edges`.
 
     light (P (T + M), E); edges (E, 23): middle; unit vector along; normal of the first face, and direction from the
-    edge into it; length; exterior angle n pi, as n; strength (real, imaginary part); the middle in its cluster (E, 1),
+    edge into it; length; exterior angle n pi, as n; strength (real, imaginary part); the middle in its cluster (E,),
     whose legs hold; cos(pi / n), sin(pi / n) / n, cos(n pi), sin(n pi).
     """
     receivers, columns = len(between), edges.shape[1]
@@ -128,10 +128,10 @@ def edge_echoes(transmitters, nodes, between, shares, antennas, light, legs, edg
         pose, number = sender // transmitters, sender % transmitters
         t, r0 = pose * (transmitters + receivers) + number, pose * (transmitters + receivers) + transmitters
         eye_t, eye_r = pose * (transmitters + len(nodes)) + number, pose * (transmitters + len(nodes)) + transmitters
-        # Of some edges that are seen: their columns, and the legs of one antenna; what is sent to them: direction
-        # back, path, amplitude, cycles, slope; what returns to each node, but its phase; then echoes of one channel,
-        # and their bins.
-        chosen, own = np.empty(BLOCK, np.int64), np.empty((columns, BLOCK))
+        # Of some edges that are seen: their clusters and columns, and the legs of one antenna; what is sent to them:
+        # direction back, path, amplitude, cycles, slope; what returns to each node, but its phase; then echoes of one
+        # channel, and their bins.
+        chosen, groups, own = np.empty(BLOCK, np.int64), np.empty((BLOCK, 1), np.int64), np.empty((columns, BLOCK))
         leg, sent, seen = np.empty((LEG, BLOCK), np.float32), np.empty((8, BLOCK)), np.empty((len(nodes), BLOCK))
         returned = np.empty((len(nodes), BLOCK))
         echo, place = np.empty((4, BLOCK), np.float32), np.empty(BLOCK, np.int32)
@@ -143,7 +143,7 @@ def edge_echoes(transmitters, nodes, between, shares, antennas, light, legs, edg
                 for m in range(len(nodes)):
                     shown += light[eye_r + m, e]
                 if light[eye_t, e] and shown:
-                    chosen[found] = e
+                    chosen[found], groups[found, 0] = e, cluster[e]
                     found += 1
                 e += 1
             count = np.uint64(found)
@@ -153,29 +153,20 @@ def edge_echoes(transmitters, nodes, between, shares, antennas, light, legs, edg
                 sent[4, n] = light[eye_t, chosen[n]] / FULL**2
                 for m in range(len(nodes)):
                     seen[m, n] = light[eye_r + m, chosen[n]]
-            _gather_of(legs[t], cluster, chosen, count, leg)
+            gather(legs[t], groups, 0, 0, count, leg)
             _sent_to(antennas[t], own, leg, count, sent)
             for m in range(len(nodes)):
-                _gather_of(legs[r0 + nodes[m]], cluster, chosen, count, leg)
+                gather(legs[r0 + nodes[m]], groups, 0, 0, count, leg)
                 _returned(antennas[r0 + nodes[m]], own, leg, sent, carrier, count, returned[m])
             for i in range(receivers):
                 one, other = between[i, 0], between[i, 1]
-                _gather_of(legs[r0 + i], cluster, chosen, count, leg)
+                gather(legs[r0 + i], groups, 0, 0, count, leg)
                 _echoes(antennas[r0 + i], own, leg, sent, seen[one], seen[other], returned[one], returned[other],
                         shares[i], carrier, half_band, first_bin, width, count, echo, place)  # fmt: skip
                 for n in range(count):
                     if echo[0, n] != 0 or echo[1, n] != 0:
                         add_series(complex(echo[0, n], echo[1, n]), echo[2, n], echo[3, n], bins,
                                    sender * receivers + i, np.uint64(place[n]))  # fmt: skip
-
-
-@inline
-def _gather_of(legs, cluster, chosen, count, leg):
-    """The legs to the clusters of chosen edges, in a row for each number."""
-    for n in range(count):
-        g = cluster[chosen[n]]
-        for k in range(LEG):
-            leg[k, n] = legs[g, k]
 
 
 @inline
@@ -293,7 +284,7 @@ def _cosine_of(angle):
 
 @inline
 def gather(legs, clusters, which, start, count, leg):
-    """The legs to the first or the second patches' clusters, in a row for each number: vector code needs them so."""
+    """The legs to clusters (M, 2) of pairs, or (M, 1) of edges, in a row for each number: vector code needs them so."""
     for n in range(count):
         g = clusters[start + n, which]
         for k in range(LEG):
