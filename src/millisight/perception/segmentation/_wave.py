@@ -35,6 +35,7 @@ from millisight.perception.segmentation._edges import at_edges, shining
 from millisight.perception.segmentation._ghosts import without_ghosts
 from millisight.perception.segmentation._heights import beneath, between, lid_over, tells_height
 from millisight.perception.segmentation._parts import judged_apart, parts_of
+from millisight.perception.segmentation._round import round_things, with_outlines
 from millisight.perception.segmentation._segmentation import SEGMENTERS, Candidates
 
 WAVE_SLICES = 8
@@ -269,14 +270,15 @@ class WaveSegmenter:
         else:
             placed = _placed(likely, picture)
         placed = [_without_small_parts(mask) for mask in placed]
-        wide, level = placed[0], cleaned.magnitude.mean(axis=2)
+        wide, level, things = placed[0], cleaned.magnitude.mean(axis=2), []
         if tells_height(wide, cleaned):
             edged = at_edges(placed, probability, cuts, level, sides)
-            placed = [_without_small_parts(mask) for mask in edged]
+            things = round_things(wide, cleaned)
+            placed = [_without_small_parts(with_outlines(mask, things)) for mask in edged]
         masks = np.stack(placed)
         if not masks[0].any():
             return nothing
-        if prompts is None and not _surely(wide, probability, level, sides) and self.empty(picture):
+        if prompts is None and not (things or _surely(wide, probability, level, sides)) and self.empty(picture):
             return nothing
         scores = np.array([_expected_iou(mask, probability) for mask in masks])
         scores[0] = scores.max()
