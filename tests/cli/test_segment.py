@@ -9,6 +9,7 @@ import pytest
 
 import millisight as ms
 from helpers.commands import run_here, run_inside
+from helpers.round_images import ball
 from helpers.small_images import GRID, image, publish
 from millisight.cli.image_sources import image_sources
 from millisight.io import load_extras
@@ -56,6 +57,17 @@ def test_of_prompts_is_spoken_only_where_some_are_asked_for(tmp_path, here):
     ms.save(tmp_path / "mug.image.h5", image())
     out = here("mug.image.h5", "--no-picture")[1]
     assert re.fullmatch(r"mug: mask of \d+ pixels, \d+\.\d %, by wave; wrote mug\.mask\.h5\n", out)
+
+
+def test_it_says_how_large_a_ball_is(tmp_path, here):
+    pytest.importorskip("onnxruntime")
+    ms.save(tmp_path / "ball.h5", ball(0.03, (0.01, -0.02, -0.06)))
+    out = here("ball.h5", "--no-picture")[1]
+    assert re.search(r"\n  ball of 3\d mm radius around \(0\.01\d, -0\.0[12]\d, -0\.0[56]\d\) m\n", out)
+    (told,) = load_extras(tmp_path / "ball.mask.h5")["segmentation"]["round"]
+    (said,) = json.loads(here("ball.h5", "--no-picture", "--json")[1])["images"]
+    assert said["round"] == [told]
+    assert told["radius"] == pytest.approx(0.03, abs=0.005)
 
 
 @pytest.fixture

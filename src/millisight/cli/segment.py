@@ -28,6 +28,7 @@ from millisight.perception.segmentation import (
     doubts_of,
     extend_mask,
     find_mask,
+    find_round,
     segment_instances,
 )
 
@@ -134,7 +135,9 @@ def segment(
         typer.Option(
             "--json",
             help='Print one JSON document: {"images": [{"image", "name", "output", "kind", "method", "found", "sizes", '
-            '"score"} or {"image", "name", "error"}]}; sizes are numbers of pixels, or of voxels.',
+            '"score"} or {"image", "name", "error"}]}; sizes are numbers of pixels, or of voxels. '
+            'Masks of pixels also have "doubts", and "round", their balls and cylinders: {"kind", "radius", "centre", '
+            '"axis", "length"}.',
         ),
     ] = False,
 ) -> None:
@@ -189,7 +192,10 @@ def segment(
         told = _told(segmented, source, by, seed=drawn_by, values=values, support=height)
         if volume:
             return in_depth(source, to, drawn, image, segmented, told)
-        _write(to, segmented, source, by, told)
+        rounds = find_round(segmented.mask, image, covered=segmented.picture.covered)
+        _write(to, segmented, source, by, told | ({"round": [one.plain for one in rounds]} if rounds else {}))
+        for one in rounds:
+            say(f"  {one}")
         doubts = [in_options(one) for one in doubts_of(segmented.mask, image, covered=segmented.picture.covered)]
         for doubt in doubts:
             say(f"  {doubt}")
@@ -199,6 +205,7 @@ def segment(
             save_figure(plot_segmentation(segmented, title=source.name), drawn)
         return {
             **_entry(source, to, "mask", by.name, [segmented.inside], segmented.score),
+            "round": [one.plain for one in rounds],
             "doubts": doubts,
         }
 

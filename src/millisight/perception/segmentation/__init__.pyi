@@ -7,6 +7,8 @@ from ._instances import InstanceSettings as InstanceSettings
 from ._instances import instance_levels as instance_levels
 from ._instances import segment_instances as segment_instances
 from ._instances import split_instances as split_instances
+from ._round import Round as Round
+from ._round import find_round as find_round
 from ._sam import SamSegmenter as SamSegmenter
 from ._segmentation import SEGMENTERS as SEGMENTERS
 from ._segmentation import Candidates as Candidates

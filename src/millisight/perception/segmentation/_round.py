@@ -1,18 +1,20 @@
 """Balls and cylinders: their phases tell their radius, and so where they end, although their sides are dark.
 
-Of what is round only the crest shines, where it is normal to a line of sight. All its echoes seem to come from the centre
-of curvature: propagated down to there by the angular spectrum, a slice of the image through a ball's crest becomes a
-point, and through a cylinder's a line. The depth is the radius, and so far from the point or the line the outline lies.
+Of what is round only the crest shines, where it is normal to a line of sight. All its echoes seem to come from the
+centre of curvature: propagated down to there by the angular spectrum, a slice of the image through a ball's crest
+becomes a point, and through a cylinder's a line. The depth is the radius, and so far from the point or the line the
+outline lies.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from millisight.core import SPEED_OF_LIGHT, peak_place
-from millisight.data import SarImage
-from millisight.perception import HIGH_BAND
+from millisight.core import SPEED_OF_LIGHT, checked_record, peak_place
+from millisight.core.errors import InputError
+from millisight.data import Mask, SarImage, grid_difference
+from millisight.perception import HIGH_BAND, without_sheets
 from millisight.perception.segmentation._parts import parts_of
 
 _DEPTHS = np.arange(-0.006, 0.096, 0.003)  # at which a focus is sought, below where the echo is strongest [m]
@@ -20,7 +22,8 @@ _CREST = 0.0045  # lies so far above where the echo is strongest, as the sides a
 _CORE = -20.0  # of a part's brightest pixel, above which the image is looked at [dB]
 _TAPER, _BESIDE = 0.02, 0.06  # around that it falls to 0; beyond, room for what spreads on the way [m]
 _SEEN = 0.3  # sine of the angle from above up to which the pixels must hold the phases
-_SIGN = 1.2  # by which one sign of the phases must agree better than the other
+_NEXT = 0.015  # between the slices that tell the sign of the phases [m]
+_SIGN = 0.3  # of the power, by which one sign must agree better than the other
 
 _BALL = 0.4, 1.8  # Strehl ratio and gain at least; balls of the rig have ratios of 0.45 to 0.8, all else below 0.25
 _CYLINDER = 1.4, 12.0  # gain at least, and over that of a radius of a wavelength that is seen from all sides
@@ -31,20 +34,38 @@ _AROUND = 0.03  # beyond the outline, or a radius if that is more, nothing else 
 
 
 class Round(NamedTuple):
-    """Something round, seen along z.
+    """A ball or a cylinder, seen along z.
 
     Attributes
     ----------
     kind : "ball" or "cylinder"
     radius : [m]
+    centre : (3,) of the ball, or of the cylinder's axis [m]
+    axis : (3,) unit vector along a cylinder's axis, x or y positive; None for a ball
+    length : of a cylinder, between the ends that are seen; of a ball its diameter [m]
     inside : (A, B) bool, the pixels within its outline
     around : (A, B) bool, these and the pixels beside, where nothing else can be told from it
     """
 
     kind: str
     radius: float
+    centre: np.ndarray
+    axis: np.ndarray | None
+    length: float
     inside: np.ndarray
     around: np.ndarray
+
+    def __str__(self) -> str:
+        x, y, z = self.centre
+        place = f"{self.kind} of {1e3 * self.radius:.0f} mm radius around ({x:.3f}, {y:.3f}, {z:.3f}) m"
+        return place if self.axis is None else f"{place}, {1e3 * self.length:.0f} mm long"
+
+    @property
+    def plain(self) -> dict[str, Any]:
+        """All but the pixels, as JSON has it."""
+        axis = None if self.axis is None else [float(one) for one in self.axis]
+        centre = [float(one) for one in self.centre]
+        return {"kind": self.kind, "radius": self.radius, "centre": centre, "axis": axis, "length": self.length}
 
 
 class _Focus(NamedTuple):
@@ -53,37 +74,58 @@ class _Focus(NamedTuple):
     Attributes
     ----------
     power : (M, N) there
+    height : z there [m]
     radius : depth below the crest [m]
     gain : how much sharper than at the crest, by the sum of the power's square
     strehl : the maximum over that of the same spectrum in phase, from 0 to 1
-    spreads : standard deviations of the directions that are seen, along and across, as sines
+    mean, spreads : (2,) of the directions in which it is seen, as sines; along and across the cylinder that it may be
     along : (2,) unit vector, of the direction in which they spread least
     """
 
     power: np.ndarray
+    height: float
     radius: float
     gain: float
     strehl: float
+    mean: np.ndarray
     spreads: np.ndarray
     along: np.ndarray
 
 
-def round_things(mask: np.ndarray, image: SarImage) -> list[Round]:
-    """The balls and cylinders among the parts of a mask.
+def find_round(mask: Mask, image: SarImage, *, covered: bool = False) -> tuple[Round, ...]:
+    """The balls and cylinders among the parts of a mask: radius, centre and axis, by the image's phases.
 
     A part is a ball if its spectrum is in phase at its focus, and a cylinder if it is sharper there, and seen from wide
     directions across and narrow ones along. What is curved otherwise, as a spoon is, has a focus, too, but does not end
-    a radius from it, and is left out, as is whatever is less round than 8 or more than 90 mm.
+    a radius from it, and is left out, as is whatever has a radius of less than 8 or more than 90 mm.
 
     Parameters
     ----------
-    mask : (A, B) bool, on the image's pixels
-    image : at 77 GHz, seen along z, sheets taken off, its phases as `form_image` leaves them, or their negatives
+    mask : Mask
+    image : in which it was found, on the same pixels: at 77 GHz, its phases as `form_image` leaves them, or their
+        negatives; lids and cloths are taken off
+    covered : whether a lid is known to lie over the scene
 
     Returns
     -------
-    list of Round; none where the image is one of magnitudes, or its pixels are too coarse for its phases: above 3.2 mm
+    tuple of Round; empty where the image is one of magnitudes, or its pixels are too coarse for its phases: above
+    3.2 mm
+
+    Raises
+    ------
+    InputError
+        The mask is on other pixels than the image.
     """
+    checked_record(mask, Mask, name="mask")
+    checked_record(image, SarImage, name="image")
+    differs = grid_difference(mask.grid_xy, image.grid.xy)
+    if differs:
+        raise InputError(f"the mask's pixels and the image's differ along {differs}; make the mask of this image")
+    return tuple(round_things(mask.inside, without_sheets(image, frequency=HIGH_BAND, covered=covered)))
+
+
+def round_things(mask: np.ndarray, image: SarImage) -> list[Round]:
+    """The balls and cylinders among the parts of a mask (A, B) on an image's pixels, whose sheets are taken off."""
     sides = [float(np.ptp(axis)) / max(len(axis) - 1, 1) for axis in (image.grid.x, image.grid.y)]
     wavelength = SPEED_OF_LIGHT / (image.frequency or HIGH_BAND)
     if not np.iscomplexobj(image.values) or min(image.values.shape) < 2 or max(sides) > wavelength / (4 * _SEEN):
@@ -111,16 +153,25 @@ def _round(part: np.ndarray, image: SarImage, sides: Sequence[float], wavelength
     if focus is None or not _LEAST <= focus.radius <= _MOST:
         return None
     x, y = image.grid.x[:, None], image.grid.y
+    beside = focus.radius + max(focus.radius, _AROUND)
     if focus.strehl >= _BALL[0] and focus.gain >= _BALL[1]:
         i, j = np.unravel_index(focus.power.argmax(), focus.power.shape)
-        kind, away, there = "ball", np.hypot(x - x[box[0]][i], y - y[box[1]][j]), np.ones_like(part)
-    else:
-        least = max(_CYLINDER[0], _CYLINDER[1] * focus.radius * focus.spreads[1] ** 2 / wavelength)
-        if focus.spreads[1] < _ACROSS or focus.spreads[0] > _ALONG * focus.spreads[1] or focus.gain < least:
-            return None
-        kind, (away, there) = "cylinder", _from_axis(focus, x, y, box, sides)
-    beside = focus.radius + max(focus.radius, _AROUND)
-    return Round(kind, focus.radius, there & (away <= focus.radius), there & (away <= beside))
+        centre = np.array([image.grid.x[box[0]][i], image.grid.y[box[1]][j], focus.height])
+        away = np.hypot(x - centre[0], y - centre[1])
+        return Round("ball", focus.radius, centre, None, 2 * focus.radius, away <= focus.radius, away <= beside)
+    least = max(_CYLINDER[0], _CYLINDER[1] * focus.radius * focus.spreads[1] ** 2 / wavelength)
+    if focus.spreads[1] < _ACROSS or focus.spreads[0] > _ALONG * focus.spreads[1] or focus.gain < least:
+        return None
+    middle, along, length = _axis(focus, image.grid.x[box[0]], image.grid.y[box[1]], min(sides))
+    dx, dy = x - middle[0], y - middle[1]
+    there, away = abs(dx * along[0] + dy * along[1]) <= length / 2, abs(dy * along[0] - dx * along[1])
+    # What is seen lies square to the axis: it is as steep along as the directions are oblique on average.
+    steep = focus.mean[0] / np.sqrt(1 - focus.mean[0] ** 2)
+    axis = np.array([*along, steep * float(along @ focus.along)]) / np.hypot(1, steep)
+    return Round(
+        "cylinder", focus.radius, np.array([*middle, focus.height]), axis, length * float(np.hypot(1, steep)),
+        there & (away <= focus.radius), there & (away <= beside),
+    )  # fmt: skip
 
 
 def _focus(
@@ -135,20 +186,23 @@ def _focus(
 
     z, power = image.grid.z, np.square(image.magnitude[core], dtype=float).sum(axis=0)
     top = int(power.argmax())
-    next_ = max((i for i in (top - 1, top + 1) if 0 <= i < len(z)), key=lambda i: power[i])
+    # Another slice, where waves up and down differ in phase as much as may be.
+    apart = np.where(abs(z - z[top]) <= max(_NEXT, np.diff(z).min()), 1 - np.cos(2 * wavenumber * (z - z[top])), 0)
+    next_ = int((apart * power).argmax())
     fade = np.clip(1 - distance_transform_edt(~core[box], sampling=sides) / _TAPER, 0, 1)
     values = (image.values[box][..., [top, next_]] * fade[..., None]).astype(np.complex64)
     shape = [fft.next_fast_len(size) for size in fade.shape]
     spectrum, other = np.moveaxis(fft.fft2(values, shape, axes=(0, 1)), 2, 0)
-    kx, ky = np.meshgrid(*(2 * np.pi * fft.fftfreq(n, side) for n, side in zip(shape, sides, strict=True)), indexing="ij")
+    wavenumbers = (2 * np.pi * fft.fftfreq(n, side) for n, side in zip(shape, sides, strict=True))
+    kx, ky = np.meshgrid(*wavenumbers, indexing="ij")
     kz = np.sqrt(np.maximum(wavenumber**2 - kx**2 - ky**2, 0))
 
-    # From one slice to the next a spectrum turns by kz times their distance, one way or the other.
+    # From one slice to the other a spectrum turns by kz times their distance, one way or the other.
     turned, back = other * np.conj(spectrum), np.exp(1j * kz * (z[next_] - z[top]))
-    minus, plus = abs((turned * back).sum()), abs((turned * np.conj(back)).sum())
-    if max(minus, plus) < _SIGN * min(minus, plus):
+    down, up = (turned * back).sum().real, (turned * np.conj(back)).sum().real
+    if abs(up - down) < _SIGN * np.abs(turned).sum():
         return None
-    sign = 1 if plus > minus else -1
+    sign = 1 if up > down else -1
 
     echo = peak_place(np.log(np.maximum(power, 1e-30 * power.max())), z)
     depths = _DEPTHS + z[top] - echo
@@ -158,41 +212,42 @@ def _focus(
     best = int(sharpness.argmax())
 
     amplitude = np.abs(spectrum).astype(float)
-    shares = np.square(amplitude).ravel() / np.square(amplitude).sum()
-    spreads, axes = np.linalg.eigh(np.cov(np.stack([kx.ravel(), ky.ravel()]), aweights=shares, ddof=0))
+    seen, shares = -sign / wavenumber * np.stack([kx.ravel(), ky.ravel()]), np.square(amplitude).ravel()
+    spreads, axes = np.linalg.eigh(np.cov(seen, aweights=shares, ddof=0))
+    depth = peak_place(sharpness, _DEPTHS)
     return _Focus(
         power=powers[best, : fade.shape[0], : fade.shape[1]],
-        radius=peak_place(sharpness, _DEPTHS) + _CREST,
+        height=echo - depth,
+        radius=depth + _CREST,
         gain=float(sharpness[best] / sharpness[abs(_DEPTHS).argmin()]),
         strehl=float(powers[best].max() / amplitude.mean() ** 2),
-        spreads=np.sqrt(np.maximum(spreads, 0)) / wavenumber,
+        mean=axes.T @ np.average(seen, axis=1, weights=shares),
+        spreads=np.sqrt(np.maximum(spreads, 0)),
         along=axes[:, 0],
     )
 
 
-def _from_axis(
-    focus: _Focus, x: np.ndarray, y: np.ndarray, box: tuple[slice, slice], sides: Sequence[float]
-) -> tuple[np.ndarray, np.ndarray]:
-    """(A, B) distances of pixels from a cylinder's axis [m], and whether they lie between its ends.
+def _axis(focus: _Focus, x: np.ndarray, y: np.ndarray, side: float) -> tuple[np.ndarray, np.ndarray, float]:
+    """Middle (2,), direction (2,) and length [m] of a cylinder's axis, seen along z.
 
-    The axis is the straight line through the brightest places across, weighted with their amplitudes.
+    It is the straight line through the brightest places across, weighted with their amplitudes.
+
+    x, y : of the focus's pixels; side : of the smaller one's sides [m]
     """
     from scipy.ndimage import map_coordinates
 
-    (ax, ay), near = focus.along, (x[box[0], 0], y[box[1]])
-    middle = [axis.mean() for axis in near]
-    half = 0.5 * float(np.hypot(*(np.ptp(axis) for axis in near)))
-    line = np.arange(-half, half, 0.5 * min(sides))
-    u, v = np.meshgrid(line, line, indexing="ij")
-    places = (
-        (m + offset - axis[0]) / side
-        for m, offset, axis, side in zip(middle, (u * ax - v * ay, u * ay + v * ax), near, sides, strict=True)
-    )
-    turned = map_coordinates(focus.power, list(places), order=1)
+    along = focus.along
+    across = np.array([-along[1], along[0]])
+    half = 0.5 * float(np.hypot(np.ptp(x), np.ptp(y)))
+    line = np.arange(-half, half, 0.5 * side)
+    centre = np.array([x.mean(), y.mean()])
+    places = centre + line[:, None, None] * along + line[:, None] * across
+    steps = np.array([np.diff(x).mean(), np.diff(y).mean()])
+    turned = map_coordinates(focus.power, np.moveaxis((places - [x[0], y[0]]) / steps, 2, 0), order=1)
     ridge, at = turned.max(axis=1), line[turned.argmax(axis=1)]
     lit = np.flatnonzero(ridge >= ridge.max() * 10 ** (_ENDS / 10))
     slope, offset = np.polyfit(line[lit], at[lit], 1, w=np.sqrt(ridge[lit])) if len(lit) > 1 else (0.0, at[lit[0]])
-    dx, dy = x - middle[0], y - middle[1]
-    u, v = dx * ax + dy * ay, dy * ax - dx * ay
-    away = abs(v - (slope * u + offset)) / np.hypot(1, slope)
-    return away, (u >= line[lit[0]]) & (u <= line[lit[-1]])
+    ends = [centre + u * along + (slope * u + offset) * across for u in line[lit[[0, -1]]]]
+    length = float(np.hypot(*(ends[1] - ends[0])))
+    direction = (along + slope * across) / np.hypot(1, slope)
+    return (ends[0] + ends[1]) / 2, direction if direction.sum() > 0 else -direction, length
