@@ -214,6 +214,11 @@ def test_a_plain_folder_with_a_description(described, tmp_path):
     assert code == 0, err
     assert np.abs(ms.load(tmp_path / "plain.h5").values - direct.values).max() > 0.01 * direct.magnitude.max()
 
+    code, out, err, _ = run_here("image", "scan", "-o", "images", "--plot", "pictures")
+    assert code == 0, err
+    assert "wrote images/scan.image.h5" in out  # a folder, since a folder was given
+    assert (tmp_path / "pictures" / "scan.png").is_file()
+
     (tmp_path / "elsewhere").mkdir()
     shutil.move(folder / "cube.npz", tmp_path / "elsewhere" / "cube.npz")
     assert "cube.npz" in refused("image", "scan", "-o", "i.h5")

@@ -10,7 +10,7 @@ from millisight.cli.console import complain, end_with_failures, in_options, say,
 from millisight.cli.grids import outline_mesh, parse_bytes
 from millisight.cli.image_steps import ImageSettings, check_stated, image_of, large_image_of, oddities
 from millisight.cli.options import DataFolder, RadarChoice
-from millisight.cli.outputs import check_outputs, named, output_path
+from millisight.cli.outputs import check_outputs, is_folder, named, of_folder, output_path
 from millisight.cli.sources import Source, sources
 from millisight.core import (
     check_device,
@@ -221,6 +221,8 @@ def image(
         raise InputError(
             "--background holds no capture of a radar that is to be imaged; pass one, or choose with --radar"
         )
+    if any(map(is_folder, captures)):
+        output, plot, slices = map(of_folder, (output, plot, slices))
     if len(found) == 1:
         to, name = _image_path(found[0], None), found[0].name
         figures = named(plot, f"{name}.png"), named(slices, f"{name}.slices.png")

@@ -33,6 +33,11 @@ def is_folder(output: Path | None) -> bool:
     return output is not None and (isinstance(output, _Folder) or output.is_dir())
 
 
+def of_folder(output: Path | None) -> Path | None:
+    """What is made of a folder: an output without a suffix is a folder, too, whether one file comes of it or many."""
+    return output if output is None or output.suffix or output.is_file() else _Folder(output)
+
+
 def named(output: Path | None, name: str) -> Path | None:
     """The output; where it is a folder, the file of that name in it. The folder is made."""
     return output if output is None or not is_folder(output) else make_folder(output) / name

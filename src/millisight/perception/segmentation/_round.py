@@ -18,11 +18,12 @@ from millisight.perception import HIGH_BAND, without_sheets
 from millisight.perception.segmentation._parts import parts_of
 
 _DEPTHS = np.arange(-0.006, 0.096, 0.003)  # at which a focus is sought, below where the echo is strongest [m]
-_CREST = 0.0045  # lies so far above where the echo is strongest, as the sides are lower: mean of 12 of the rig [m]
+_CREST = 0.0036  # by which radii are too small, as measured; the mean of 12 balls and cylinders of the rig [m]
+_RINGS = np.append(np.linspace(0.9, 1, 9)[:-1], 1.01)  # cosines between which the echo's height is measured
 _CORE = -20.0  # of a part's brightest pixel, above which the image is looked at [dB]
 _TAPER, _BESIDE = 0.02, 0.06  # around that it falls to 0; beyond, room for what spreads on the way [m]
 _SEEN = 0.3  # sine of the angle from above up to which the pixels must hold the phases
-_NEXT = 0.015  # between the slices that tell the sign of the phases [m]
+_NEAR = 0.035  # of the slice in which the echo is strongest are those that are looked at [m]
 _SIGN = 0.3  # of the power, by which one sign must agree better than the other
 
 _BALL = 0.4, 1.8  # Strehl ratio and gain at least; balls of the rig have ratios of 0.45 to 0.8, all else below 0.25
@@ -186,19 +187,20 @@ def _focus(
 
     z, power = image.grid.z, np.square(image.magnitude[core], dtype=float).sum(axis=0)
     top = int(power.argmax())
-    # Another slice, where waves up and down differ in phase as much as may be.
-    apart = np.where(abs(z - z[top]) <= max(_NEXT, np.diff(z).min()), 1 - np.cos(2 * wavenumber * (z - z[top])), 0)
-    next_ = int((apart * power).argmax())
+    near = np.flatnonzero(abs(z - z[top]) <= max(_NEAR, np.diff(z).min()))
     fade = np.clip(1 - distance_transform_edt(~core[box], sampling=sides) / _TAPER, 0, 1)
-    values = (image.values[box][..., [top, next_]] * fade[..., None]).astype(np.complex64)
+    values = (image.values[box][..., near] * fade[..., None]).astype(np.complex64)
     shape = [fft.next_fast_len(size) for size in fade.shape]
-    spectrum, other = np.moveaxis(fft.fft2(values, shape, axes=(0, 1)), 2, 0)
+    spectra = np.moveaxis(fft.fft2(values, shape, axes=(0, 1)), 2, 0)
+    spectrum = spectra[int(np.searchsorted(near, top))]
     wavenumbers = (2 * np.pi * fft.fftfreq(n, side) for n, side in zip(shape, sides, strict=True))
     kx, ky = np.meshgrid(*wavenumbers, indexing="ij")
     kz = np.sqrt(np.maximum(wavenumber**2 - kx**2 - ky**2, 0))
 
-    # From one slice to the other a spectrum turns by kz times their distance, one way or the other.
-    turned, back = other * np.conj(spectrum), np.exp(1j * kz * (z[next_] - z[top]))
+    # From one slice to another a spectrum turns by kz times their distance, one way or the other: the slice is taken
+    # where the two differ most.
+    other = int((power[near] * (1 - np.cos(2 * wavenumber * (z[near] - z[top])))).argmax())
+    turned, back = spectra[other] * np.conj(spectrum), np.exp(1j * kz * (z[near[other]] - z[top]))
     down, up = (turned * back).sum().real, (turned * np.conj(back)).sum().real
     if abs(up - down) < _SIGN * np.abs(turned).sum():
         return None
@@ -214,17 +216,35 @@ def _focus(
     amplitude = np.abs(spectrum).astype(float)
     seen, shares = -sign / wavenumber * np.stack([kx.ravel(), ky.ravel()]), np.square(amplitude).ravel()
     spreads, axes = np.linalg.eigh(np.cov(seen, aweights=shares, ddof=0))
-    depth = peak_place(sharpness, _DEPTHS)
+    height = echo - peak_place(sharpness, _DEPTHS)
     return _Focus(
         power=powers[best, : fade.shape[0], : fade.shape[1]],
-        height=echo - depth,
-        radius=depth + _CREST,
+        height=height,
+        radius=_from_centre(np.square(np.abs(spectra)), z[near], height, kz / wavenumber) + _CREST,
         gain=float(sharpness[best] / sharpness[abs(_DEPTHS).argmin()]),
         strehl=float(powers[best].max() / amplitude.mean() ** 2),
         mean=axes.T @ np.average(seen, axis=1, weights=shares),
         spreads=np.sqrt(np.maximum(spreads, 0)),
         along=axes[:, 0],
     )
+
+
+def _from_centre(power: np.ndarray, z: np.ndarray, height: float, cosines: np.ndarray) -> float:
+    """How far from a centre of curvature at a height the echo lies, by its delay [m].
+
+    Waves at an angle to z show it at radius times cosine above the centre.
+
+    power : (K, M, N) of the spectra of slices at z (K,); cosines : (M, N) of the angles
+    """
+    rings, told = np.digitize(cosines, _RINGS), []
+    for ring in range(1, len(_RINGS)):
+        some = rings == ring
+        profile = power[:, some].sum(axis=1, dtype=float)
+        if profile.any():
+            above = peak_place(np.log(np.maximum(profile, 1e-30 * profile.max())), z) - height
+            told.append((above / np.average(cosines[some], weights=power[:, some].sum(axis=0) + 1e-30), profile.max()))
+    radii, weights = np.array(sorted(told)).T
+    return float(radii[np.searchsorted(weights.cumsum(), 0.5 * weights.sum())])
 
 
 def _axis(focus: _Focus, x: np.ndarray, y: np.ndarray, side: float) -> tuple[np.ndarray, np.ndarray, float]:
