@@ -1,8 +1,8 @@
 """How the phases of an image tell a can's radius in a shut carton: the picture of docs/how-to/round.md.
 
-    millisight collect --rig virtual examples/worlds/can.toml -o data
-    millisight image data --clock apply -o images
-    python examples/round.py images/*.image.h5 docs/images/round.png
+millisight collect --rig virtual examples/worlds/can.toml -o data
+millisight image data --clock apply -o images
+python examples/round.py images/*.image.h5 docs/images/round.png
 """
 
 import sys
