@@ -26,9 +26,11 @@ _SEEN = 0.3  # sine of the angle from above up to which the pixels must hold the
 _NEAR = 0.035  # of the slice in which the echo is strongest are those that are looked at [m]
 _SIGN = 0.3  # of the power, by which one sign must agree better than the other
 
-_BALL = 0.4, 1.8  # Strehl ratio and gain at least; balls of the rig have ratios of 0.45 to 0.8, all else below 0.25
-_CYLINDER = 1.4, 12.0  # gain at least, and over that of a radius of a wavelength that is seen from all sides
-_ACROSS, _ALONG = 0.1, 0.55  # spread of a cylinder's directions at least, and of those along it as a share at most
+# A ball's spectrum is as wide along as across, and in phase at its focus. Strehl ratios of balls are 0.45 to 0.8 by the
+# rig, and from 0.24 on by `simulate`, whose points are coarse; of what is curved otherwise up to 0.22.
+_BALL, _BALL_GAIN, _BALL_SPREAD, _BALL_SHAPE = 0.23, 1.8, 0.12, 0.6
+# A cylinder's is wide across and narrow along. It becomes the sharper, the more wavelengths its radius has.
+_GAIN, _GAIN_FOR_SIZE, _ACROSS, _ALONG = 1.4, 8.0, 0.1, 0.55
 _LEAST, _MOST = 0.008, 0.09  # of a radius [m]
 _ENDS = -8.0  # a cylinder ends where its focus is so much darker than its brightest place [dB]
 _AROUND = 0.03  # beyond the outline, or a radius if that is more, nothing else can be told from it [m]
@@ -155,20 +157,23 @@ def _round(part: np.ndarray, image: SarImage, sides: Sequence[float], wavelength
         return None
     x, y = image.grid.x[:, None], image.grid.y
     beside = focus.radius + max(focus.radius, _AROUND)
-    if focus.strehl >= _BALL[0] and focus.gain >= _BALL[1]:
+    along, across = focus.spreads
+    if focus.strehl >= _BALL and focus.gain >= _BALL_GAIN and along >= max(_BALL_SPREAD, _BALL_SHAPE * across):
         i, j = np.unravel_index(focus.power.argmax(), focus.power.shape)
         centre = np.array([image.grid.x[box[0]][i], image.grid.y[box[1]][j], focus.height])
         away = np.hypot(x - centre[0], y - centre[1])
         return Round("ball", focus.radius, centre, None, 2 * focus.radius, away <= focus.radius, away <= beside)
-    least = max(_CYLINDER[0], _CYLINDER[1] * focus.radius * focus.spreads[1] ** 2 / wavelength)
-    if focus.spreads[1] < _ACROSS or focus.spreads[0] > _ALONG * focus.spreads[1] or focus.gain < least:
+    if across < _ACROSS or along > _ALONG * across:
         return None
-    middle, along, length = _axis(focus, image.grid.x[box[0]], image.grid.y[box[1]], min(sides))
+    if focus.gain < max(_GAIN, _GAIN_FOR_SIZE * focus.radius * across**2 / wavelength):
+        return None
+    middle, direction, length = _axis(focus, image.grid.x[box[0]], image.grid.y[box[1]], min(sides))
     dx, dy = x - middle[0], y - middle[1]
-    there, away = abs(dx * along[0] + dy * along[1]) <= length / 2, abs(dy * along[0] - dx * along[1])
+    there = abs(dx * direction[0] + dy * direction[1]) <= length / 2
+    away = abs(dy * direction[0] - dx * direction[1])
     # What is seen lies square to the axis: it is as steep along as the directions are oblique on average.
     steep = focus.mean[0] / np.sqrt(1 - focus.mean[0] ** 2)
-    axis = np.array([*along, steep * float(along @ focus.along)]) / np.hypot(1, steep)
+    axis = np.array([*direction, steep * float(direction @ focus.along)]) / np.hypot(1, steep)
     return Round(
         "cylinder", focus.radius, np.array([*middle, focus.height]), axis, length * float(np.hypot(1, steep)),
         there & (away <= focus.radius), there & (away <= beside),
