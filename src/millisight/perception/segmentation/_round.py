@@ -27,8 +27,10 @@ _NEAR = 0.035  # of the slice in which the echo is strongest are those that are 
 _SIGN = 0.3  # of the power, by which one sign must agree better than the other
 
 # A ball's spectrum is as wide along as across, and in phase at its focus. Strehl ratios of balls are 0.45 to 0.8 by the
-# rig, and from 0.24 on by `simulate`, whose points are coarse; of what is curved otherwise up to 0.22.
-_BALL, _BALL_GAIN, _BALL_SPREAD, _BALL_SHAPE = 0.23, 1.8, 0.12, 0.6
+# rig, and from 0.24 on by `simulate`, whose points are coarse. Of what is curved otherwise they reach 0.22, of bricks,
+# which are seen from no more than a few directions, 0.24.
+_BALL, _BALL_GAIN, _BALL_SHAPE = 0.4, 1.8, 0.6
+_BALL_WIDE, _WIDE = 0.23, 0.12  # enough where directions spread so far
 # A cylinder's is wide across and narrow along. It becomes the sharper, the more wavelengths its radius has.
 _GAIN, _GAIN_FOR_SIZE, _ACROSS, _ALONG = 1.4, 8.0, 0.1, 0.55
 _LEAST, _MOST = 0.008, 0.09  # of a radius [m]
@@ -158,7 +160,8 @@ def _round(part: np.ndarray, image: SarImage, sides: Sequence[float], wavelength
     x, y = image.grid.x[:, None], image.grid.y
     beside = focus.radius + max(focus.radius, _AROUND)
     along, across = focus.spreads
-    if focus.strehl >= _BALL and focus.gain >= _BALL_GAIN and along >= max(_BALL_SPREAD, _BALL_SHAPE * across):
+    least = _BALL_WIDE if along >= _WIDE else _BALL
+    if focus.strehl >= least and focus.gain >= _BALL_GAIN and along >= _BALL_SHAPE * across:
         i, j = np.unravel_index(focus.power.argmax(), focus.power.shape)
         centre = np.array([image.grid.x[box[0]][i], image.grid.y[box[1]][j], focus.height])
         away = np.hypot(x - centre[0], y - centre[1])
