@@ -54,8 +54,8 @@ def image(
             "--output",
             metavar="PATH",
             parser=output_path,
-            help="Image to write (HDF5), or a folder for several captures, and for those of a folder. [default: CAPTURE.image.h5 beside the "
-            "capture; for experiments of a dataset, in the current folder]",
+            help="Image to write (HDF5), or a folder for several captures, and for those of a folder. [default: "
+            "CAPTURE.image.h5 beside the capture; for experiments of a dataset, in the current folder]",
         ),
     ] = None,
     grid: Annotated[
