@@ -72,6 +72,7 @@ def test_where_phases_tell_nothing_nothing_is_round():
     assert find_round(lit(ball(0.03, (0, 0, -0.06), coarse)), ball(0.03, (0, 0, -0.06), coarse)) == ()
     empty = ms.Mask(grid_xy=image.grid.xy, inside=np.zeros(image.grid.shape[:2], bool))
     assert find_round(empty, image) == ()
+    assert find_round(lit(image), ms.SarImage(grid=image.grid, values=0 * image.values)) == ()
     with pytest.raises(InputError, match="differ along"):
         find_round(lit(image), ball(0.03, (0, 0, -0.06), coarse))
 

@@ -34,6 +34,7 @@ _BALL_WIDE, _WIDE = 0.23, 0.12  # enough where directions spread so far
 # A cylinder's is wide across and narrow along. It becomes the sharper, the more wavelengths its radius has.
 _GAIN, _GAIN_FOR_SIZE, _ACROSS, _ALONG = 1.4, 8.0, 0.1, 0.55
 _LEAST, _MOST = 0.008, 0.09  # of a radius [m]
+_LEAST_AREA = 5e-5  # of a part that is looked at [m²]
 _ENDS = -8.0  # a cylinder ends where its focus is so much darker than its brightest place [dB]
 _AROUND = 0.03  # beyond the outline, or a radius if that is more, nothing else can be told from it [m]
 
@@ -59,6 +60,9 @@ class Round(NamedTuple):
     length: float
     inside: np.ndarray
     around: np.ndarray
+
+    def __repr__(self) -> str:
+        return f"Round({self})"
 
     def __str__(self) -> str:
         x, y, z = self.centre
@@ -135,8 +139,10 @@ def round_things(mask: np.ndarray, image: SarImage) -> list[Round]:
     wavelength = SPEED_OF_LIGHT / (image.frequency or HIGH_BAND)
     if not np.iscomplexobj(image.values) or min(image.values.shape) < 2 or max(sides) > wavelength / (4 * _SEEN):
         return []
-    parts, count = parts_of(mask)
-    found = (_round(parts == part, image, sides, wavelength) for part in range(1, count + 1))
+    parts, _ = parts_of(mask)
+    areas, magnitude = np.bincount(parts.ravel())[1:] * np.prod(sides), image.magnitude
+    numbers = np.flatnonzero(areas >= _LEAST_AREA) + 1
+    found = (_round(parts == number, image, magnitude, sides, wavelength) for number in numbers)
     return [one for one in found if one is not None]
 
 
@@ -147,14 +153,19 @@ def with_outlines(mask: np.ndarray, things: Sequence[Round]) -> np.ndarray:
     return mask
 
 
-def _round(part: np.ndarray, image: SarImage, sides: Sequence[float], wavelength: float) -> Round | None:
+def _round(
+    part: np.ndarray, image: SarImage, magnitude: np.ndarray, sides: Sequence[float], wavelength: float
+) -> Round | None:
     """What is round in a part of a mask (A, B), if it is."""
-    level = np.where(part, image.magnitude.mean(axis=2), 0)
+    level = np.where(part, magnitude.mean(axis=2), 0)
+    if not level.any():
+        return None
     core = level > level.max() * 10 ** (_CORE / 20)
     margins = [round((_TAPER + _BESIDE) / side) for side in sides]
     spans = [(max(i.min() - n, 0), i.max() + n + 1) for i, n in zip(np.nonzero(core), margins, strict=True)]
     box = slice(*spans[0]), slice(*spans[1])
-    focus = _focus(core, image, box, sides, 4 * np.pi / wavelength)
+    power = np.square(magnitude[core], dtype=float).sum(axis=0)
+    focus = _focus(core, image, power, box, sides, 4 * np.pi / wavelength)
     if focus is None or not _LEAST <= focus.radius <= _MOST:
         return None
     x, y = image.grid.x[:, None], image.grid.y
@@ -184,20 +195,24 @@ def _round(part: np.ndarray, image: SarImage, sides: Sequence[float], wavelength
 
 
 def _focus(
-    core: np.ndarray, image: SarImage, box: tuple[slice, slice], sides: Sequence[float], wavenumber: float
+    core: np.ndarray,
+    image: SarImage,
+    power: np.ndarray,
+    box: tuple[slice, slice],
+    sides: Sequence[float],
+    wavenumber: float,
 ) -> _Focus | None:
     """Where an image is sharpest around the pixels (A, B) of a core; None where the sign of its phases is not told.
 
-    box : of the pixels that are looked at; wavenumber : there and back [rad/m]
+    power : (Z,) of the core, not 0; box : of the pixels that are looked at; wavenumber : there and back [rad/m]
     """
     from scipy import fft
     from scipy.ndimage import distance_transform_edt
 
-    z, power = image.grid.z, np.square(image.magnitude[core], dtype=float).sum(axis=0)
-    top = int(power.argmax())
+    z, top = image.grid.z, int(power.argmax())
     near = np.flatnonzero(abs(z - z[top]) <= max(_NEAR, np.diff(z).min()))
     fade = np.clip(1 - distance_transform_edt(~core[box], sampling=sides) / _TAPER, 0, 1)
-    values = (image.values[box][..., near] * fade[..., None]).astype(np.complex64)
+    values = (image.values[box][..., near] * (fade[..., None] / np.sqrt(power.max()))).astype(np.complex64)
     shape = [fft.next_fast_len(size) for size in fade.shape]
     spectra = np.moveaxis(fft.fft2(values, shape, axes=(0, 1)), 2, 0)
     spectrum = spectra[int(np.searchsorted(near, top))]

@@ -235,12 +235,14 @@ class WaveSegmenter:
         higher probabilities part them.
 
         The borders of what is left then follow the image's edges, see `at_edges`, where an echo is short along z, as at
-        77 GHz. At 24 GHz the image is no finer than the network's pixels.
+        77 GHz. At 24 GHz the image is no finer than the network's pixels. Balls and cylinders get the outlines that
+        their phases tell, see `find_round`.
 
         Where nothing is found the only mask is empty: the mean of the 16 highest probabilities is less than that of
         99 % of the validation scenes with an object, with the other band and without it, and in sight the second
-        network is not sure that something is there; or a covered scene is `empty`, and what shines in the mask, to a
-        twelfth of its highest power, is smaller than 10.5 cm² or its mean probability below 0.8.
+        network is not sure that something is there; or a covered scene is `empty`, nothing in it is round, and what
+        shines in the mask, to a twelfth of its highest power, is smaller than 10.5 cm² or its mean probability below
+        0.8.
 
         A mask's score is the intersection over union that the probabilities let expect of it; the first one's is at
         least as high as the others'.
