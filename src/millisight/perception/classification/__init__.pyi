@@ -24,3 +24,6 @@ from ._released import clipped as clipped
 from ._released import middle as middle
 from ._released import published_scale as published_scale
 from ._released import released_input as released_input
+from ._roundness import ROUND_SHARES as ROUND_SHARES
+from ._roundness import roundness_odds as roundness_odds
+from ._roundness import roundness_of as roundness_of

@@ -29,6 +29,7 @@ from millisight.perception import (
 )
 from millisight.perception.classification._classification import CLASSIFIERS
 from millisight.perception.classification._novelty import novelty
+from millisight.perception.classification._roundness import roundness_odds
 
 CLASSIFIER_SIDE = 80
 """Pixels along x and y, 4 mm each: 32 cm."""
@@ -173,6 +174,12 @@ def prior_shares(prior: Mapping[str, float], class_names: Collection[str]) -> np
     return np.array(shares) / most / sum(share / most for share in shares)
 
 
+def _softmax(logits: np.ndarray) -> np.ndarray:
+    """(C,) probabilities of logits (C,)."""
+    shares = np.exp(logits - logits.max())
+    return np.asarray(shares / shares.sum())
+
+
 def novelty_of(logits: np.ndarray) -> np.ndarray:
     """(N,) probability of the last of the classes, what is of none, of logits (N, C + 1)."""
     return np.exp(logits[..., -1] - np.logaddexp.reduce(logits, axis=-1))
@@ -247,6 +254,9 @@ class NetworkClassifier:
         a class that was learned from random shapes alone: the threshold is then 1, since no object of that class has
         calibrated it.
 
+        Where the image's phases tell that most of the object is a ball or a thick cylinder, classes count with how
+        often they are so (`ROUND_SHARES`). No answer becomes sure by that: the network must be sure of it alone.
+
         Parameters
         ----------
         image : of 77 GHz, as a rule
@@ -269,8 +279,10 @@ class NetworkClassifier:
         covered = sheet_was_brightest(taken_db(cleaned))
         how = self.description.get("calibration", {}).get("covered" if covered else "open", self.description)
         scaled = logits[: len(self.class_names)] / how["temperature"] + self._added
-        probabilities = np.exp(scaled - scaled.max())
-        unproven = self.class_names[int(scaled.argmax())] in self.description.get("never_sure", ())
+        probabilities = _softmax(scaled + roundness_odds(mask, cleaned, self.class_names))
+        best, alone = int(probabilities.argmax()), _softmax(scaled)
+        # The threshold was chosen for what the network says alone.
+        unproven = self.class_names[best] in self.description.get("never_sure", ()) or alone[best] < how["threshold"]
         novel: dict[str, Any] = {}
         if self._limit is not None:
             score, reasons = novelty(
@@ -279,7 +291,7 @@ class NetworkClassifier:
             )  # fmt: skip
             novel = {"novelty": score, "novelty_limit": self._limit, "reasons": reasons}
         return Prediction(
-            probabilities=probabilities / probabilities.sum(),
+            probabilities=probabilities,
             class_names=self.class_names,
             threshold=1.0 if unproven else how["threshold"],
             **novel,
