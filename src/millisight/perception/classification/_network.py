@@ -279,10 +279,13 @@ class NetworkClassifier:
         covered = sheet_was_brightest(taken_db(cleaned))
         how = self.description.get("calibration", {}).get("covered" if covered else "open", self.description)
         scaled = logits[: len(self.class_names)] / how["temperature"] + self._added
-        probabilities = _softmax(scaled + roundness_odds(mask, cleaned, self.class_names))
-        best, alone = int(probabilities.argmax()), _softmax(scaled)
+        odds = roundness_odds(mask, cleaned, self.class_names)
+        probabilities = _softmax(scaled + odds)
+        best = int(probabilities.argmax())
         # The threshold was chosen for what the network says alone.
-        unproven = self.class_names[best] in self.description.get("never_sure", ()) or alone[best] < how["threshold"]
+        unproven = self.class_names[best] in self.description.get("never_sure", ()) or (
+            odds.any() and _softmax(scaled)[best] < how["threshold"]
+        )
         novel: dict[str, Any] = {}
         if self._limit is not None:
             score, reasons = novelty(
