@@ -68,6 +68,8 @@ def test_flat_and_small_things_and_noise_are_not_round():
 def test_where_phases_tell_nothing_nothing_is_round():
     image = ball(0.03, (0, 0, -0.06))
     assert find_round(lit(image), ms.SarImage(grid=image.grid, values=image.magnitude)) == ()
+    long = ms.SarImage(grid=image.grid, values=image.values / abs(image.values).max(axis=(0, 1)))  # as at 24 GHz
+    assert find_round(lit(image), long) == ()
     coarse = ms.VoxelGrid.regular((-0.1, -0.12, -0.1), (0.1, 0.12, 0.06), (0.004, 0.004, 0.01))
     assert find_round(lit(ball(0.03, (0, 0, -0.06), coarse)), ball(0.03, (0, 0, -0.06), coarse)) == ()
     empty = ms.Mask(grid_xy=image.grid.xy, inside=np.zeros(image.grid.shape[:2], bool))

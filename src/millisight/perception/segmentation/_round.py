@@ -15,6 +15,7 @@ from millisight.core import SPEED_OF_LIGHT, checked_record, peak_place
 from millisight.core.errors import InputError
 from millisight.data import Mask, SarImage, grid_difference
 from millisight.perception import HIGH_BAND, without_sheets
+from millisight.perception.segmentation._heights import tells_height
 from millisight.perception.segmentation._parts import parts_of
 
 _DEPTHS = np.arange(-0.006, 0.096, 0.003)  # at which a focus is sought, below where the echo is strongest [m]
@@ -117,8 +118,8 @@ def find_round(mask: Mask, image: SarImage, *, covered: bool = False) -> tuple[R
 
     Returns
     -------
-    tuple of Round; empty where the image is one of magnitudes, or its pixels are too coarse for its phases: above
-    3.2 mm
+    tuple of Round; empty where the image is one of magnitudes, its pixels are too coarse for its phases, above 3.2 mm,
+    or its echoes do not fall to a fifth above and below the object, as at 24 GHz
 
     Raises
     ------
@@ -138,6 +139,8 @@ def round_things(mask: np.ndarray, image: SarImage) -> list[Round]:
     sides = [float(np.ptp(axis)) / max(len(axis) - 1, 1) for axis in (image.grid.x, image.grid.y)]
     wavelength = SPEED_OF_LIGHT / (image.frequency or HIGH_BAND)
     if not np.iscomplexobj(image.values) or min(image.values.shape) < 2 or max(sides) > wavelength / (4 * _SEEN):
+        return []
+    if not mask.any() or not tells_height(mask, image):  # as at 24 GHz
         return []
     parts, _ = parts_of(mask)
     areas, magnitude = np.bincount(parts.ravel())[1:] * np.prod(sides), image.magnitude
