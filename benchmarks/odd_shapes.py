@@ -173,7 +173,7 @@ def mesh_of(solid: Manifold) -> ms.TriangleMesh:
     )
 
 
-RECIPE = """name = "{name}"
+SCENES = """name = "{name}"
 about = "{about}"
 seed = {seed}
 
@@ -186,10 +186,18 @@ z_deg = [0, 359]
 shift = 0.02
 
 [rig]
-conditions = ["los"]
+conditions = {conditions}
 keep = "images"
 margin = 0.06
 
+"""
+"""Of a recipe: its objects, how they lie, and what is around them."""
+
+SIGHT = '["los"]'
+
+RECIPE = (
+    SCENES
+    + """\
 [rig.image]
 spacing = [0.0025, 0.0025, 0.01]
 margin = 0.09
@@ -208,6 +216,7 @@ radars = [{{ preset = "position2go", mount = [0, 0, 0] }}]
 arm = {{ speed = {low_speed} }}
 scan = {{ row_spacing = {low_rows} }}
 """
+)
 
 KNOWN = (
     "chips_can", "tuna_fish_can", "spoon", "large_marker", "pudding_box", "gelatin_box", "wood_block", "foam_brick",
@@ -228,13 +237,13 @@ def main(folder: Path) -> None:
             files.append(f'[[files]]\npath = "{path.name}"\nunit = "m"\nclass = "other"\n')
         recipe = RECIPE.format(
             name=kind, seed=seed, about="Shapes of no class.", objects="\n".join(files),
-            rows=0.0039, speed=0.02, low_rows=0.006, low_speed=0.06,
+            conditions=SIGHT, rows=0.0039, speed=0.02, low_rows=0.006, low_speed=0.06,
         )  # fmt: skip
         (folder / f"{kind}.toml").write_text(recipe)
     sparse = RECIPE.format(
         name="sparse", seed=20, about="Known objects, scanned three times too coarsely.",
         objects=f"[objects]\nnames = {list(KNOWN)}\n".replace("'", '"'),
-        rows=0.0117, speed=0.06, low_rows=0.018, low_speed=0.18,
+        conditions=SIGHT, rows=0.0117, speed=0.06, low_rows=0.018, low_speed=0.18,
     )  # fmt: skip
     (folder / "sparse.toml").write_text(sparse)
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 from manifold3d import Manifold
-from odd_shapes import block, mesh_of, union
+from odd_shapes import SCENES, block, mesh_of, union
 
 import millisight as ms
 from millisight import datasets
@@ -26,23 +26,9 @@ from millisight.rig.virtual import World, build_layout
 
 MATERIALS = ("abs", "steel", "wood", "plastic", "rubber", "aluminium", "polyethylene_foam", "abs")
 ROUND = ("ball", "lying")
-RECIPE = """name = "Round"
-about = "Round and thin things, in sight and in cartons."
-seed = {seed}
-
-{files}
-[poses]
-count = 1
-x_deg = [-10, 10]
-y_deg = [-10, 10]
-z_deg = [0, 359]
-shift = 0.02
-
-[rig]
-conditions = ["los", "carton"]
-keep = "images"
-margin = 0.06
-
+RECIPE = (
+    SCENES
+    + """\
 [rig.covers]
 cartons = 1
 clearance = [0.01, 0.06]
@@ -64,6 +50,7 @@ row_spacing = 0.0039
 radars = [{{ preset = "iwr1443", frame_period = 0.125 }}]
 arm = {{ speed = 0.02 }}
 """
+)
 
 
 def upright(height: float, below: float, above: float | None = None) -> Manifold:
@@ -121,7 +108,11 @@ def make(folder: Path, seed: int) -> None:
     for name, solid, material, kind in shapes(np.random.default_rng(seed)):
         write_mesh(folder / f"{name}.ply", mesh_of(solid))
         files.append(f'[[files]]\npath = "{name}.ply"\nunit = "m"\nmaterial = "{material}"\nclass = "{kind}"\n')
-    (folder / "round.toml").write_text(RECIPE.format(seed=39 + seed, files="\n".join(files)))
+    recipe = RECIPE.format(
+        name="Round", about="Round and thin things, in sight and in cartons.", seed=39 + seed,
+        objects="\n".join(files), conditions='["los", "carton"]',
+    )  # fmt: skip
+    (folder / "round.toml").write_text(recipe)
 
 
 def measure(root: Path) -> None:

@@ -115,6 +115,8 @@ def locate(
     >>> bool(np.linalg.norm(found.poses[0].place) < 0.01)
     True
     """
+    from scipy.special import softmax
+
     named = {"mesh": meshes} if isinstance(meshes, TriangleMesh) else dict(_by_name(meshes))
     if not named or NONE_OF_THEM in named:
         raise InputError(f"there are {len(named)} meshes; expected at least one, none of them called {NONE_OF_THEM!r}")
@@ -188,7 +190,7 @@ def locate(
             settings["agreements"] = {name: round(one, 3) for name, one in looks.items()}
             evidence = {name: one + _LOOKS * (looks.get(name, 0.0) - _UNLIKE) for name, one in evidence.items()}
             nothing = _NOTHING_ALIKE
-    shares = _softmax(np.array([*evidence.values(), nothing]) / _WHICH)
+    shares = softmax(np.array([*evidence.values(), nothing]) / _WHICH)
     probabilities = dict.fromkeys(named, 0.0) | dict(zip([*evidence, NONE_OF_THEM], shares.tolist(), strict=True))
     ordered = [poses[name] for name in sorted(evidence, key=lambda one: -evidence[one])]
     if materials:
@@ -286,9 +288,11 @@ def _rotations(shape: _Known, turns: int) -> np.ndarray:
 
 def _pose(name: str, mesh: TriangleMesh, fits: list[Fit], shape: MeshSamples, seen: Seen) -> Pose:
     """The best pose of a mesh, of those that were found by these samples."""
+    from scipy.special import softmax
+
     symmetry = _shape_of(mesh).symmetry
     best = fits[0]
-    weights = _softmax(np.array([one.score for one in fits]) / _WEIGHT)
+    weights = softmax(np.array([one.score for one in fits]) / _WEIGHT)
     free = (best.rotation @ symmetry.axes.T).T
     return Pose(
         name=name,
@@ -325,8 +329,3 @@ def _covariance(
         made[3:] -= np.outer(axis, axis @ made[3:])
         made[3:, 3:] += _ANY_TURN**2 * np.outer(axis, axis)
     return (made + made.T) / 2
-
-
-def _softmax(values: np.ndarray) -> np.ndarray:
-    shares = np.exp(values - values.max())
-    return shares / shares.sum()

@@ -22,6 +22,7 @@ from ._networks import read_description as read_description
 from ._networks import run_network as run_network
 from ._networks import weights_version as weights_version
 from ._networks import write_network as write_network
+from ._projection import check_mask_of as check_mask_of
 from ._projection import coloured as coloured
 from ._projection import photo as photo
 from ._projection import power_on as power_on

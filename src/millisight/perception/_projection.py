@@ -11,7 +11,7 @@ import numpy as np
 
 from millisight.core import PUBLISHED_COLORMAP, as_array, check_known, checked_colormap, checked_record
 from millisight.core.errors import InputError
-from millisight.data import CameraFrame, Picture, SarImage
+from millisight.data import CameraFrame, Mask, Picture, SarImage, grid_difference
 
 VALUES = ("mean", "max", "rms")
 """Projections of |I| along z."""
@@ -96,3 +96,12 @@ def _interpolation(known: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     """(w, k) float32 weights of linear interpolation from `known` to `wanted` coordinates; rows of 0 outside."""
     unit = np.eye(len(known))
     return np.stack([np.interp(wanted, known, row, left=0, right=0) for row in unit], axis=1).astype(np.float32)
+
+
+def check_mask_of(mask: Mask, image: SarImage) -> None:
+    """The mask must lie on the image's pixels; `InputError` otherwise, which tells the axis that differs."""
+    differs = grid_difference(mask.grid_xy, image.grid.xy)
+    if differs:
+        raise InputError(
+            f"the mask's pixels and the image's differ along {differs}; expected one grid: make the mask of this image"
+        )

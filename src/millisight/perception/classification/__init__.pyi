@@ -6,7 +6,6 @@ from ._network import CLASSIFIER_CHANNELS as CLASSIFIER_CHANNELS
 from ._network import CLASSIFIER_SIDE as CLASSIFIER_SIDE
 from ._network import CLASSIFIER_WEIGHTS as CLASSIFIER_WEIGHTS
 from ._network import NetworkClassifier as NetworkClassifier
-from ._network import check_mask_of as check_mask_of
 from ._network import classifier_input as classifier_input
 from ._network import masked_channels as masked_channels
 from ._network import novelty_of as novelty_of

@@ -12,12 +12,13 @@ import numpy as np
 
 from millisight.core import check_known, check_readable, checked_number, checked_record, printable
 from millisight.core.errors import DamagedFileError, FormatError, InputError, MillisightError
-from millisight.data import Mask, Prediction, SarImage, grid_difference
+from millisight.data import Mask, Prediction, SarImage
 from millisight.perception import (
     HIGH_BAND,
     LOW_BAND,
     canvas_axes,
     canvas_power,
+    check_mask_of,
     open_network,
     power_levels,
     projected_levels,
@@ -82,15 +83,6 @@ def classifier_input(image: SarImage, mask: Mask, *, other_band: SarImage | None
             "out"
         )
     return masked_channels(power, image.grid.z, inside, other)
-
-
-def check_mask_of(mask: Mask, image: SarImage) -> None:
-    """The mask must lie on the image's pixels; `InputError` otherwise, which tells the axis that differs."""
-    differs = grid_difference(mask.grid_xy, image.grid.xy)
-    if differs:
-        raise InputError(
-            f"the mask's pixels and the image's differ along {differs}; expected one grid: make the mask of this image"
-        )
 
 
 def square_symmetries(channels: np.ndarray) -> np.ndarray:
@@ -172,12 +164,6 @@ def prior_shares(prior: Mapping[str, float], class_names: Collection[str]) -> np
     if most > least * _APART:
         raise InputError(f"prior goes from {least:g} to {most:g}; expected no more than a factor of {_APART:g} between")
     return np.array(shares) / most / sum(share / most for share in shares)
-
-
-def _softmax(logits: np.ndarray) -> np.ndarray:
-    """(C,) probabilities of logits (C,)."""
-    shares = np.exp(logits - logits.max())
-    return np.asarray(shares / shares.sum())
 
 
 def novelty_of(logits: np.ndarray) -> np.ndarray:
@@ -269,6 +255,8 @@ class NetworkClassifier:
             The mask is empty or on other pixels than the image, an image is 0 under the mask, or an image is of another
             band than those that it learned from.
         """
+        from scipy.special import softmax
+
         _check_bands(image, other_band)
         if other_band is not None:
             other_band = without_sheets(other_band, frequency=LOW_BAND) if len(self.bands) > 1 else None
@@ -279,12 +267,12 @@ class NetworkClassifier:
         covered = sheet_was_brightest(taken_db(cleaned))
         how = self.description.get("calibration", {}).get("covered" if covered else "open", self.description)
         scaled = logits[: len(self.class_names)] / how["temperature"] + self._added
-        odds = roundness_odds(mask, cleaned, self.class_names)
-        probabilities = _softmax(scaled + odds)
+        odds = roundness_odds(mask, image, self.class_names)
+        probabilities = softmax(scaled + odds)
         best = int(probabilities.argmax())
         # The threshold was chosen for what the network says alone.
         unproven = self.class_names[best] in self.description.get("never_sure", ()) or (
-            odds.any() and _softmax(scaled)[best] < how["threshold"]
+            odds.any() and softmax(scaled)[best] < how["threshold"]
         )
         novel: dict[str, Any] = {}
         if self._limit is not None:

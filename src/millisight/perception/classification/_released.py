@@ -14,8 +14,8 @@ import numpy as np
 from millisight.core import check_readable, checked_record
 from millisight.core.errors import InputError
 from millisight.data import Mask, Prediction, SarImage
+from millisight.perception import check_mask_of
 from millisight.perception.classification._classification import CLASSIFIERS
-from millisight.perception.classification._network import check_mask_of
 
 RELEASED_CLASSES = ("can", "handle", "box", "sphere")
 RELEASED_SIDE = 224

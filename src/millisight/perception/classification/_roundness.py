@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from millisight.data import Mask, SarImage
-from millisight.perception.segmentation import Round, round_things
+from millisight.perception.segmentation import Round, find_round
 
 ROUND_SHARES: Mapping[str, Mapping[str, float]] = {
     "ball": {"can": 0.03, "handle": 0.03, "box": 0.02, "sphere": 0.92, "other": 0.08},
@@ -29,12 +29,9 @@ def roundness_of(mask: np.ndarray, things: Sequence[Round]) -> str | None:
     return None
 
 
-def roundness_odds(mask: Mask, cleaned: SarImage, class_names: Sequence[str]) -> np.ndarray:
-    """(C,) logarithms of how often each class is as round as the object in a mask; 0 where it is not round.
-
-    cleaned : the image, its sheets taken off
-    """
-    kind = roundness_of(mask.inside, round_things(mask.inside, cleaned))
+def roundness_odds(mask: Mask, image: SarImage, class_names: Sequence[str]) -> np.ndarray:
+    """(C,) logarithms of how often each class is as round as the object in a mask; 0 where it is not round."""
+    kind = roundness_of(mask.inside, find_round(mask, image))
     if kind is None:
         return np.zeros(len(class_names))
     shares = ROUND_SHARES[kind]

@@ -9,7 +9,6 @@ from ._instances import segment_instances as segment_instances
 from ._instances import split_instances as split_instances
 from ._round import Round as Round
 from ._round import find_round as find_round
-from ._round import round_things as round_things
 from ._sam import SamSegmenter as SamSegmenter
 from ._segmentation import SEGMENTERS as SEGMENTERS
 from ._segmentation import Candidates as Candidates

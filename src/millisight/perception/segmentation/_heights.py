@@ -126,6 +126,11 @@ def lid_over(image: SarImage, cleaned: SarImage) -> tuple[SheetRemoval[SarImage]
     return taken, lid_height(image, taken, before=before)
 
 
+def pixel_sides(image: SarImage) -> list[float]:
+    """Sides of a pixel of an image seen along z [m]."""
+    return [float(np.ptp(axis)) / max(len(axis) - 1, 1) for axis in (image.grid.x, image.grid.y)]
+
+
 def _height(power: np.ndarray, z: np.ndarray, *, surely: bool = True) -> float | None:
     """Of the maximum of power (Z,) over z [m]; None where it falls too little, and it must be sure."""
     top = int(power.argmax())

@@ -12,10 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from millisight.core import SPEED_OF_LIGHT, checked_record, peak_place
-from millisight.core.errors import InputError
-from millisight.data import Mask, SarImage, grid_difference
-from millisight.perception import HIGH_BAND, without_sheets
-from millisight.perception.segmentation._heights import tells_height
+from millisight.data import Mask, SarImage
+from millisight.perception import HIGH_BAND, check_mask_of, without_sheets
+from millisight.perception.segmentation._heights import pixel_sides, tells_height
 from millisight.perception.segmentation._parts import parts_of
 
 _DEPTHS = np.arange(-0.006, 0.096, 0.003)  # at which a focus is sought, below where the echo is strongest [m]
@@ -48,7 +47,7 @@ class Round(NamedTuple):
     kind : "ball" or "cylinder"
     radius : [m]
     centre : (3,) of the ball, or of the cylinder's axis [m]
-    axis : (3,) unit vector along a cylinder's axis, x or y positive; None for a ball
+    axis : (3,) unit vector along a cylinder's axis, x + y positive; None for a ball
     length : of a cylinder, between the ends that are seen; of a ball its diameter [m]
     inside : (A, B) bool, the pixels within its outline
     around : (A, B) bool, these and the pixels beside, where nothing else can be told from it
@@ -128,24 +127,26 @@ def find_round(mask: Mask, image: SarImage, *, covered: bool = False) -> tuple[R
     """
     checked_record(mask, Mask, name="mask")
     checked_record(image, SarImage, name="image")
-    differs = grid_difference(mask.grid_xy, image.grid.xy)
-    if differs:
-        raise InputError(f"the mask's pixels and the image's differ along {differs}; make the mask of this image")
-    return tuple(round_things(mask.inside, without_sheets(image, frequency=HIGH_BAND, covered=covered)))
+    check_mask_of(mask, image)
+    cleaned = without_sheets(image, frequency=HIGH_BAND, covered=covered)
+    if not mask.inside.any() or not tells_height(mask.inside, cleaned):
+        return ()
+    return tuple(round_things(mask.inside, cleaned))
 
 
 def round_things(mask: np.ndarray, image: SarImage) -> list[Round]:
-    """The balls and cylinders among the parts of a mask (A, B) on an image's pixels, whose sheets are taken off."""
-    sides = [float(np.ptp(axis)) / max(len(axis) - 1, 1) for axis in (image.grid.x, image.grid.y)]
+    """The balls and cylinders among the parts of a mask (A, B) on an image's pixels; see `find_round`.
+
+    image : its sheets taken off; its echoes tell heights
+    """
+    sides = pixel_sides(image)
     wavelength = SPEED_OF_LIGHT / (image.frequency or HIGH_BAND)
     if not np.iscomplexobj(image.values) or min(image.values.shape) < 2 or max(sides) > wavelength / (4 * _SEEN):
         return []
-    if not mask.any() or not tells_height(mask, image):  # as at 24 GHz
-        return []
     parts, _ = parts_of(mask)
-    areas, magnitude = np.bincount(parts.ravel())[1:] * np.prod(sides), image.magnitude
+    areas, level = np.bincount(parts.ravel())[1:] * np.prod(sides), image.magnitude.mean(axis=2)
     numbers = np.flatnonzero(areas >= _LEAST_AREA) + 1
-    found = (_round(parts == number, image, magnitude, sides, wavelength) for number in numbers)
+    found = (_round(np.where(parts == number, level, 0), image, sides, wavelength) for number in numbers)
     return [one for one in found if one is not None]
 
 
@@ -156,18 +157,18 @@ def with_outlines(mask: np.ndarray, things: Sequence[Round]) -> np.ndarray:
     return mask
 
 
-def _round(
-    part: np.ndarray, image: SarImage, magnitude: np.ndarray, sides: Sequence[float], wavelength: float
-) -> Round | None:
-    """What is round in a part of a mask (A, B), if it is."""
-    level = np.where(part, magnitude.mean(axis=2), 0)
+def _round(level: np.ndarray, image: SarImage, sides: Sequence[float], wavelength: float) -> Round | None:
+    """What is round in a part of a mask, if it is.
+
+    level : (A, B) mean magnitude along z, 0 outside of the part
+    """
     if not level.any():
         return None
     core = level > level.max() * 10 ** (_CORE / 20)
     margins = [round((_TAPER + _BESIDE) / side) for side in sides]
     spans = [(max(i.min() - n, 0), i.max() + n + 1) for i, n in zip(np.nonzero(core), margins, strict=True)]
     box = slice(*spans[0]), slice(*spans[1])
-    power = np.square(magnitude[core], dtype=float).sum(axis=0)
+    power = np.square(np.abs(image.values[core]), dtype=float).sum(axis=0)
     focus = _focus(core, image, power, box, sides, 4 * np.pi / wavelength)
     if focus is None or not _LEAST <= focus.radius <= _MOST:
         return None

@@ -33,7 +33,7 @@ from millisight.perception import (
 )
 from millisight.perception.segmentation._edges import at_edges, shining
 from millisight.perception.segmentation._ghosts import without_ghosts
-from millisight.perception.segmentation._heights import beneath, between, lid_over, tells_height
+from millisight.perception.segmentation._heights import beneath, between, lid_over, pixel_sides, tells_height
 from millisight.perception.segmentation._parts import judged_apart, parts_of
 from millisight.perception.segmentation._round import round_things, with_outlines
 from millisight.perception.segmentation._segmentation import SEGMENTERS, Candidates
@@ -265,7 +265,7 @@ class WaveSegmenter:
         likely = [probability > c for c in cuts]
         image = cast("SarImage", picture.image)  # `probability` refuses pictures that have none
         cleaned = without_sheets(image, frequency=HIGH_BAND, covered=picture.covered)
-        sides = _pixel(image)
+        sides = pixel_sides(image)
         if picture.covered:
             further = [probability > c for c in _PARTING]
             placed = judged_apart(likely, further, lambda masks: _placed(masks, picture))
@@ -340,15 +340,10 @@ def _placed(masks: Sequence[np.ndarray], picture: Picture) -> list[np.ndarray]:
     if taken is not None and taken.sheets:
         kept = [beneath(mask, image, taken, surely=picture.support is not None) for mask in kept]
     rests = [
-        some.sum() < mask.sum() and some.sum() * np.prod(_pixel(image)) < _LEAST_AREA
+        some.sum() < mask.sum() and some.sum() * np.prod(pixel_sides(image)) < _LEAST_AREA
         for some, mask in zip(kept, masks, strict=True)
     ]
     return [np.zeros_like(some) if rest else some for some, rest in zip(kept, rests, strict=True)]
-
-
-def _pixel(image: SarImage) -> list[float]:
-    """Sides of a pixel of an image seen along z [m]."""
-    return [float(np.ptp(axis)) / max(len(axis) - 1, 1) for axis in (image.grid.x, image.grid.y)]
 
 
 def _canvas_points(
