@@ -11,20 +11,23 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from millisight.core import SPEED_OF_LIGHT, checked_record, peak_place
+from millisight.core import checked_record, peak_place
 from millisight.data import Mask, SarImage
 from millisight.perception import HIGH_BAND, check_mask_of, without_sheets
 from millisight.perception.segmentation._heights import pixel_sides, tells_height
-from millisight.perception.segmentation._parts import parts_of
+from millisight.perception.segmentation._phases import (
+    growth_with_distance,
+    has_phases,
+    parts_to_look_at,
+    phase_sign,
+    wavenumber_of,
+)
 
 _DEPTHS = np.arange(-0.006, 0.096, 0.003)  # at which a focus is sought, below where the echo is strongest [m]
-_DISTANCE = 0.25  # of an echo from the antennas, where it is not told: that of the published scans [m]
 _RINGS = np.append(np.linspace(0.9, 1, 9)[:-1], 1.01)  # cosines between which the echo's height is measured
 _CORE = -20.0  # of a part's brightest pixel, above which the image is looked at [dB]
 _TAPER, _BESIDE = 0.02, 0.06  # around that it falls to 0; beyond, room for what spreads on the way [m]
-_SEEN = 0.3  # sine of the angle from above up to which the pixels must hold the phases
 _NEAR = 0.035  # of the slice in which the echo is strongest are those that are looked at [m]
-_SIGN = 0.3  # of the power, by which one sign must agree better than the other
 
 # A ball's spectrum is as wide along as across, and in phase at its focus. Strehl ratios of balls are 0.45 to 0.8 by the
 # rig, and from 0.24 on by `simulate`, whose points are coarse. Of what is curved otherwise they reach 0.22, of bricks,
@@ -34,7 +37,6 @@ _BALL_WIDE, _WIDE = 0.23, 0.12  # enough where directions spread so far
 # A cylinder's is wide across and narrow along. It becomes the sharper, the more wavelengths its radius has.
 _GAIN, _GAIN_FOR_SIZE, _ACROSS, _ALONG = 1.4, 8.0, 0.1, 0.55
 _LEAST, _MOST = 0.008, 0.09  # of a radius [m]
-_LEAST_AREA = 5e-5  # of a part that is looked at [m²]
 _ENDS = -8.0  # a cylinder ends where its focus is so much darker than its brightest place [dB]
 _AROUND = 0.03  # beyond the outline, or a radius if that is more, nothing else can be told from it [m]
 
@@ -139,14 +141,10 @@ def round_things(mask: np.ndarray, image: SarImage) -> list[Round]:
 
     image : its sheets taken off; its echoes tell heights
     """
-    sides = pixel_sides(image)
-    wavelength = SPEED_OF_LIGHT / (image.frequency or HIGH_BAND)
-    if not np.iscomplexobj(image.values) or min(image.values.shape) < 2 or max(sides) > wavelength / (4 * _SEEN):
+    if not has_phases(image):
         return []
-    parts, _ = parts_of(mask)
-    areas, level = np.bincount(parts.ravel())[1:] * np.prod(sides), image.magnitude.mean(axis=2)
-    numbers = np.flatnonzero(areas >= _LEAST_AREA) + 1
-    found = (_round(np.where(parts == number, level, 0), image, sides, wavelength) for number in numbers)
+    level, sides = image.magnitude.mean(axis=2), pixel_sides(image)
+    found = (_round(np.where(part, level, 0), image, sides) for part in parts_to_look_at(mask, image))
     return [one for one in found if one is not None]
 
 
@@ -157,7 +155,7 @@ def with_outlines(mask: np.ndarray, things: Sequence[Round]) -> np.ndarray:
     return mask
 
 
-def _round(level: np.ndarray, image: SarImage, sides: Sequence[float], wavelength: float) -> Round | None:
+def _round(level: np.ndarray, image: SarImage, sides: Sequence[float]) -> Round | None:
     """What is round in a part of a mask, if it is.
 
     level : (A, B) mean magnitude along z, 0 outside of the part
@@ -169,7 +167,8 @@ def _round(level: np.ndarray, image: SarImage, sides: Sequence[float], wavelengt
     spans = [(max(i.min() - n, 0), i.max() + n + 1) for i, n in zip(np.nonzero(core), margins, strict=True)]
     box = slice(*spans[0]), slice(*spans[1])
     power = np.square(np.abs(image.values[core]), dtype=float).sum(axis=0)
-    focus = _focus(core, image, power, box, sides, 4 * np.pi / wavelength)
+    wavenumber = wavenumber_of(image)
+    focus = _focus(core, image, power, box, sides, wavenumber)
     if focus is None or not _LEAST <= focus.radius <= _MOST:
         return None
     x, y = image.grid.x[:, None], image.grid.y
@@ -183,7 +182,7 @@ def _round(level: np.ndarray, image: SarImage, sides: Sequence[float], wavelengt
         return Round("ball", focus.radius, centre, None, 2 * focus.radius, away <= focus.radius, away <= beside)
     if across < _ACROSS or along > _ALONG * across:
         return None
-    if focus.gain < max(_GAIN, _GAIN_FOR_SIZE * focus.radius * across**2 / wavelength):
+    if focus.gain < max(_GAIN, _GAIN_FOR_SIZE * focus.radius * across**2 * wavenumber / (4 * np.pi)):
         return None
     middle, direction, length = _axis(focus, image.grid.x[box[0]], image.grid.y[box[1]], min(sides))
     dx, dy = x - middle[0], y - middle[1]
@@ -227,11 +226,9 @@ def _focus(
     # From one slice to another a spectrum turns by kz times their distance, one way or the other: the slice is taken
     # where the two differ most.
     other = int((power[near] * (1 - np.cos(2 * wavenumber * (z[near] - z[top])))).argmax())
-    turned, back = spectra[other] * np.conj(spectrum), np.exp(1j * kz * (z[near[other]] - z[top]))
-    down, up = (turned * back).sum().real, (turned * np.conj(back)).sum().real
-    if abs(up - down) < _SIGN * np.abs(turned).sum():
+    sign = phase_sign(spectra[other] * np.conj(spectrum), kz * (z[near[other]] - z[top]))
+    if not sign:
         return None
-    sign = 1 if up > down else -1
 
     echo = peak_place(np.log(np.maximum(power, 1e-30 * power.max())), z)
     depths = _DEPTHS + z[top] - echo
@@ -259,14 +256,12 @@ def _focus(
 def _from_centre(power: np.ndarray, z: np.ndarray, height: float, cosines: np.ndarray) -> float:
     """How far from a centre of curvature at a height the echo lies, by its delay [m].
 
-    Waves at an angle to z show it at radius times cosine above the centre. A slice's power counts as it would at the
-    centre: antennas weigh alike in an image, and so waves of one direction get stronger with the distance from them,
-    in proportion, which would show an echo as long as 5 cm 3 mm too low.
+    Waves at an angle to z show it at radius times cosine above the centre.
 
     power : (K, M, N) of the spectra of slices at z (K,); cosines : (M, N) of the angles
     """
     rings, told = np.digitize(cosines, _RINGS), []
-    power = power / np.square(1 - (z - height) / _DISTANCE)[:, None, None]
+    power = power / growth_with_distance(z, height)[:, None, None]
     for ring in range(1, len(_RINGS)):
         some = rings == ring
         profile = power[:, some].sum(axis=1, dtype=float)
