@@ -70,6 +70,7 @@ from .perception.classification import classify as classify
 from .perception.segmentation import Candidates as Candidates
 from .perception.segmentation import Segmenter as Segmenter
 from .perception.segmentation import extend_mask as extend_mask
+from .perception.segmentation import find_flat as find_flat
 from .perception.segmentation import find_round as find_round
 from .perception.segmentation import segment as segment
 from .perception.segmentation import segment_instances as segment_instances

@@ -9,7 +9,7 @@ import pytest
 
 import millisight as ms
 from helpers.commands import run_here, run_inside
-from helpers.round_images import ball
+from helpers.form_images import ball
 from helpers.small_images import GRID, image, publish
 from millisight.cli.image_sources import image_sources
 from millisight.io import load_extras

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import millisight as ms
-from helpers.round_images import GRID, RESOLUTION, WAVENUMBER, ball, cylinder, lit
+from helpers.form_images import GRID, RESOLUTION, WAVENUMBER, ball, cylinder, lit
 from millisight.core.errors import InputError
 from millisight.perception import project
 from millisight.perception.segmentation import WaveSegmenter, find_mask, find_round

@@ -28,6 +28,7 @@ from millisight.perception.segmentation import (
     doubts_of,
     extend_mask,
     find_mask,
+    find_flat,
     find_round,
     segment_instances,
 )
@@ -192,9 +193,13 @@ def segment(
         told = _told(segmented, source, by, seed=drawn_by, values=values, support=height)
         if volume:
             return in_depth(source, to, drawn, image, segmented, told)
-        rounds = find_round(segmented.mask, image, covered=segmented.picture.covered)
-        _write(to, segmented, source, by, told | ({"round": [one.plain for one in rounds]} if rounds else {}))
-        for one in rounds:
+        forms = {
+            name: find(segmented.mask, image, covered=segmented.picture.covered)
+            for name, find in (("round", find_round), ("flat", find_flat))
+        }
+        plain = {name: [one.plain for one in ones] for name, ones in forms.items()}
+        _write(to, segmented, source, by, told | {name: ones for name, ones in plain.items() if ones})
+        for one in (*forms["round"], *forms["flat"]):
             say(f"  {one}")
         doubts = [in_options(one) for one in doubts_of(segmented.mask, image, covered=segmented.picture.covered)]
         for doubt in doubts:
@@ -205,7 +210,7 @@ def segment(
             save_figure(plot_segmentation(segmented, title=source.name), drawn)
         return {
             **_entry(source, to, "mask", by.name, [segmented.inside], segmented.score),
-            "round": [one.plain for one in rounds],
+            **plain,
             "doubts": doubts,
         }
 

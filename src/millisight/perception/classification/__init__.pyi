@@ -2,6 +2,9 @@ from ._classification import CLASSIFIERS as CLASSIFIERS
 from ._classification import Classifier as Classifier
 from ._classification import classifier as classifier
 from ._classification import classify as classify
+from ._forms import FORM_SHARES as FORM_SHARES
+from ._forms import form_odds as form_odds
+from ._forms import form_of as form_of
 from ._network import CLASSIFIER_CHANNELS as CLASSIFIER_CHANNELS
 from ._network import CLASSIFIER_SIDE as CLASSIFIER_SIDE
 from ._network import CLASSIFIER_WEIGHTS as CLASSIFIER_WEIGHTS
@@ -23,6 +26,3 @@ from ._released import clipped as clipped
 from ._released import middle as middle
 from ._released import published_scale as published_scale
 from ._released import released_input as released_input
-from ._roundness import ROUND_SHARES as ROUND_SHARES
-from ._roundness import roundness_odds as roundness_odds
-from ._roundness import roundness_of as roundness_of

@@ -30,7 +30,7 @@ from millisight.perception import (
 )
 from millisight.perception.classification._classification import CLASSIFIERS
 from millisight.perception.classification._novelty import novelty
-from millisight.perception.classification._roundness import roundness_odds
+from millisight.perception.classification._forms import form_odds
 
 CLASSIFIER_SIDE = 80
 """Pixels along x and y, 4 mm each: 32 cm."""
@@ -267,7 +267,7 @@ class NetworkClassifier:
         covered = sheet_was_brightest(taken_db(cleaned))
         how = self.description.get("calibration", {}).get("covered" if covered else "open", self.description)
         scaled = logits[: len(self.class_names)] / how["temperature"] + self._added
-        odds = roundness_odds(mask, image, self.class_names)
+        odds = form_odds(mask, image, self.class_names)
         probabilities = softmax(scaled + odds)
         best = int(probabilities.argmax())
         # The threshold was chosen for what the network says alone.

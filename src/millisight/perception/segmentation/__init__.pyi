@@ -3,6 +3,8 @@ from ._blind import BlindSegmenter as BlindSegmenter
 from ._blind import ThresholdSegmenter as ThresholdSegmenter
 from ._classical import ClassicalSegmenter as ClassicalSegmenter
 from ._doubts import doubts_of as doubts_of
+from ._flat import Flat as Flat
+from ._flat import find_flat as find_flat
 from ._instances import InstanceSettings as InstanceSettings
 from ._instances import instance_levels as instance_levels
 from ._instances import segment_instances as segment_instances

@@ -1,12 +1,14 @@
-"""Images of a ball and of a cylinder, as plane waves from their centres of curvature."""
+"""Images of a ball and of a cylinder, as plane waves from their centres of curvature, and of flat tops."""
 
 import numpy as np
+from scipy.ndimage import gaussian_filter
 
 import millisight as ms
 from millisight.core import SPEED_OF_LIGHT
 
 WAVENUMBER = 4 * np.pi * 79e9 / SPEED_OF_LIGHT
 RESOLUTION = 0.04  # along a line of sight [m]
+DISTANCE = 0.25  # of the antennas [m]
 GRID = ms.VoxelGrid.regular((-0.1, -0.12, -0.1), (0.1, 0.12, 0.06), (0.0025, 0.0025, 0.01))
 WIDEST = 0.35  # sine of the angle from which the aperture sees
 
@@ -42,6 +44,34 @@ def cylinder(radius, height, length, tilt_deg=0.0, grid=GRID):
     slope, values = np.tan(np.radians(tilt_deg)), np.zeros(grid.shape, complex)
     for j in np.flatnonzero(abs(y) <= length / 2):
         values[:, j] = waves(x, z, height + y[j] * slope + radius, radius)
+    return ms.SarImage(grid=grid, values=values)
+
+
+def flat(sides, centre, tilt_deg=(0.0, 0.0), turn_deg=0.0, kind="rectangle", grid=GRID):
+    """An image of a flat rectangle or ellipse, its normal tilted towards x and y; as bright as it is seen by a pixel."""
+    n = np.sin(np.radians(tilt_deg))
+    normal = np.array([*n, np.sqrt(1 - n @ n)])
+    fine = 5
+    x, y = (
+        (axis[:, None] + (np.arange(fine) - fine // 2) / fine * (axis[1] - axis[0])).ravel()
+        for axis in (grid.x, grid.y)
+    )
+    x, y = x[:, None] - centre[0], y - centre[1]
+    rise = -(normal[0] * x + normal[1] * y) / normal[2]
+    angle = np.radians(turn_deg)
+    along = np.array(
+        [np.cos(angle), np.sin(angle), -(normal[0] * np.cos(angle) + normal[1] * np.sin(angle)) / normal[2]]
+    )
+    along /= np.linalg.norm(along)
+    across = np.cross(normal, along)
+    u, v = (abs(one[0] * x + one[1] * y + one[2] * rise) / side * 2 for one, side in zip((along, across), sides))
+    inside = np.maximum(u, v) <= 1 if kind == "rectangle" else np.hypot(u, v) <= 1
+    shape = (len(grid.x), fine, len(grid.y), fine)
+    level = gaussian_filter(inside.reshape(shape).mean(axis=(1, 3)), 0.5)
+    places = np.stack(np.meshgrid(grid.x, grid.y, grid.z, indexing="ij"), axis=-1) - centre
+    above = places @ normal
+    values = level[..., None] * np.exp(-1j * WAVENUMBER * above - (above / RESOLUTION) ** 2)
+    values *= 1 - (grid.z - centre[2]) / DISTANCE  # antennas weigh alike, and farther slices are brighter
     return ms.SarImage(grid=grid, values=values)
 
 

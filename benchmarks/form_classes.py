@@ -1,10 +1,11 @@
-"""How often each class is round: the table that the classifier counts with, from simulated images alone.
+"""How often each class has which form: the table that the classifier counts with, from simulated images alone.
 
-    python benchmarks/round_classes.py [--workers 2]
+    python benchmarks/form_classes.py [--workers 2]
 
 28 shapes of each class are drawn at random, and the training objects of examples/objects.toml are simulated twice each,
-tilted by up to 10 degrees. Prints how many are balls or thick cylinders by `find_round`, in the masks of `wave`, and
-their shares with one of each kind added. No object that is tested with takes part.
+tilted by up to 10 degrees. Prints how many are balls or thick cylinders by `find_round`, or flat rectangles or ellipses
+by `find_flat`, in the masks of `wave`, and their shares with one of each kind added. No object that is tested with
+takes part.
 """
 
 import argparse
@@ -19,15 +20,15 @@ import numpy as np
 import millisight as ms
 from millisight.imaging import grid_around
 from millisight.meshes import SHAPE_CLASSES, random_shape, write_mesh
-from millisight.perception.classification import roundness_of
+from millisight.perception.classification import form_of
 
 ROOT = Path(__file__).parents[1]
 DRAWN, TURNS = 28, 2
-KINDS = ("ball", "cylinder", None)
+KINDS = ("ball", "cylinder", "rectangle", "ellipse", None)
 
 
-def roundness(job: tuple[str, str | None, int]) -> tuple[str, str | None]:
-    """The class and what `find_round` says of one object; nothing where no mask is found."""
+def form(job: tuple[str, str | None, int]) -> tuple[str, str | None]:
+    """The class and the form of one object; no form where no mask is found."""
     shape_class, name, seed = job
     rng = np.random.default_rng(seed)
     turns = float(rng.uniform(-10, 10)), float(rng.uniform(-10, 10)), float(rng.uniform(0, 360))
@@ -44,7 +45,7 @@ def roundness(job: tuple[str, str | None, int]) -> tuple[str, str | None]:
     capture = ms.simulate(scene, ms.Radar.preset("iwr1443"), path)
     image = ms.form_image(capture, grid_around(capture, 0.0025), window="taylor")
     mask = ms.segment(image)
-    return shape_class, roundness_of(mask.inside, ms.find_round(mask, image)) if mask.inside.any() else None
+    return shape_class, form_of(mask.inside, [*ms.find_round(mask, image), *ms.find_flat(mask, image)])
 
 
 def main() -> None:
@@ -61,13 +62,13 @@ def main() -> None:
         jobs += [(of_object.get(name, "other"), name, 7000 + 10 * i + j) for j in range(TURNS)]
     counts: dict[str, Counter[str | None]] = defaultdict(Counter)
     with ProcessPoolExecutor(options.workers) as pool:
-        for number, (shape_class, kind) in enumerate(pool.map(roundness, jobs), 1):
+        for number, (shape_class, kind) in enumerate(pool.map(form, jobs), 1):
             counts[shape_class][kind] += 1
             print(f"\r{number} of {len(jobs)}", end="", flush=True)
     print()
     for shape_class, found in counts.items():
         total = found.total() + len(KINDS)
-        told = ", ".join(f"{kind}: {found[kind]}, {(found[kind] + 1) / total:.2f}" for kind in KINDS[:2])
+        told = ", ".join(f"{kind}: {found[kind]}, {(found[kind] + 1) / total:.2f}" for kind in KINDS[:-1])
         print(f"{shape_class:8} {found.total():3} {told}")
 
 

@@ -1,11 +1,11 @@
-"""A classifier counts with an object's roundness, as its phases tell it."""
+"""A classifier counts with an object's form, as its phases tell it."""
 
 import numpy as np
 import pytest
 
 import millisight as ms
-from helpers.round_images import ball, cylinder, lit
-from millisight.perception.classification import ROUND_SHARES, roundness_odds, roundness_of
+from helpers.form_images import ball, cylinder, lit
+from millisight.perception.classification import FORM_SHARES, form_odds, form_of
 from millisight.perception.segmentation import find_round
 
 NAMES = ("can", "handle", "box", "sphere", "cup", "clamp", "other")
@@ -19,9 +19,9 @@ PAIRS = {
 def test_what_is_round_speaks_for_the_classes_that_are(kind):
     image, likely, unlikely = PAIRS[kind]
     things = find_round(lit(image), image)
-    assert roundness_of(things[0].inside, things) == kind
+    assert form_of(things[0].inside, things) == kind
     mask = ms.Mask(grid_xy=image.grid.xy, inside=things[0].inside)
-    odds = dict(zip(NAMES, roundness_odds(mask, image, NAMES), strict=True))
+    odds = dict(zip(NAMES, form_odds(mask, image, NAMES), strict=True))
     assert max(odds, key=odds.__getitem__) == likely
     assert odds[likely] - odds[unlikely] > np.log(10)
     assert odds["cup"] == odds["clamp"] == odds["other"]
@@ -31,13 +31,13 @@ def test_what_is_not_round_thin_or_little_of_the_mask_says_nothing():
     image = ball(0.03, (0, 0, -0.06))
     (thing,) = find_round(lit(image), image)
     whole = np.ones(image.grid.shape[:2], bool)
-    assert roundness_of(whole, [thing]) is None
-    assert roundness_of(thing.inside, []) is None
+    assert form_of(whole, [thing]) is None
+    assert form_of(thing.inside, []) is None
     rod = thing._replace(kind="cylinder", radius=0.012)
-    assert roundness_of(thing.inside, [rod]) is None
+    assert form_of(thing.inside, [rod]) is None
     real = ms.SarImage(grid=image.grid, values=image.magnitude)
     mask = ms.Mask(grid_xy=image.grid.xy, inside=thing.inside)
-    np.testing.assert_array_equal(roundness_odds(mask, real, NAMES), np.zeros(len(NAMES)))
+    np.testing.assert_array_equal(form_odds(mask, real, NAMES), np.zeros(len(NAMES)))
 
 
 @pytest.mark.parametrize("kind", PAIRS)
@@ -47,7 +47,7 @@ def test_no_answer_becomes_sure_by_it(kind, monkeypatch):
     (thing,) = find_round(lit(image), image)
     mask = ms.Mask(grid_xy=image.grid.xy, inside=thing.inside)
     counted = ms.classify(image, mask)
-    monkeypatch.setitem(ROUND_SHARES, kind, dict.fromkeys(NAMES, 0.5))
+    monkeypatch.setitem(FORM_SHARES, kind, dict.fromkeys(NAMES, 0.5))
     alone = ms.classify(image, mask)
     of = {
         one: dict(zip(found.class_names, found.probabilities, strict=True))

@@ -1,0 +1,114 @@
+"""Plane, axis and sides of flat tops, by the phases of an image."""
+
+import numpy as np
+import pytest
+
+import millisight as ms
+from helpers.form_images import GRID, ball, cylinder, flat, lit
+from millisight.core.errors import InputError
+from millisight.perception.segmentation import find_flat
+
+HALF = -6.0
+CENTRE = (0.01, -0.02, -0.06)
+
+
+def of(image):
+    return find_flat(lit(image, HALF), image)
+
+
+def degrees(one, other):
+    return np.degrees(np.arccos(min(abs(float(np.dot(one, other))), 1.0)))
+
+
+@pytest.mark.parametrize(
+    ("sides", "tilt_deg", "turn_deg"),
+    [((0.08, 0.05), (0, 0), 0), ((0.08, 0.05), (4, -6), 30), ((0.06, 0.06), (0, 9), 20), ((0.1, 0.025), (-8, 2), 120)],
+)
+def test_a_rectangle_is_as_large_and_as_tilted_as_it_is(sides, tilt_deg, turn_deg):
+    (found,) = of(flat(sides, CENTRE, tilt_deg, turn_deg))
+    sines = np.sin(np.radians(tilt_deg))
+    assert found.kind == "rectangle"
+    assert degrees(found.normal, [*sines, np.sqrt(1 - sines @ sines)]) < 0.1
+    assert found.centre == pytest.approx(CENTRE, abs=0.0013)  # half a pixel
+    assert found.sides == pytest.approx(sides, abs=0.0025)  # a pixel
+    assert np.linalg.norm(found.axis) == pytest.approx(1)
+    assert found.axis @ found.normal == pytest.approx(0, abs=1e-9)
+    turned = np.degrees(np.arctan2(found.axis[1], found.axis[0])) % 180
+    if sides[0] > sides[1]:
+        assert min(abs(turned - turn_deg % 180), 180 - abs(turned - turn_deg % 180)) < 1.5
+    assert found.axis[:2].sum() > 0
+    assert found.share > 0.9
+    assert found.tilt_deg == pytest.approx(degrees(found.normal, [0, 0, 1]))
+
+
+def test_an_ellipse_has_its_diameters():
+    (found,) = of(flat((0.08, 0.06), CENTRE, (5, 5), 60, "ellipse"))
+    assert found.kind == "ellipse"
+    assert found.sides == pytest.approx([0.08, 0.06], abs=0.0015)
+    assert found.plain["kind"] == "ellipse"
+    assert found.plain["centre"] == list(found.centre)
+    assert str(found).startswith("flat ellipse of 80 x 60 mm around (0.010, -0.020, -0.060) m")
+
+
+def test_phases_of_either_sign_tell_the_same():
+    image = flat((0.08, 0.05), CENTRE, (4, -6), 30)
+    (one,), (other,) = of(image), of(ms.SarImage(grid=image.grid, values=np.conj(image.values)))
+    np.testing.assert_allclose(one.normal, other.normal, atol=1e-9)
+    np.testing.assert_allclose(one.centre, other.centre, atol=1e-9)
+
+
+def test_steps_and_holes_are_no_hindrance():
+    """A lid of 20 x 20 mm, 3 mm higher, and a hole beside it."""
+    image = flat((0.09, 0.06), CENTRE)
+    higher = flat((0.02, 0.02), (0.03, -0.02, -0.057))
+    x, y = (axis - at for axis, at in zip((GRID.x[:, None], GRID.y), CENTRE[:2], strict=True))
+    values = np.where(((abs(x - 0.02) <= 0.01) & (abs(y) <= 0.01))[..., None], higher.values, image.values)
+    values = values * (np.hypot(x + 0.02, y) > 0.006)[..., None]
+    stepped = ms.SarImage(grid=GRID, values=values)
+    (found,) = find_flat(lit(image, HALF), stepped)
+    assert found.kind == "rectangle"
+    assert found.sides == pytest.approx([0.09, 0.06], abs=0.003)
+    assert degrees(found.normal, [0, 0, 1]) < 0.3
+
+
+def test_what_is_round_bent_narrow_or_noise_is_not_flat():
+    noise = np.random.default_rng(0).standard_normal((*GRID.shape, 2)) @ [1, 1j]
+    x = GRID.x - CENTRE[0]
+    bent = flat((0.08, 0.08), CENTRE).values * np.exp(1j * 2500 * x**2 / 0.4)[:, None, None]
+    strange = flat((0.08, 0.08), CENTRE).values * ((x[:, None] < 0) | (GRID.y < CENTRE[1]))[..., None]
+    images = (
+        ball(0.05, CENTRE), cylinder(0.03, -0.06, 0.1), flat((0.08, 0.012), CENTRE),
+        *(ms.SarImage(grid=GRID, values=values) for values in (noise, bent, strange)),
+    )  # fmt: skip
+    for image in images:
+        assert of(image) == ()
+
+
+def test_each_part_is_looked_at_alone_and_small_ones_are_not():
+    one, other = flat((0.05, 0.04), (-0.05, -0.05, -0.06), (3, 0)), flat((0.05, 0.04), (0.05, 0.06, -0.02), (0, 6), 90)
+    both = ms.SarImage(grid=GRID, values=one.values + other.values)
+    mask = lit(both, HALF)
+    mask.inside.flags.writeable = True
+    mask.inside[:2, :2] = True
+    found = find_flat(mask, both)
+    assert [round(place.centre[2], 3) for place in found] == pytest.approx([-0.06, -0.02], abs=0.001)
+    assert not (found[0].inside & found[1].inside).any()
+
+
+def test_where_phases_tell_nothing_nothing_is_flat():
+    image = flat((0.08, 0.05), CENTRE)
+    mask = lit(image, HALF)
+    assert find_flat(mask, ms.SarImage(grid=GRID, values=image.magnitude)) == ()
+    assert find_flat(ms.Mask(grid_xy=mask.grid_xy, inside=np.zeros_like(mask.inside)), image) == ()
+    everywhere = np.exp(-1j * np.arange(len(GRID.z))) * (image.magnitude.max(axis=2))[..., None]
+    assert find_flat(mask, ms.SarImage(grid=GRID, values=everywhere)) == ()
+    coarse = ms.VoxelGrid.regular((-0.1, -0.12, -0.1), (0.1, 0.12, 0.06), (0.005, 0.005, 0.01))
+    image = flat((0.08, 0.05), CENTRE, grid=coarse)
+    assert find_flat(lit(image, HALF), image) == ()
+
+
+def test_a_mask_of_another_image_is_refused():
+    image = flat((0.08, 0.05), CENTRE)
+    other = ms.VoxelGrid.regular((-0.1, -0.1, -0.1), (0.1, 0.1, 0.06), (0.0025, 0.0025, 0.01))
+    with pytest.raises(InputError, match="mask"):
+        find_flat(lit(flat((0.08, 0.05), CENTRE, grid=other)), image)
