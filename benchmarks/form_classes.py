@@ -4,7 +4,7 @@
 
 28 shapes of each class are drawn at random, and the training objects of examples/objects.toml are simulated twice each,
 tilted by up to 10 degrees. Prints how many are balls or thick cylinders by `find_round`, or flat rectangles or ellipses
-by `find_flat`, in the masks of `wave`, and their shares with one of each kind added. No object that is tested with
+by `find_flat`, in the masks of `wave`, and their shares with one of each answer added. No object that is tested with
 takes part.
 """
 
@@ -24,7 +24,8 @@ from millisight.perception.classification import form_of
 
 ROOT = Path(__file__).parents[1]
 DRAWN, TURNS = 28, 2
-KINDS = ("ball", "cylinder", "rectangle", "ellipse", None)
+KINDS = ("ball", "cylinder", "rectangle", "ellipse")
+ANSWERS = 3  # to each of two questions: ball, cylinder, neither; rectangle, ellipse, neither
 
 
 def form(job: tuple[str, str | None, int]) -> tuple[str, str | None]:
@@ -67,8 +68,8 @@ def main() -> None:
             print(f"\r{number} of {len(jobs)}", end="", flush=True)
     print()
     for shape_class, found in counts.items():
-        total = found.total() + len(KINDS)
-        told = ", ".join(f"{kind}: {found[kind]}, {(found[kind] + 1) / total:.2f}" for kind in KINDS[:-1])
+        total = found.total() + ANSWERS
+        told = ", ".join(f"{kind}: {found[kind]}, {(found[kind] + 1) / total:.2f}" for kind in KINDS)
         print(f"{shape_class:8} {found.total():3} {told}")
 
 

@@ -27,8 +27,8 @@ from millisight.perception.segmentation import (
     Segmenter,
     doubts_of,
     extend_mask,
-    find_mask,
     find_flat,
+    find_mask,
     find_round,
     segment_instances,
 )

@@ -29,8 +29,8 @@ from millisight.perception import (
     without_sheets,
 )
 from millisight.perception.classification._classification import CLASSIFIERS
-from millisight.perception.classification._novelty import novelty
 from millisight.perception.classification._forms import form_odds
+from millisight.perception.classification._novelty import novelty
 
 CLASSIFIER_SIDE = 80
 """Pixels along x and y, 4 mm each: 32 cm."""
