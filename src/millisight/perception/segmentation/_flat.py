@@ -102,10 +102,20 @@ def find_flat(mask: Mask, image: SarImage, *, covered: bool = False) -> tuple[Fl
     checked_record(image, SarImage, name="image")
     check_mask_of(mask, image)
     cleaned = without_sheets(image, frequency=HIGH_BAND, covered=covered)
-    if not mask.inside.any() or not has_phases(cleaned) or not tells_height(mask.inside, cleaned):
+    if not mask.inside.any() or not tells_height(mask.inside, cleaned):
         return ()
-    found = (_flat(part, cleaned) for part in parts_to_look_at(mask.inside, cleaned))
-    return tuple(one for one in found if one is not None)
+    return tuple(flat_things(mask.inside, cleaned))
+
+
+def flat_things(mask: np.ndarray, image: SarImage) -> list[Flat]:
+    """The flat tops of the parts of a mask (A, B) on an image's pixels; see `find_flat`.
+
+    image : its sheets taken off; its echoes tell heights
+    """
+    if not has_phases(image):
+        return []
+    found = (_flat(part, image) for part in parts_to_look_at(mask, image))
+    return [one for one in found if one is not None]
 
 
 class _Wave(NamedTuple):
