@@ -32,6 +32,7 @@ from millisight.perception import (
     without_sheets,
 )
 from millisight.perception.segmentation._edges import at_edges, shining
+from millisight.perception.segmentation._flat import flat_things, without_dim_borders
 from millisight.perception.segmentation._ghosts import without_ghosts
 from millisight.perception.segmentation._heights import beneath, between, lid_over, pixel_sides, tells_height
 from millisight.perception.segmentation._parts import judged_apart, parts_of
@@ -236,12 +237,13 @@ class WaveSegmenter:
 
         The borders of what is left then follow the image's edges, see `at_edges`, where an echo is short along z, as at
         77 GHz. At 24 GHz the image is no finer than the network's pixels. Balls and cylinders get the outlines that
-        their phases tell, see `find_round`.
+        their phases tell, see `find_round`. What lies beyond a flat top, see `find_flat`, and is not twice as bright as
+        what surrounds the mask, is left out.
 
         Where nothing is found the only mask is empty: the mean of the 16 highest probabilities is less than that of
         99 % of the validation scenes with an object, with the other band and without it, and in sight the second
-        network is not sure that something is there; or a covered scene is `empty`, nothing in it is round, and what
-        shines in the mask, to a twelfth of its highest power, is smaller than 10.5 cm² or its mean probability below
+        network is not sure that something is there; or a covered scene is `empty`, nothing in it is round or flat, and
+        what shines in the mask, to a twelfth of its highest power, is smaller than 10.5 cm² or its mean probability below
         0.8.
 
         A mask's score is the intersection over union that the probabilities let expect of it; the first one's is at
@@ -272,15 +274,17 @@ class WaveSegmenter:
         else:
             placed = _placed(likely, picture)
         placed = [_without_small_parts(mask) for mask in placed]
-        wide, level, things = placed[0], cleaned.magnitude.mean(axis=2), []
+        wide, level, shaped = placed[0], cleaned.magnitude.mean(axis=2), False
         if tells_height(wide, cleaned):
+            planes, things = flat_things(wide, cleaned), round_things(wide, cleaned)
             edged = at_edges(placed, probability, cuts, level, sides)
-            things = round_things(wide, cleaned)
+            edged = without_dim_borders(edged, planes, level, wide, sides)
             placed = [_without_small_parts(with_outlines(mask, things)) for mask in edged]
+            shaped = bool(planes or things)
         masks = np.stack(placed)
         if not masks[0].any():
             return nothing
-        if prompts is None and not (things or _surely(wide, probability, level, sides)) and self.empty(picture):
+        if prompts is None and not (shaped or _surely(wide, probability, level, sides)) and self.empty(picture):
             return nothing
         scores = np.array([_expected_iou(mask, probability) for mask in masks])
         scores[0] = scores.max()
