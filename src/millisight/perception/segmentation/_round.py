@@ -25,6 +25,7 @@ from millisight.perception.segmentation._phases import (
 
 _DEPTHS = np.arange(-0.006, 0.096, 0.003)  # at which a focus is sought, below where the echo is strongest [m]
 _RINGS = np.append(np.linspace(0.9, 1, 9)[:-1], 1.01)  # cosines between which the echo's height is measured
+_LID = 0.0006  # that a carton's lid, 2.5 to 4 mm thick, delays an echo [m]
 _CORE = -20.0  # of a part's brightest pixel, above which the image is looked at [dB]
 _TAPER, _BESIDE = 0.02, 0.06  # around that it falls to 0; beyond, room for what spreads on the way [m]
 _NEAR = 0.035  # of the slice in which the echo is strongest are those that are looked at [m]
@@ -133,18 +134,20 @@ def find_round(mask: Mask, image: SarImage, *, covered: bool = False) -> tuple[R
     cleaned = without_sheets(image, frequency=HIGH_BAND, covered=covered)
     if not mask.inside.any() or not tells_height(mask.inside, cleaned):
         return ()
-    return tuple(round_things(mask.inside, cleaned))
+    return tuple(round_things(mask.inside, cleaned, covered=covered))
 
 
-def round_things(mask: np.ndarray, image: SarImage) -> list[Round]:
+def round_things(mask: np.ndarray, image: SarImage, *, covered: bool = False) -> list[Round]:
     """The balls and cylinders among the parts of a mask (A, B) on an image's pixels; see `find_round`.
 
     image : its sheets taken off; its echoes tell heights
+    covered : whether there was a lid, which delays the echoes
     """
     if not has_phases(image):
         return []
     level, sides = image.magnitude.mean(axis=2), pixel_sides(image)
-    found = (_round(np.where(part, level, 0), image, sides) for part in parts_to_look_at(mask, image))
+    delay = _LID if covered else 0.0
+    found = (_round(np.where(part, level, 0), image, sides, delay) for part in parts_to_look_at(mask, image))
     return [one for one in found if one is not None]
 
 
@@ -155,10 +158,11 @@ def with_outlines(mask: np.ndarray, things: Sequence[Round]) -> np.ndarray:
     return mask
 
 
-def _round(level: np.ndarray, image: SarImage, sides: Sequence[float]) -> Round | None:
+def _round(level: np.ndarray, image: SarImage, sides: Sequence[float], delay: float) -> Round | None:
     """What is round in a part of a mask, if it is.
 
     level : (A, B) mean magnitude along z, 0 outside of the part
+    delay : by which echoes seem to lie too low [m]
     """
     if not level.any():
         return None
@@ -169,7 +173,10 @@ def _round(level: np.ndarray, image: SarImage, sides: Sequence[float]) -> Round 
     power = np.square(np.abs(image.values[core]), dtype=float).sum(axis=0)
     wavenumber = wavenumber_of(image)
     focus = _focus(core, image, power, box, sides, wavenumber)
-    if focus is None or not _LEAST <= focus.radius <= _MOST:
+    if focus is None:
+        return None
+    focus = focus._replace(radius=focus.radius + delay)
+    if not _LEAST <= focus.radius <= _MOST:
         return None
     x, y = image.grid.x[:, None], image.grid.y
     beside = focus.radius + max(focus.radius, _AROUND)
@@ -268,6 +275,9 @@ def _from_centre(power: np.ndarray, z: np.ndarray, height: float, cosines: np.nd
         if profile.any():
             above = peak_place(np.log(np.maximum(profile, 1e-30 * profile.max())), z) - height
             told.append((above / np.average(cosines[some], weights=power[:, some].sum(axis=0) + 1e-30), profile.max()))
+    # What is left of a lid is seen from above, and may outshine a ball there.
+    *others, upright = told
+    told = others if sum(weight for _, weight in others) >= upright[1] else told
     radii, weights = np.array(sorted(told)).T
     return float(radii[np.searchsorted(weights.cumsum(), 0.5 * weights.sum())])
 

@@ -243,8 +243,8 @@ class WaveSegmenter:
         Where nothing is found the only mask is empty: the mean of the 16 highest probabilities is less than that of
         99 % of the validation scenes with an object, with the other band and without it, and in sight the second
         network is not sure that something is there; or a covered scene is `empty`, nothing in it is round or flat, and
-        what shines in the mask, to a twelfth of its highest power, is smaller than 10.5 cm² or its mean probability below
-        0.8.
+        what shines in the mask, to a twelfth of its highest power, is smaller than 10.5 cm² or its mean probability
+        below 0.8.
 
         A mask's score is the intersection over union that the probabilities let expect of it; the first one's is at
         least as high as the others'.
@@ -276,7 +276,7 @@ class WaveSegmenter:
         placed = [_without_small_parts(mask) for mask in placed]
         wide, level, shaped = placed[0], cleaned.magnitude.mean(axis=2), False
         if tells_height(wide, cleaned):
-            planes, things = flat_things(wide, cleaned), round_things(wide, cleaned)
+            planes, things = flat_things(wide, cleaned), round_things(wide, cleaned, covered=picture.covered)
             edged = at_edges(placed, probability, cuts, level, sides)
             edged = without_dim_borders(edged, planes, level, wide, sides)
             placed = [_without_small_parts(with_outlines(mask, things)) for mask in edged]
@@ -339,7 +339,7 @@ def _placed(masks: Sequence[np.ndarray], picture: Picture) -> list[np.ndarray]:
     cleaned = without_sheets(image, frequency=HIGH_BAND, covered=picture.covered)
     if picture.covered:
         taken, lid = lid_over(image, cleaned)
-    real = without_ghosts(masks, cleaned)
+    real = without_ghosts(masks, cleaned, covered=picture.covered)
     kept = [between(mask, cleaned, support=picture.support, lid=lid) for mask in real]
     if taken is not None and taken.sheets:
         kept = [beneath(mask, image, taken, surely=picture.support is not None) for mask in kept]
