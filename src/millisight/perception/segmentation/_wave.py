@@ -121,6 +121,8 @@ _VIEWS = 8  # rotations and reflections
 # Unless the first network is so sure of what shines over so large an area, to so much of the mask's highest power: flat
 # things pass for a floor or a stand, but a tripod's plate of 2 cm fills no more than 8 cm².
 _SURE, _SURE_AREA, _SHINES = 0.8, 10.5e-4, 0.08  # mean probability, area [m²], share of the power
+# Or a flat top covers so much of its part: of an empty scene's masks the tripod's plate covers up to 0.47.
+_TOP = 0.6
 
 
 @SEGMENTERS.add("wave")
@@ -280,7 +282,8 @@ class WaveSegmenter:
             edged = at_edges(placed, probability, cuts, level, sides)
             edged = without_dim_borders(edged, planes, level, wide, sides)
             placed = [_without_small_parts(with_outlines(mask, things)) for mask in edged]
-            shaped = bool(planes or things)
+            tops = (plane.share for plane in flat_things(placed[0], cleaned))
+            shaped = bool(planes or things) or max(tops, default=0.0) >= _TOP
         masks = np.stack(placed)
         if not masks[0].any():
             return nothing
