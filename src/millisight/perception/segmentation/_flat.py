@@ -4,7 +4,6 @@ The echo of a plane is a plane wave: within its outline a slice of the image has
 that wave's phases the slice is real and positive there, and half as high at the edges.
 """
 
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,9 +30,6 @@ _BEYOND = 0.008  # of the mask, the edge may lie [m]
 _MOST_OF_IT = 0.45  # of a part, that a plane covers
 _NARROWEST = 0.015  # of a plane: a cylinder's crest seems to be one [m]
 _OUTLINED = 0.8  # intersection over union with a rectangle or an ellipse
-_BESIDE = 0.003  # a plane, a mask may reach whatever shines there [m]
-_AROUND = 0.005, 0.03  # a mask, what surrounds it [m]
-_BRIGHTER = 2.0  # than that, and a mask is right about what lies beyond a plane
 
 
 class Flat(NamedTuple):
@@ -120,41 +116,6 @@ def flat_things(mask: np.ndarray, image: SarImage) -> list[Flat]:
         return []
     found = (_flat(part, image) for part in parts_to_look_at(mask, image))
     return [one for one in found if one is not None]
-
-
-def without_dim_borders(
-    masks: Sequence[np.ndarray], planes: Sequence[Flat], level: np.ndarray, wide: np.ndarray, sides: Sequence[float]
-) -> list[np.ndarray]:
-    """Masks (A, B) without what lies beyond a flat top, and is not twice as bright as what surrounds it all.
-
-    Of a weak object under a lid only the phases tell where it ends.
-
-    Parameters
-    ----------
-    masks : (A, B) bool each
-    planes : that were found in them
-    level : (A, B) mean magnitude along z, sheets taken off
-    wide : (A, B) bool, whatever may be an object's
-    sides : of a pixel [m]
-    """
-    from scipy.ndimage import distance_transform_edt
-
-    if not planes:
-        return list(masks)
-    away = distance_transform_edt(~wide, sampling=sides)
-    around = (away > _AROUND[0]) & (away <= _AROUND[1])
-    if not around.any():
-        return list(masks)
-    dim, kept = level <= _BRIGHTER * np.median(level[around]), []
-    for mask in masks:
-        parts, count = parts_of(mask)
-        for plane in planes:
-            its = np.bincount(parts[plane.inside], minlength=count + 1) > 0
-            its[0] = False
-            beyond = distance_transform_edt(~plane.inside, sampling=sides) > _BESIDE
-            mask = mask & ~(its[parts] & beyond & dim)
-        kept.append(mask)
-    return kept
 
 
 class _Wave(NamedTuple):

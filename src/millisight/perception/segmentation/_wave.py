@@ -31,12 +31,11 @@ from millisight.perception import (
     taken_db,
     without_sheets,
 )
-from millisight.perception.segmentation._edges import at_edges, shining
-from millisight.perception.segmentation._flat import flat_things, without_dim_borders
+from millisight.perception.segmentation._borders import with_borders
+from millisight.perception.segmentation._edges import shining
 from millisight.perception.segmentation._ghosts import without_ghosts
 from millisight.perception.segmentation._heights import beneath, between, lid_over, pixel_sides, tells_height
 from millisight.perception.segmentation._parts import judged_apart, parts_of
-from millisight.perception.segmentation._round import round_things, with_outlines
 from millisight.perception.segmentation._segmentation import SEGMENTERS, Candidates
 
 WAVE_SLICES = 8
@@ -121,8 +120,6 @@ _VIEWS = 8  # rotations and reflections
 # Unless the first network is so sure of what shines over so large an area, to so much of the mask's highest power: flat
 # things pass for a floor or a stand, but a tripod's plate of 2 cm fills no more than 8 cm².
 _SURE, _SURE_AREA, _SHINES = 0.8, 10.5e-4, 0.08  # mean probability, area [m²], share of the power
-# Or a flat top covers so much of its part: of an empty scene's masks the tripod's plate covers up to 0.47.
-_TOP = 0.6
 
 
 @SEGMENTERS.add("wave")
@@ -237,10 +234,9 @@ class WaveSegmenter:
         of the lid's edges, the walls below them, and grating lobes. Where an object and such an edge are one part,
         higher probabilities part them.
 
-        The borders of what is left then follow the image's edges, see `at_edges`, where an echo is short along z, as at
-        77 GHz. At 24 GHz the image is no finer than the network's pixels. Balls and cylinders get the outlines that
-        their phases tell, see `find_round`. What lies beyond a flat top, see `find_flat`, and is not twice as bright as
-        what surrounds the mask, is left out.
+        Where an echo is short along z, as at 77 GHz, the borders of what is left then follow the image's edges and
+        phases, see `with_borders`: balls and cylinders get their outlines. At 24 GHz the image is no finer than the
+        network's pixels.
 
         Where nothing is found the only mask is empty: the mean of the 16 highest probabilities is less than that of
         99 % of the validation scenes with an object, with the other band and without it, and in sight the second
@@ -269,25 +265,20 @@ class WaveSegmenter:
         likely = [probability > c for c in cuts]
         image = cast("SarImage", picture.image)  # `probability` refuses pictures that have none
         cleaned = without_sheets(image, frequency=HIGH_BAND, covered=picture.covered)
-        sides = pixel_sides(image)
         if picture.covered:
             further = [probability > c for c in _PARTING]
             placed = judged_apart(likely, further, lambda masks: _placed(masks, picture))
         else:
             placed = _placed(likely, picture)
         placed = [_without_small_parts(mask) for mask in placed]
-        wide, level, shaped = placed[0], cleaned.magnitude.mean(axis=2), False
+        wide, shaped = placed[0], False
         if tells_height(wide, cleaned):
-            planes, things = flat_things(wide, cleaned), round_things(wide, cleaned, covered=picture.covered)
-            edged = at_edges(placed, probability, cuts, level, sides)
-            edged = without_dim_borders(edged, planes, level, wide, sides)
-            placed = [_without_small_parts(with_outlines(mask, things)) for mask in edged]
-            tops = (plane.share for plane in flat_things(placed[0], cleaned))
-            shaped = bool(planes or things) or max(tops, default=0.0) >= _TOP
+            placed, shaped = with_borders(placed, probability, cuts, cleaned, covered=picture.covered)
+            placed = [_without_small_parts(mask) for mask in placed]
         masks = np.stack(placed)
         if not masks[0].any():
             return nothing
-        if prompts is None and not (shaped or _surely(wide, probability, level, sides)) and self.empty(picture):
+        if prompts is None and not (shaped or _surely(wide, probability, cleaned)) and self.empty(picture):
             return nothing
         scores = np.array([_expected_iou(mask, probability) for mask in masks])
         scores[0] = scores.max()
@@ -327,11 +318,11 @@ def _channels_of(picture: Picture, prompts: Prompts | None) -> tuple[np.ndarray,
     return wave_input(power, other, points, before=before, taken_db=taken), x, y
 
 
-def _surely(mask: np.ndarray, probability: np.ndarray, level: np.ndarray, sides: Sequence[float]) -> bool:
+def _surely(mask: np.ndarray, probability: np.ndarray, image: SarImage) -> bool:
     """Whether what shines in a mask that is not empty is so large, and its probability so high, that no second network
-    is asked; by the mean magnitude along z."""
-    core = shining(mask, level, _SHINES)
-    return bool(core.sum() * np.prod(sides) >= _SURE_AREA and probability[core].mean() >= _SURE)
+    is asked; by the mean magnitude along z of an image without sheets."""
+    core = shining(mask, image.magnitude.mean(axis=2), _SHINES)
+    return bool(core.sum() * np.prod(pixel_sides(image)) >= _SURE_AREA and probability[core].mean() >= _SURE)
 
 
 def _placed(masks: Sequence[np.ndarray], picture: Picture) -> list[np.ndarray]:
