@@ -48,7 +48,7 @@ def cylinder(radius, height, length, tilt_deg=0.0, grid=GRID):
 
 
 def flat(sides, centre, tilt_deg=(0.0, 0.0), turn_deg=0.0, kind="rectangle", grid=GRID):
-    """An image of a flat rectangle or ellipse, its normal tilted towards x and y; as bright as it is seen by a pixel."""
+    """An image of a flat rectangle or ellipse, its normal tilted towards x and y."""
     n = np.sin(np.radians(tilt_deg))
     normal = np.array([*n, np.sqrt(1 - n @ n)])
     fine = 5
@@ -64,7 +64,10 @@ def flat(sides, centre, tilt_deg=(0.0, 0.0), turn_deg=0.0, kind="rectangle", gri
     )
     along /= np.linalg.norm(along)
     across = np.cross(normal, along)
-    u, v = (abs(one[0] * x + one[1] * y + one[2] * rise) / side * 2 for one, side in zip((along, across), sides))
+    u, v = (
+        abs(one[0] * x + one[1] * y + one[2] * rise) / side * 2
+        for one, side in zip((along, across), sides, strict=True)
+    )
     inside = np.maximum(u, v) <= 1 if kind == "rectangle" else np.hypot(u, v) <= 1
     shape = (len(grid.x), fine, len(grid.y), fine)
     level = gaussian_filter(inside.reshape(shape).mean(axis=(1, 3)), 0.5)

@@ -365,7 +365,7 @@ def test_a_large_mask_of_which_the_first_network_is_sure_needs_no_second_one(
     """Flat bricks pass for a carton's floor."""
     monkeypatch.setattr(WaveSegmenter, "empty", lambda self, picture: True)
     monkeypatch.setattr("millisight.perception.segmentation._wave._placed", lambda masks, picture: list(masks))
-    monkeypatch.setattr("millisight.perception.segmentation._wave.at_edges", lambda masks, *_: list(masks))
+    monkeypatch.setattr("millisight.perception.segmentation._borders.at_edges", lambda masks, *_: list(masks))
     alone = covered(scene, objects=1.0)[0]
     middle = np.zeros(alone.shape, np.float32)
     middle[20 - half : 20 + half, 20 - half : 20 + half] = likely  # (2 half 4 mm)²

@@ -137,8 +137,8 @@ def segment(
             "--json",
             help='Print one JSON document: {"images": [{"image", "name", "output", "kind", "method", "found", "sizes", '
             '"score"} or {"image", "name", "error"}]}; sizes are numbers of pixels, or of voxels. '
-            'Masks of pixels also have "doubts", and "round", their balls and cylinders: {"kind", "radius", "centre", '
-            '"axis", "length"}.',
+            'Masks of pixels also have "doubts", "round", their balls and cylinders: {"kind", "radius", "centre", '
+            '"axis", "length"}, and "flat", their flat tops: {"kind", "centre", "normal", "axis", "sides", "share"}.',
         ),
     ] = False,
 ) -> None:
@@ -193,17 +193,13 @@ def segment(
         told = _told(segmented, source, by, seed=drawn_by, values=values, support=height)
         if volume:
             return in_depth(source, to, drawn, image, segmented, told)
-        forms = {
-            name: find(segmented.mask, image, covered=segmented.picture.covered)
-            for name, find in (("round", find_round), ("flat", find_flat))
-        }
-        plain = {name: [one.plain for one in ones] for name, ones in forms.items()}
+        covered = segmented.picture.covered
+        forms = [find(segmented.mask, image, covered=covered) for find in (find_round, find_flat)]
+        plain = {name: [one.plain for one in ones] for name, ones in zip(("round", "flat"), forms, strict=True)}
         _write(to, segmented, source, by, told | {name: ones for name, ones in plain.items() if ones})
-        for one in (*forms["round"], *forms["flat"]):
+        doubts = [in_options(one) for one in doubts_of(segmented.mask, image, covered=covered)]
+        for one in (*forms[0], *forms[1], *doubts):
             say(f"  {one}")
-        doubts = [in_options(one) for one in doubts_of(segmented.mask, image, covered=segmented.picture.covered)]
-        for doubt in doubts:
-            say(f"  {doubt}")
         if drawn is not None:
             from millisight.viz import plot_segmentation, save_figure
 

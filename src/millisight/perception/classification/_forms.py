@@ -29,7 +29,8 @@ def form_of(mask: np.ndarray, things: Sequence[Round | Flat]) -> str | None:
     """Whether most of a mask (A, B) is a "ball", a thick "cylinder", or a flat "rectangle" or "ellipse"; None: none."""
     for thing in things:
         if (thing.inside & mask).sum() > _MOST_OF_IT * mask.sum():
-            return None if thing.kind == "cylinder" and thing.radius < _THICK else thing.kind
+            thin = isinstance(thing, Round) and thing.kind == "cylinder" and thing.radius < _THICK
+            return None if thin else thing.kind
     return None
 
 

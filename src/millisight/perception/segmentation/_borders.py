@@ -24,8 +24,8 @@ def with_borders(
     """Masks with the borders that an image tells, and whether its phases show that something is there.
 
     Borders follow the image's edges, see `at_edges`. What lies beyond a flat top, and is no brighter than what
-    surrounds the first mask, is left out, and round things get their outlines. Where an object is no brighter than its
-    surroundings, no edge is its own, and masks hold what is more probable than not.
+    surrounds the first mask, is left out, and round things get their outlines. Where an object is no brighter than what
+    is left of a lid, no edge is its own, and masks hold what is more probable than not.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ def with_borders(
     wide, level, sides = masks[0], image.magnitude.mean(axis=2), pixel_sides(image)
     tops, things = flat_things(wide, image), round_things(wide, image, covered=covered)
     around = _brightness_around(wide, level, sides)
-    if not (tops or things or _stands_out(wide, probability, level, around)):
+    if covered and not (tops or things or _stands_out(wide, probability, level, around)):
         return _more_probable_than_not(masks, probability), False
     bordered = at_edges(masks, probability, cuts, level, sides)
     bordered = _without_dim_borders(bordered, [top.inside for top in tops], level, around, sides)
