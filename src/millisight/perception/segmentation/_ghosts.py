@@ -21,16 +21,17 @@ BAND = 76e9, 81e9
 _MARGIN = 8  # voxels of zeros along each axis: what ends at one side of the image is not continued at the other
 _LEAST_VOXELS = 4  # along each axis
 _MOST = 0.5  # of the spectrum may be a reflector's; beyond, it tells nothing
-_REFLECTOR, _GHOST = 0.85, 0.6  # of a part's power, what a reflector has at least, and a ghost at most
-_GHOST_IN_SIGHT = 0.8  # the same without a lid, whose leftovers lie among an object's power
+_REFLECTOR, _GHOST = 0.95, 0.6  # of a part's power, what a reflector has at least, and a ghost at most
+_BRIGHTEST = 0.85  # the brightest part has at least
+_GHOST_IN_SIGHT = 0.8  # the most without a lid, whose leftovers lie among an object's power
 
 
 def without_ghosts(masks: Sequence[np.ndarray], image: SarImage, *, covered: bool = False) -> list[np.ndarray]:
     """The parts of masks of which most of the power has a reflector's wavenumbers.
 
-    Power is that of the strongest voxel along z above each pixel. The part with the most of a reflector's wavenumbers,
-    which a ghost may outshine, must surely be one: 85 % of its power is so, and its echo is as short along z as at
-    77 GHz. Else the image may be one of magnitudes or of another band, whose phases tell nothing, and all parts are
+    Power is that of the strongest voxel along z above each pixel. One part must surely be a reflector: 85 % of the
+    brightest part's power is so, or 95 % of that of another, which ghosts outshine; and its echo is as short along z as
+    at 77 GHz. Else the image may be one of magnitudes or of another band, whose phases tell nothing, and all parts are
     kept.
 
     Parameters
@@ -50,12 +51,16 @@ def without_ghosts(masks: Sequence[np.ndarray], image: SarImage, *, covered: boo
     strongest = np.abs(image.values).argmax(axis=2)[..., None]
     of_both = (np.take_along_axis(np.abs(some), strongest, axis=2)[..., 0] for some in (image.values, values))
     seen, real = (np.square(one) for one in of_both)
-    kept, least = [], _GHOST if covered else _GHOST_IN_SIGHT
+    kept = []
     for mask, (parts, count) in zip(masks, found, strict=True):
         shares = [np.bincount(parts[mask], weights=one[mask], minlength=count + 1) for one in (real, seen)]
         share = shares[0] / np.maximum(shares[1], 1e-300)
-        most = int(shares[0].argmax())
-        surely = share[most] >= _REFLECTOR and tells_height(parts == most, image)
+        most, brightest = int(shares[0].argmax()), int(parts.ravel()[np.where(mask, seen, 0).argmax()])
+        surely = any(
+            share[part] >= enough and tells_height(parts == part, image)
+            for part, enough in ((most, _REFLECTOR), (brightest, _BRIGHTEST))
+        )
+        least = _GHOST if covered or share[most] < _REFLECTOR else _GHOST_IN_SIGHT
         kept.append(mask & (share > least)[parts] if surely else mask)
     return kept
 
