@@ -9,7 +9,7 @@ import pytest
 
 import millisight as ms
 from helpers.commands import run_here, run_inside
-from helpers.form_images import ball
+from helpers.form_images import ball, flat
 from helpers.small_images import GRID, image, publish
 from millisight.cli.image_sources import image_sources
 from millisight.io import load_extras
@@ -68,6 +68,21 @@ def test_it_says_how_large_a_ball_is(tmp_path, here):
     (said,) = json.loads(here("ball.h5", "--no-picture", "--json")[1])["images"]
     assert said["round"] == [told]
     assert told["radius"] == pytest.approx(0.03, abs=0.005)
+
+
+def test_it_says_how_a_flat_top_lies(tmp_path, here):
+    pytest.importorskip("onnxruntime")
+    ms.save(tmp_path / "box.h5", flat((0.08, 0.05), (0.01, -0.02, -0.06), (4, 0), 30))
+    out = here("box.h5", "--no-picture")[1]
+    assert re.search(
+        r"\n  flat rectangle of (79|8[0-2]) x (49|5[0-2]) mm around \(0\.01\d, -0\.0[12]\d, -0\.0[56]\d\) m", out
+    )
+    assert "4.0 degrees from level\n" in out
+    (told,) = load_extras(tmp_path / "box.mask.h5")["segmentation"]["flat"]
+    (said,) = json.loads(here("box.h5", "--no-picture", "--json")[1])["images"]
+    assert said["flat"] == [told]
+    assert said["round"] == []
+    assert told["sides"] == pytest.approx([0.08, 0.05], abs=0.0025)
 
 
 @pytest.fixture

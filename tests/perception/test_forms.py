@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import millisight as ms
-from helpers.form_images import ball, cylinder, lit
+from helpers.form_images import ball, cylinder, flat, lit
 from millisight.perception.classification import FORM_SHARES, form_odds, form_of
-from millisight.perception.segmentation import find_round
+from millisight.perception.segmentation import find_flat, find_round
 
 NAMES = ("can", "handle", "box", "sphere", "cup", "clamp", "other")
 PAIRS = {
@@ -25,6 +25,18 @@ def test_what_is_round_speaks_for_the_classes_that_are(kind):
     assert max(odds, key=odds.__getitem__) == likely
     assert odds[likely] - odds[unlikely] > np.log(10)
     assert odds["cup"] == odds["clamp"] == odds["other"]
+
+
+@pytest.mark.parametrize(("kind", "likely"), [("rectangle", "box"), ("ellipse", "can")])
+def test_a_flat_top_speaks_for_the_classes_that_have_one(kind, likely):
+    image = flat((0.08, 0.06), (0, 0, -0.06), (3, 2), 20, kind)
+    mask = lit(image, -6)
+    assert form_of(mask.inside, find_flat(mask, image)) == kind
+    odds = dict(zip(NAMES, form_odds(mask, image, NAMES), strict=True))
+    assert max(odds, key=odds.__getitem__) == likely
+    assert odds[likely] - odds["sphere"] > np.log(10)
+    assert odds["clamp"] == odds["other"]
+    assert (odds["cup"] == odds["can"]) == (kind == "ellipse")
 
 
 def test_what_is_not_round_thin_or_little_of_the_mask_says_nothing():

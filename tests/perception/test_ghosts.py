@@ -82,6 +82,18 @@ def test_the_sign_of_the_phases_and_the_precision_do_not_matter(change):
     np.testing.assert_array_equal(without_ghosts(mask_of(image), other), without_ghosts(mask_of(image), image))
 
 
+def test_a_ghost_that_outshines_the_reflectors_is_left_out():
+    image = image_of()
+    mask, plates = mask_of(image), on_plates(image)
+    brighter = np.where(plates[..., None], image.values, 1.7 * image.values)
+    louder = dataclasses.replace(image, values=brighter)
+    ghosts = mask & ~plates
+    assert louder.magnitude[ghosts].max() > louder.magnitude[plates].max()
+    left = without_ghosts(mask, louder)
+    assert not (left & ghosts).any()
+    np.testing.assert_array_equal(left & plates, mask & plates)
+
+
 def test_where_the_scan_is_dense_nothing_is_left_out():
     image = image_of(step=0.00125)
     mask = mask_of(image)
