@@ -8,9 +8,10 @@ from millisight.imaging import SheetRemoval
 from millisight.perception import HIGH_BAND, lids_taken_before, sheets_in
 from millisight.perception.segmentation._parts import parts_of
 
-_CLEARANCE = 0.008  # above its support and below its lid, an object's echo is at least so far away [m]
+_ABOVE, _BELOW = 0.005, 0.008  # its support, and its lid, an object's echo is at least so far away [m]
 _FALLS, _WITHIN = 0.2, 0.10  # an echo's power falls to this share within so many metres, or its height is unknown
 _SEEN = 0.03  # of a side, that tells whether it does [m]
+_DISTANCE = 0.25  # of an echo from the antennas, where it is not told: that of the published scans [m]
 
 
 def between(
@@ -28,8 +29,8 @@ def between(
     does not fall to a fifth of its power within 10 cm, as at 24 GHz, is kept: its height is unknown. Where a lid's
     height is known, the image tells heights.
 
-    Where the support is unknown and nothing would be left below the lid, what was taken for the lid may be a floor, and
-    all parts are kept, unless the lid is known `surely`.
+    Where the support is unknown and nothing would be left below the lid, what was taken for the lid may be a floor, or
+    its leftovers outshine what lies below, and all parts are kept, unless the lid is known `surely`.
 
     Parameters
     ----------
@@ -47,9 +48,11 @@ def between(
     parts, count = parts_of(inside)
     numbers, power = parts[inside], np.square(image.magnitude[inside], dtype=float)
     of_parts = np.stack([np.bincount(numbers, weights=one, minlength=count + 1) for one in power.T], axis=1)
-    heights = [None, *(_height(one, image.grid.z, surely=lid is None) for one in of_parts[1:])]
-    high = np.array([support is None or h is None or h >= support + _CLEARANCE for h in heights])
-    low = np.array([lid is None or h is None or h <= lid - _CLEARANCE for h in heights])
+    heights, z = [None, *(_height(one, image.grid.z, surely=lid is None) for one in of_parts[1:])], image.grid.z
+    over = [h if h is None else h + _lowered(one, z) for h, one in zip(heights, of_parts, strict=True)]
+    high = np.array([support is None or h is None or h >= support + _ABOVE for h in over])
+    # The lid's height is read without regard to the growth, too.
+    low = np.array([lid is None or h is None or h <= lid - _BELOW for h in heights])
     if support is None and not surely and not low[1:].any():
         return inside
     return inside & (high & low)[parts]
@@ -129,6 +132,25 @@ def lid_over(image: SarImage, cleaned: SarImage) -> tuple[SheetRemoval[SarImage]
 def pixel_sides(image: SarImage) -> list[float]:
     """Sides of a pixel of an image seen along z [m]."""
     return [float(np.ptp(axis)) / max(len(axis) - 1, 1) for axis in (image.grid.x, image.grid.y)]
+
+
+def growth_with_distance(z: np.ndarray, about: float) -> np.ndarray:
+    """(Z,) power in slices at z over that at a height, of the same waves [m].
+
+    Antennas weigh alike in an image, and so waves of one direction get stronger with the distance from them, in
+    proportion. It would show an echo as long as 5 cm some 3 mm too low.
+    """
+    return np.square(1 - (z - about) / _DISTANCE)
+
+
+def _lowered(power: np.ndarray, z: np.ndarray) -> float:
+    """By how much a maximum of power (Z,) lies too low for the growth with the distance [m]."""
+    top = int(power.argmax())
+    places = (
+        peak_place(np.log(np.maximum(one, 1e-30 * power[top])), z)
+        for one in (power / growth_with_distance(z, z[top]), power)
+    )
+    return next(places) - next(places)
 
 
 def _height(power: np.ndarray, z: np.ndarray, *, surely: bool = True) -> float | None:

@@ -12,7 +12,6 @@ from millisight.perception.segmentation._parts import parts_of
 
 _SEEN = 0.3  # sine of the angle from above up to which the pixels must hold the phases
 _LEAST_AREA = 5e-5  # of a part that is looked at [m²]
-_DISTANCE = 0.25  # of an echo from the antennas, where it is not told: that of the published scans [m]
 _SIGN = 0.3  # of the power, by which one sign must agree better than the other
 
 
@@ -32,15 +31,6 @@ def parts_to_look_at(mask: np.ndarray, image: SarImage) -> Iterator[np.ndarray]:
     parts, _ = parts_of(mask)
     areas = np.bincount(parts.ravel())[1:] * np.prod(pixel_sides(image))
     yield from (parts == number for number in np.flatnonzero(areas >= _LEAST_AREA) + 1)
-
-
-def growth_with_distance(z: np.ndarray, about: float) -> np.ndarray:
-    """(Z,) power in slices at z over that at a height, of the same waves [m].
-
-    Antennas weigh alike in an image, and so waves of one direction get stronger with the distance from them, in
-    proportion. It would show an echo as long as 5 cm some 3 mm too low.
-    """
-    return np.square(1 - (z - about) / _DISTANCE)
 
 
 def phase_sign(turned: np.ndarray, turns: np.ndarray) -> int:

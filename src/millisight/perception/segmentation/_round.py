@@ -14,9 +14,8 @@ import numpy as np
 from millisight.core import checked_record, peak_place
 from millisight.data import Mask, SarImage
 from millisight.perception import HIGH_BAND, check_mask_of, without_sheets
-from millisight.perception.segmentation._heights import pixel_sides, tells_height
+from millisight.perception.segmentation._heights import growth_with_distance, pixel_sides, tells_height
 from millisight.perception.segmentation._phases import (
-    growth_with_distance,
     has_phases,
     parts_to_look_at,
     phase_sign,

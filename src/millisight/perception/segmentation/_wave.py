@@ -334,7 +334,8 @@ def _placed(masks: Sequence[np.ndarray], picture: Picture) -> list[np.ndarray]:
     if picture.covered:
         taken, lid = lid_over(image, cleaned)
     real = without_ghosts(masks, cleaned, covered=picture.covered)
-    kept = [between(mask, cleaned, support=picture.support, lid=lid) for mask in real]
+    # One after the other: where nothing is left below the lid, what lies above the support stays.
+    kept = [between(between(mask, cleaned, support=picture.support), cleaned, lid=lid) for mask in real]
     if taken is not None and taken.sheets:
         kept = [beneath(mask, image, taken, surely=picture.support is not None) for mask in kept]
     rests = [
