@@ -8,7 +8,7 @@ from millisight.imaging import SheetRemoval
 from millisight.perception import HIGH_BAND, lids_taken_before, sheets_in
 from millisight.perception.segmentation._parts import parts_of
 
-_ABOVE, _BELOW = 0.005, 0.008  # its support, and its lid, an object's echo is at least so far away [m]
+_ABOVE, _BELOW = 0.006, 0.008  # its support, and its lid, an object's echo is at least so far away [m]
 _FALLS, _WITHIN = 0.2, 0.10  # an echo's power falls to this share within so many metres, or its height is unknown
 _SEEN = 0.03  # of a side, that tells whether it does [m]
 _DISTANCE = 0.25  # of an echo from the antennas, where it is not told: that of the published scans [m]
