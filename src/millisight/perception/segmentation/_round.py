@@ -24,6 +24,7 @@ from millisight.perception.segmentation._phases import (
 
 _DEPTHS = np.arange(-0.006, 0.096, 0.003)  # at which a focus is sought, below where the echo is strongest [m]
 _RINGS = np.append(np.linspace(0.9, 1, 9)[:-1], 1.01)  # cosines between which the echo's height is measured
+_AGREEING = 0.002  # so far apart, radii that are seen from two angles agree [m]
 _LID = 0.0006  # that a carton's lid, 2.5 to 4 mm thick, delays an echo [m]
 _CORE = -20.0  # of a part's brightest pixel, above which the image is looked at [dB]
 _TAPER, _BESIDE = 0.02, 0.06  # around that it falls to 0; beyond, room for what spreads on the way [m]
@@ -274,11 +275,10 @@ def _from_centre(power: np.ndarray, z: np.ndarray, height: float, cosines: np.nd
         if profile.any():
             above = peak_place(np.log(np.maximum(profile, 1e-30 * profile.max())), z) - height
             told.append((above / np.average(cosines[some], weights=power[:, some].sum(axis=0) + 1e-30), profile.max()))
-    # What is left of a lid is seen from above, and may outshine a ball there.
-    *others, upright = told
-    told = others if sum(weight for _, weight in others) >= upright[1] else told
-    radii, weights = np.array(sorted(told)).T
-    return float(radii[np.searchsorted(weights.cumsum(), 0.5 * weights.sum())])
+    # What is left of a lid is seen from above, and may outshine a ball there: most angles agree, if not most power.
+    radii, powers = np.array(told).T
+    agreeing = np.exp(-np.square((radii - radii[:, None]) / _AGREEING)) * np.sqrt(powers)
+    return float(np.average(radii, weights=agreeing[agreeing.sum(axis=1).argmax()]))
 
 
 def _axis(focus: _Focus, x: np.ndarray, y: np.ndarray, side: float) -> tuple[np.ndarray, np.ndarray, float]:
