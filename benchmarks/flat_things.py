@@ -9,7 +9,6 @@ what is not flat, or neither a rectangle nor an ellipse: bent plates, L shapes, 
 `find_flat` were chosen on other shapes.
 """
 
-import argparse
 from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from manifold3d import Manifold
 from odd_shapes import block, mesh_of, union
-from round_things import MATERIALS, RECIPE, lying, upright
+from round_things import MATERIALS, RECIPE, lying, run, upright
 
 import millisight as ms
 from millisight import datasets
@@ -134,18 +133,5 @@ def measure(root: Path) -> None:
         print(f"| {key[0]} | {key[1]} | {len(scores)} | {counts} | {'; '.join(errors)} | {np.median(scores):.1f} |")
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("do", choices=["make", "measure"])
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--seed", type=int, default=11)
-    options = parser.parse_args()
-    ms.core.make_folder(options.folder)
-    if options.do == "make":
-        make(options.folder, options.seed)
-    else:
-        measure(options.folder)
-
-
 if __name__ == "__main__":
-    main()
+    run(__doc__, 11, make, measure)

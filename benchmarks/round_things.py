@@ -9,7 +9,7 @@ bottles, cones, cups, screwdrivers and spoons of random sizes. The rules of `fin
 """
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -149,11 +149,12 @@ def measure(root: Path) -> None:
         print(f"| {name} | {sight} | {len(scores)} | {kinds[0]}, {kinds[1]} | {errors} | {np.median(scores):.1f} |")
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def run(about: str | None, seed: int, make: Callable[[Path, int], None], measure: Callable[[Path], None]) -> None:
+    """The command line of `make` and `measure`."""
+    parser = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("do", choices=["make", "measure"])
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--seed", type=int, default=9)
+    parser.add_argument("--seed", type=int, default=seed)
     options = parser.parse_args()
     ms.core.make_folder(options.folder)
     if options.do == "make":
@@ -163,4 +164,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run(__doc__, 9, make, measure)

@@ -8,12 +8,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from millisight.core import checked_record, peak_place
+from millisight.core import peak_place
 from millisight.data import Mask, SarImage, VoxelGrid
-from millisight.perception import HIGH_BAND, check_mask_of, without_sheets
-from millisight.perception.segmentation._heights import growth_with_distance, pixel_sides, tells_height
+from millisight.perception.segmentation._heights import growth_with_distance, pixel_sides
 from millisight.perception.segmentation._parts import parts_of
 from millisight.perception.segmentation._phases import (
+    cleaned_under,
     has_phases,
     parts_to_look_at,
     phase_sign,
@@ -97,13 +97,8 @@ def find_flat(mask: Mask, image: SarImage, *, covered: bool = False) -> tuple[Fl
     InputError
         The mask is on other pixels than the image.
     """
-    checked_record(mask, Mask, name="mask")
-    checked_record(image, SarImage, name="image")
-    check_mask_of(mask, image)
-    cleaned = without_sheets(image, frequency=HIGH_BAND, covered=covered)
-    if not mask.inside.any() or not tells_height(mask.inside, cleaned):
-        return ()
-    return tuple(flat_things(mask.inside, cleaned))
+    cleaned = cleaned_under(mask, image, covered=covered)
+    return () if cleaned is None else tuple(flat_things(mask.inside, cleaned))
 
 
 def flat_things(mask: np.ndarray, image: SarImage) -> list[Flat]:

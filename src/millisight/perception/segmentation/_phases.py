@@ -4,15 +4,30 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from millisight.core import SPEED_OF_LIGHT
-from millisight.data import SarImage
-from millisight.perception import HIGH_BAND
-from millisight.perception.segmentation._heights import pixel_sides
+from millisight.core import SPEED_OF_LIGHT, checked_record
+from millisight.data import Mask, SarImage
+from millisight.perception import HIGH_BAND, check_mask_of, without_sheets
+from millisight.perception.segmentation._heights import pixel_sides, tells_height
 from millisight.perception.segmentation._parts import parts_of
 
 _SEEN = 0.3  # sine of the angle from above up to which the pixels must hold the phases
 _LEAST_AREA = 5e-5  # of a part that is looked at [m²]
 _SIGN = 0.3  # of the power, by which one sign must agree better than the other
+
+
+def cleaned_under(mask: Mask, image: SarImage, *, covered: bool) -> SarImage | None:
+    """An image without sheets; None where the mask is empty, or its echoes tell no heights.
+
+    Raises
+    ------
+    InputError
+        The mask is on other pixels than the image.
+    """
+    checked_record(mask, Mask, name="mask")
+    checked_record(image, SarImage, name="image")
+    check_mask_of(mask, image)
+    cleaned = without_sheets(image, frequency=HIGH_BAND, covered=covered)
+    return cleaned if mask.inside.any() and tells_height(mask.inside, cleaned) else None
 
 
 def wavenumber_of(image: SarImage) -> float:

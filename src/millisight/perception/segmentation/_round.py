@@ -11,11 +11,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from millisight.core import checked_record, peak_place
+from millisight.core import peak_place
 from millisight.data import Mask, SarImage
-from millisight.perception import HIGH_BAND, check_mask_of, without_sheets
-from millisight.perception.segmentation._heights import growth_with_distance, pixel_sides, tells_height
+from millisight.perception.segmentation._heights import growth_with_distance, pixel_sides
 from millisight.perception.segmentation._phases import (
+    cleaned_under,
     has_phases,
     parts_to_look_at,
     phase_sign,
@@ -128,13 +128,8 @@ def find_round(mask: Mask, image: SarImage, *, covered: bool = False) -> tuple[R
     InputError
         The mask is on other pixels than the image.
     """
-    checked_record(mask, Mask, name="mask")
-    checked_record(image, SarImage, name="image")
-    check_mask_of(mask, image)
-    cleaned = without_sheets(image, frequency=HIGH_BAND, covered=covered)
-    if not mask.inside.any() or not tells_height(mask.inside, cleaned):
-        return ()
-    return tuple(round_things(mask.inside, cleaned, covered=covered))
+    cleaned = cleaned_under(mask, image, covered=covered)
+    return () if cleaned is None else tuple(round_things(mask.inside, cleaned, covered=covered))
 
 
 def round_things(mask: np.ndarray, image: SarImage, *, covered: bool = False) -> list[Round]:
