@@ -8,9 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from millisight.core import peak_place
 from millisight.data import Mask, SarImage, VoxelGrid
-from millisight.perception.segmentation._heights import growth_with_distance, pixel_sides
+from millisight.perception.segmentation._heights import growth_with_distance, peak_height, pixel_sides
 from millisight.perception.segmentation._parts import parts_of
 from millisight.perception.segmentation._phases import (
     cleaned_under,
@@ -150,8 +149,7 @@ def _flat(whole: np.ndarray, image: SarImage) -> Flat | None:
     outline = _outline(inside, grid, normal := np.array([*(sign * wave.slopes / wavenumber), upright]))
     if not sign or outline.alike < _OUTLINED or outline.sides[1] < _NARROWEST:
         return None
-    power /= growth_with_distance(z, z[top])
-    height = peak_place(np.log(np.maximum(power, 1e-30 * power.max())), z)
+    height = peak_height(power / growth_with_distance(z, z[top]), z)
     rise = -normal[:2] / normal[2]
     axis = np.array([*outline.along, rise @ outline.along])
     everywhere = np.zeros(whole.shape, bool)
@@ -242,8 +240,8 @@ def _outline(inside: np.ndarray, grid: VoxelGrid, normal: np.ndarray) -> _Outlin
     found = []
     for angle in angles:
         turned = flat * np.exp(-1j * angle)
-        u, v = (abs(one) / one[inside].std() for one in (turned.real, turned.imag))
         spreads = turned.real[inside].std(), turned.imag[inside].std()
+        u, v = abs(turned.real) / spreads[0], abs(turned.imag) / spreads[1]
         for kind, size, filled in (
             ("rectangle", np.sqrt(12), np.maximum(u, v) <= np.sqrt(3)), ("ellipse", 4.0, np.hypot(u, v) <= 2)
         ):  # fmt: skip

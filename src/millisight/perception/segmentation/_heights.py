@@ -49,8 +49,12 @@ def between(
     numbers, power = parts[inside], np.square(image.magnitude[inside], dtype=float)
     of_parts = np.stack([np.bincount(numbers, weights=one, minlength=count + 1) for one in power.T], axis=1)
     heights, z = [None, *(_height(one, image.grid.z, surely=lid is None) for one in of_parts[1:])], image.grid.z
-    over = [h if h is None else h + _lowered(one, z) for h, one in zip(heights, of_parts, strict=True)]
-    high = np.array([support is None or h is None or h >= support + _ABOVE for h in over])
+    high = np.array(
+        [
+            support is None or h is None or h + _lowered(one, z) >= support + _ABOVE
+            for h, one in zip(heights, of_parts, strict=True)
+        ]
+    )
     # The lid's height is read without regard to the growth, too.
     low = np.array([lid is None or h is None or h <= lid - _BELOW for h in heights])
     if support is None and not surely and not low[1:].any():
@@ -134,6 +138,11 @@ def pixel_sides(image: SarImage) -> list[float]:
     return [float(np.ptp(axis)) / max(len(axis) - 1, 1) for axis in (image.grid.x, image.grid.y)]
 
 
+def peak_height(power: np.ndarray, z: np.ndarray) -> float:
+    """Of the maximum of power (Z,), not 0, over z, by a parabola through the logarithms of three [m]."""
+    return peak_place(np.log(np.maximum(power, 1e-30 * power.max())), z)
+
+
 def growth_with_distance(z: np.ndarray, about: float) -> np.ndarray:
     """(Z,) power in slices at z over that at a height, of the same waves [m].
 
@@ -145,12 +154,8 @@ def growth_with_distance(z: np.ndarray, about: float) -> np.ndarray:
 
 def _lowered(power: np.ndarray, z: np.ndarray) -> float:
     """By how much a maximum of power (Z,) lies too low for the growth with the distance [m]."""
-    top = int(power.argmax())
-    places = (
-        peak_place(np.log(np.maximum(one, 1e-30 * power[top])), z)
-        for one in (power / growth_with_distance(z, z[top]), power)
-    )
-    return next(places) - next(places)
+    even = power / growth_with_distance(z, z[power.argmax()])
+    return peak_height(even, z) - peak_height(power, z)
 
 
 def _height(power: np.ndarray, z: np.ndarray, *, surely: bool = True) -> float | None:
@@ -161,4 +166,4 @@ def _height(power: np.ndarray, z: np.ndarray, *, surely: bool = True) -> float |
     told = [power[side].min() < _FALLS * power[top] for side in sides if side.any() and np.ptp(z[side]) >= _SEEN]
     if surely and not (told and all(told)):
         return None
-    return peak_place(np.log(np.maximum(power, 1e-30 * power[top])), z)
+    return peak_height(power, z)

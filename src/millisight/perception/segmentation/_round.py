@@ -13,7 +13,7 @@ import numpy as np
 
 from millisight.core import peak_place
 from millisight.data import Mask, SarImage
-from millisight.perception.segmentation._heights import growth_with_distance, pixel_sides
+from millisight.perception.segmentation._heights import growth_with_distance, peak_height, pixel_sides
 from millisight.perception.segmentation._phases import (
     cleaned_under,
     has_phases,
@@ -232,7 +232,7 @@ def _focus(
     if not sign:
         return None
 
-    echo = peak_place(np.log(np.maximum(power, 1e-30 * power.max())), z)
+    echo = peak_height(power, z)
     depths = _DEPTHS + z[top] - echo
     turns = np.exp(-1j * sign * (kz - wavenumber) * depths[:, None, None]).astype(np.complex64)
     powers = np.square(np.abs(fft.ifft2(spectrum * turns, axes=(1, 2))), dtype=float)
@@ -268,7 +268,7 @@ def _from_centre(power: np.ndarray, z: np.ndarray, height: float, cosines: np.nd
         some = rings == ring
         profile = power[:, some].sum(axis=1, dtype=float)
         if profile.any():
-            above = peak_place(np.log(np.maximum(profile, 1e-30 * profile.max())), z) - height
+            above = peak_height(profile, z) - height
             told.append((above / np.average(cosines[some], weights=power[:, some].sum(axis=0) + 1e-30), profile.max()))
     # What is left of a lid is seen from above, and may outshine a ball there: most angles agree, if not most power.
     radii, powers = np.array(told).T

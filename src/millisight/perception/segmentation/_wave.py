@@ -278,7 +278,8 @@ class WaveSegmenter:
         masks = np.stack(placed)
         if not masks[0].any():
             return nothing
-        if prompts is None and not (shaped or _surely(wide, probability, cleaned)) and self.empty(picture):
+        asked = picture.covered and prompts is None and not shaped
+        if asked and not _surely(wide, probability, cleaned) and self.empty(picture):
             return nothing
         scores = np.array([_expected_iou(mask, probability) for mask in masks])
         scores[0] = scores.max()
