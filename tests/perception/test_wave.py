@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import shutil
 import sys
 import time
 import tomllib
@@ -132,6 +133,11 @@ def test_pictures_that_it_cannot_work_with_are_refused(wave, scene):
         wave.segment(project(SarImage(grid=huge, values=first.values)))
 
 
+def copied_weights(folder):
+    shutil.copy(DESCRIPTION, folder / "w.json")
+    return Path(shutil.copy(WAVE_WEIGHTS, folder / "w.onnx"))
+
+
 def test_damaged_weights_are_refused(tmp_path, wave):
     weights, description = tmp_path / "w.onnx", tmp_path / "w.json"
     content, told = WAVE_WEIGHTS.read_bytes(), json.loads(DESCRIPTION.read_text())
@@ -162,10 +168,20 @@ def test_damaged_weights_are_refused(tmp_path, wave):
         WaveSegmenter(weights)
 
 
-def test_without_onnx_runtime_it_says_what_to_install(monkeypatch):
+def test_without_onnx_runtime_it_says_what_to_install(tmp_path, monkeypatch):
+    weights = copied_weights(tmp_path)  # networks that were opened before are kept
     monkeypatch.setitem(sys.modules, "onnxruntime", None)
     with pytest.raises(ImportError, match=r"millisight\[perception\]"):
-        WaveSegmenter()
+        WaveSegmenter(weights)
+
+
+def test_a_network_is_opened_once_until_its_files_are_written_anew(tmp_path):
+    weights = copied_weights(tmp_path)
+    first, again = WaveSegmenter(weights), WaveSegmenter(weights)
+    assert again.description is first.description
+    held = json.loads(weights.with_suffix(".json").read_text())
+    weights.with_suffix(".json").write_text(json.dumps({**held, "cut": 0.25}))
+    assert WaveSegmenter(weights).description["cut"] == 0.25
 
 
 def test_the_shipped_weights_are_small_and_saw_only_objects_for_training():

@@ -7,6 +7,7 @@ outline lies.
 """
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -233,10 +234,17 @@ def _focus(
         return None
 
     echo = peak_height(power, z)
-    depths = _DEPTHS + z[top] - echo
-    turns = np.exp(-1j * sign * (kz - wavenumber) * depths[:, None, None]).astype(np.complex64)
-    powers = np.square(np.abs(fft.ifft2(spectrum * turns, axes=(1, 2))), dtype=float)
-    sharpness = np.square(powers).sum(axis=(1, 2)) / np.square(powers.sum(axis=(1, 2)))
+    first, step = (
+        np.exp(-1j * sign * (kz - wavenumber) * depth).astype(np.complex64)
+        for depth in (_DEPTHS[0] + z[top] - echo, _DEPTHS[1] - _DEPTHS[0])
+    )
+    fields = np.empty((len(_DEPTHS), *shape), np.complex64)
+    fields[0] = spectrum * first
+    for above, below in pairwise(fields):
+        np.multiply(above, step, out=below)
+    fields = fft.ifft2(fields, axes=(1, 2), overwrite_x=True)
+    powers = np.square(fields.real) + np.square(fields.imag)
+    sharpness = np.square(powers).sum(axis=(1, 2), dtype=float) / np.square(powers.sum(axis=(1, 2), dtype=float))
     best = int(sharpness.argmax())
 
     amplitude = np.abs(spectrum).astype(float)

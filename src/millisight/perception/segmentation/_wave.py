@@ -7,6 +7,7 @@ needed; a user's points are taken into account. Its model card says what it lear
 import dataclasses
 import os
 from collections.abc import Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, cast
 
@@ -29,6 +30,7 @@ from millisight.perception import (
     resampling_weights,
     run_network,
     taken_db,
+    weights_version,
     without_sheets,
 )
 from millisight.perception.segmentation._borders import with_borders
@@ -147,9 +149,9 @@ class WaveSegmenter:
     def __init__(
         self, weights: str | os.PathLike[str] | None = None, *, presence: str | os.PathLike[str] | None = None
     ):
-        self.description, self._session = _opened(WAVE_WEIGHTS if weights is None else weights)
+        self.description, self._session = _network_of(WAVE_WEIGHTS if weights is None else weights)
         second = PRESENCE_WEIGHTS if weights is None and presence is None else presence
-        self._judge: Any = None if second is None else _opened(second)[1]
+        self._judge: Any = None if second is None else _network_of(second)[1]
 
     def probability(self, picture: Picture, prompts: Prompts | None = None) -> np.ndarray:
         """(A, B) float32, how probable it is that the object lies over each pixel of the picture.
@@ -287,9 +289,14 @@ class WaveSegmenter:
         return Candidates(masks=masks[order], scores=scores[order])
 
 
-def _opened(weights: str | os.PathLike[str]) -> tuple[dict[str, Any], Any]:
-    """A network's description and session."""
+def _network_of(weights: str | os.PathLike[str]) -> tuple[dict[str, Any], Any]:
+    """A network's description and session, which are kept until either of its files is written anew."""
     path = check_readable(weights)
+    return _opened(path, weights_version(path))
+
+
+@lru_cache(maxsize=4)
+def _opened(path: Path, version: tuple[int, ...]) -> tuple[dict[str, Any], Any]:
     description = _read_description(path.with_suffix(".json"))
     return description, open_network(path, description["sha256"], needed_by="wave", channels=len(WAVE_CHANNELS))
 
