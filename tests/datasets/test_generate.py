@@ -435,7 +435,7 @@ def test_where_there_is_much_to_do_scans_of_the_recipe_tell_how_long(monkeypatch
     assert (plan.slowness.low, plan.slowness.high) == pytest.approx((2.5 - 2 * error, 2.5 + 2 * error))
     total = plan.total(1)
     assert (total.low, total.high) == pytest.approx((0.85 * (1 - 0.8 * error), 1.2 * (1 + 0.8 * error)))
-    assert told[-1] == (len(plan.todo) + 5, len(plan.todo) + 5)
+    assert told[-1] == (2 * len(plan.todo), 2 * len(plan.todo))
 
 
 def test_the_more_there_is_to_do_the_more_scans_are_tried(monkeypatch):
@@ -449,7 +449,7 @@ def test_the_more_there_is_to_do_the_more_scans_are_tried(monkeypatch):
         plan = plan_dataset(small_recipe.recipe(), "nowhere", progress=lambda *pair: told.append(pair))
         assert len(tried) == expected
         assert told == sorted(told)
-        assert told[-1] == (len(plan.todo) + 5, len(plan.todo) + 5)
+        assert told[-1] == (2 * len(plan.todo), 2 * len(plan.todo))
         tried.clear()
         told.clear()
 

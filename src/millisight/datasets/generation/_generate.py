@@ -116,9 +116,10 @@ def plan_dataset(
         for thing in things.values():
             thing.write(Path(workspace))
         here = Engine("threads", 1, 1) if engine is None or len(todo) < _FEW else engine
-        checked = None if progress is None else partial(_with_probes, progress)
+        # Scans are tried after all jobs are checked, for about as long.
+        checked = None if progress is None else lambda done, jobs: progress(done, 2 * jobs)
         costs, problems = _checked(todo, Path(workspace), here, checked)
-        slow = Slowness() if problems else _slowness(todo, costs, Path(workspace), progress)
+        slow = Slowness() if problems else _slowness(todo, costs, Path(workspace), checked)
     if problems:
         more = f"; and {len(problems) - _SHOWN} more" if len(problems) > _SHOWN else ""
         raise InputError(f"{recipe.source}: cannot be generated: {'; '.join(problems[:_SHOWN])}{more}")
@@ -126,10 +127,6 @@ def plan_dataset(
         recipe=recipe, out=out, things=things, jobs=jobs, todo=todo, costs=costs, texts=texts, ledger=ledger,
         slowness=slow,
     )  # fmt: skip
-
-
-def _with_probes(progress: Progress, done: int, jobs: int) -> None:
-    progress(done, jobs + _SAMPLES)
 
 
 def _slowness(todo: Sequence[Job], costs: Sequence[Cost], root: Path, progress: Progress | None) -> Slowness:
@@ -145,10 +142,9 @@ def _slowness(todo: Sequence[Job], costs: Sequence[Cost], root: Path, progress: 
     tried = int(np.clip(until[-1] / _EACH, _SAMPLES, _MOST))
     picks = np.searchsorted(until, until[-1] * (np.arange(tried) + 0.5) / tried)
     done = count(1)
-    # Before jobs are checked nobody knows how many scans will be tried: together they count as many as `_SAMPLES`.
     return slowness_of(
         ((rig[pick][0].stage(root), rig[pick][1]) for pick in picks),
-        lambda: progress and progress(len(todo) + _SAMPLES * next(done) // tried, len(todo) + _SAMPLES),
+        lambda: progress and progress(len(todo) + len(todo) * next(done) // tried, len(todo)),
     )
 
 
