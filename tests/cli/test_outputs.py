@@ -107,6 +107,21 @@ def test_images_of_an_experiment_are_not_read_with_it(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    ("command", "output"),
+    [("segment", "one.mask.h5"), ("classify", "one.json"), ("image", "one.image.h5"), ("image", "-o . --plot one.png")],
+)
+def test_one_file_is_no_place_for_what_comes_of_many(tmp_path, command, output):
+    for name in ("a", "b"):
+        save(tmp_path / f"{name}.h5", small_capture() if command == "image" else radar_image())
+    options = output.split() if output.startswith("-") else ["-o", output]
+    method = ["--method", "classical"] if command == "segment" else []
+    assert f"{options[-1]} is the name of one file, and 2 are to be written; pass a folder" in refused(
+        command, "a.h5", "b.h5", *options, *method, cwd=tmp_path
+    )
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("typed", ["new/", "there", "./"])
 def test_a_folder_for_one_capture_or_image(tmp_path, typed):
     """It was a file where it was not there, and an error where it was."""

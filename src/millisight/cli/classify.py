@@ -18,9 +18,9 @@ from millisight.cli.image_sources import (
     read_as,
 )
 from millisight.cli.options import Images, Multispectral, RadarChoice
-from millisight.cli.outputs import check_outputs, is_folder, output_path
+from millisight.cli.outputs import check_outputs, folder_of_many, is_folder, of_folder, output_path
 from millisight.cli.segment import Condition, OtherBand, PromptSeed, mask_of
-from millisight.core import make_folder, printable, write_text
+from millisight.core import printable, write_text
 from millisight.core.errors import FileError, InputError
 from millisight.data import Mask
 from millisight.io.mito import origin
@@ -154,14 +154,15 @@ def classify(
         answer(json.dumps(result) if as_json else words)
         return prediction
 
-    if len(found) == 1 and not any(map(is_folder, (output, *images))):
+    output = of_folder(output) if any(map(is_folder, images)) else output
+    if len(found) == 1 and not is_folder(output):
         if output is not None and output.suffix.lower() != ".json":
             raise InputError(f"--output is {output}; expected a name that ends in .json")
         prediction = one(found[0], output)
         if not as_json:
             _say_bars(prediction)
         return
-    folder = None if output is None else make_folder(output)
+    folder = folder_of_many(output, count=len(found))
     one_by_one(
         found,
         lambda source: one(source, None if folder is None else source.output(_SUFFIX, folder)),

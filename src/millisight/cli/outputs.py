@@ -7,8 +7,20 @@ from pathlib import Path
 
 from millisight.cli.console import claims, files_given, written_before
 from millisight.cli.sources import files_read
-from millisight.core import FIGURE_SUFFIXES, check_record_suffix, check_writable, claimed, make_folder, same_file
+from millisight.core import (
+    FIGURE_SUFFIXES,
+    RECORD_SUFFIXES,
+    check_record_suffix,
+    check_writable,
+    claimed,
+    make_folder,
+    printable,
+    same_file,
+)
 from millisight.core.errors import InputError, UnknownNameError
+
+
+_OF_FILES = (*RECORD_SUFFIXES, *FIGURE_SUFFIXES, ".json")
 
 
 class _Folder(type(Path())):  # ty: ignore[unsupported-base]
@@ -41,6 +53,26 @@ def of_folder(output: Path | None) -> Path | None:
 def named(output: Path | None, name: str) -> Path | None:
     """The output; where it is a folder, the file of that name in it. The folder is made."""
     return output if output is None or not is_folder(output) else make_folder(output) / name
+
+
+def folder_of_many(output: Path | None, *, count: int) -> Path | None:
+    """The folder for the outputs of many inputs, which is made; None where none is named.
+
+    Raises
+    ------
+    InputError
+        It has the name of a file.
+    FileError
+        It cannot be made.
+    """
+    if output is None:
+        return None
+    if output.suffix.lower() in _OF_FILES and not is_folder(output):
+        raise InputError(
+            f"{printable(output)} is the name of one file, and {count} are to be written; pass a folder, such as "
+            f"{printable(output.with_suffix(''))}{os.sep}"
+        )
+    return make_folder(output)
 
 
 def check_outputs(

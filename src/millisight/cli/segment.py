@@ -18,8 +18,8 @@ from millisight.cli.image_sources import (
     one_by_one,
 )
 from millisight.cli.options import Images, Multispectral, RadarChoice, SamDevice
-from millisight.cli.outputs import check_outputs, is_folder, output_path
-from millisight.core import check_readable, make_folder, printable
+from millisight.cli.outputs import check_outputs, folder_of_many, is_folder, of_folder, output_path
+from millisight.core import check_readable, printable
 from millisight.core.errors import FormatError, InputError, MillisightError
 from millisight.data import Instances, Prompts, SarImage, VolumeMask
 from millisight.perception.segmentation import (
@@ -251,10 +251,11 @@ def segment(
 
     try:
         with json_only(as_json):
-            if len(found) == 1 and not any(map(is_folder, (output, *images))):
+            output = of_folder(output) if any(map(is_folder, images)) else output
+            if len(found) == 1 and not is_folder(output):
                 noted(found[0], output or found[0].output(suffix))
                 return
-            folder = None if output is None else make_folder(output)
+            folder = folder_of_many(output, count=len(found))
             one_by_one(
                 found, lambda source: noted(source, source.output(suffix, folder)), verb="segment", past="segmented"
             )
