@@ -19,7 +19,6 @@ from millisight.core import (
 )
 from millisight.core.errors import InputError, UnknownNameError
 
-
 _OF_FILES = (*RECORD_SUFFIXES, *FIGURE_SUFFIXES, ".json")
 
 
