@@ -1,16 +1,17 @@
-"""Three sets of shapes of no class, and recipes of scenes to try answers on that should not be given.
+"""Four sets of shapes of no class, and recipes of scenes to try answers on that should not be given.
 
     python benchmarks/odd_shapes.py FOLDER
     millisight generate FOLDER/odd.toml -o FOLDER/odd
     millisight generate FOLDER/newer.toml -o FOLDER/newer
     millisight generate FOLDER/third.toml -o FOLDER/third
+    millisight generate FOLDER/fourth.toml -o FOLDER/fourth
     millisight generate FOLDER/sparse.toml -o FOLDER/sparse
     python benchmarks/novelty.py DATASET --odd FOLDER/odd --newer FOLDER/newer --third FOLDER/third \\
         --sparse FOLDER/sparse
 
 Nothing was trained on these shapes, and nobody would call them a can, a handle, a box, a sphere, a cup or a clamp.
-`odd`, `newer` and `third` are full scans of 24, 20 and 20 by the virtual rig. The last two sets were drawn by others,
-who did not know what classifiers here learn from. `sparse` are scans of known objects, three times too coarse.
+`odd`, `newer`, `third` and `fourth` are full scans of 24, 20, 20 and 20 by the virtual rig. The last three sets were
+drawn by others, who did not know what classifiers here learn from. `sparse` are scans of known objects, three times too coarse.
 """
 
 import sys
@@ -225,11 +226,14 @@ KNOWN = (
 
 
 def main(folder: Path) -> None:
+    from fourth_shapes import FOURTH_SHAPES
     from newer_shapes import NEWER_SHAPES
     from third_shapes import THIRD_SHAPES
 
     folder.mkdir(parents=True, exist_ok=True)
-    for kind, seed, shapes in (("odd", 20, ODD_SHAPES), ("newer", 20, NEWER_SHAPES), ("third", 73, THIRD_SHAPES)):
+    for kind, seed, shapes in (
+        ("odd", 20, ODD_SHAPES), ("newer", 20, NEWER_SHAPES), ("third", 73, THIRD_SHAPES), ("fourth", 74, FOURTH_SHAPES)
+    ):  # fmt: skip
         files = []
         for name, solid in shapes.items():
             path = folder / f"{name.replace(' ', '_').lower()}.ply"
