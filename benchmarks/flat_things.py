@@ -1,12 +1,12 @@
-"""How well plane, axis and sides of flat tops are known, in sight and in shut cartons.
+"""How well plane, axis, sides and bend of flat and slightly bent tops are known, in sight and in shut cartons.
 
     python benchmarks/flat_things.py make FOLDER --seed 11
     millisight generate FOLDER/flat.toml -o DATASET
     python benchmarks/flat_things.py measure DATASET
 
-`make` writes 24 meshes and a recipe of scenes of the virtual rig: boxes, cubes, discs and frames of random sizes, and
-what is not flat, or neither a rectangle nor an ellipse: bent plates, L shapes, lying cylinders and a ball. The rules of
-`find_flat` were chosen on other shapes.
+`make` writes 30 meshes and a recipe of scenes of the virtual rig: boxes, cubes, discs and frames of random sizes;
+bulging plates and domes; and what is not smooth, or neither a rectangle nor an ellipse: bent plates of flat strips of
+5 degrees, L shapes, lying cylinders and a ball. The rules of `find_flat` were chosen on other shapes.
 """
 
 from collections import defaultdict
@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from manifold3d import Manifold
+from manifold3d import CrossSection, Manifold
 from odd_shapes import block, mesh_of, union
 from round_things import MATERIALS, RECIPE, lying, run, upright
 
@@ -27,6 +27,7 @@ from millisight.perception.segmentation import find_flat, find_mask, segmenter
 from millisight.rig.virtual import World, build_layout
 
 RECTANGLES, DISCS = ("box", "cube", "frame"), ("disc",)
+BULGING = (250.0, 500.0, 1000.0)  # radii [mm]
 
 
 def shapes(rng: np.random.Generator) -> Iterator[tuple[str, Manifold, str]]:
@@ -55,6 +56,14 @@ def shapes(rng: np.random.Generator) -> Iterator[tuple[str, Manifold, str]]:
         yield f"ell{i}", turned(union(block(90, 30, 20), block(30, 90, 20, (-30, 30, 0)))), "other"
     yield "lying0", turned(lying(upright(100, size(18, 45)))), "can"
     yield "ball0", Manifold.sphere(size(25, 45), 96), "sphere"
+    for i, radius in enumerate(BULGING):
+        sides = size(60, 120), size(50, 90)
+        barrel = lying(Manifold.cylinder(200, radius, radius, 1440).translate((0, 0, -100)))
+        yield f"bulge{i}", turned(barrel.translate((0, 0, 10 - radius)) ^ block(*sides, 60)), "box"
+        sides = size(60, 120), size(50, 90)
+        rings = [(r, np.sqrt(radius**2 - r**2) - radius + 10) for r in np.linspace(0, 100, 101)]
+        dome = Manifold.revolve(CrossSection([[(0, -30), (100, -30), *reversed(rings)]]), 180)
+        yield f"dome{i}", turned(dome ^ block(*sides, 60)), "box"
 
 
 def make(folder: Path, seed: int) -> None:
@@ -97,10 +106,23 @@ def rectangle(normal: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.n
     return centre, axes[sides.argmax()], np.sort(sides)[::-1]
 
 
+def height_at(mesh: ms.TriangleMesh, place: np.ndarray) -> float:
+    """The highest point [m] of a mesh over a place (2,)."""
+    corners = np.asarray(mesh.vertices)[np.asarray(mesh.faces)]
+    sides = np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=2)
+    upright = np.abs(np.linalg.det(sides[:, :2])) < 1e-15
+    shares = np.linalg.solve(
+        np.where(upright[:, None, None], np.eye(2), sides[:, :2]), (place - corners[:, 0, :2])[..., None]
+    )[..., 0]
+    over = ~upright & (shares >= 0).all(axis=1) & (shares.sum(axis=1) <= 1)
+    return float((corners[:, 0, 2] + (sides[:, 2] * shares).sum(axis=1))[over].max(initial=-np.inf))
+
+
 def measure(root: Path) -> None:
     by = segmenter("wave")
     told: dict[tuple[str, str], list[list[float]]] = defaultdict(list)
     kinds: dict[tuple[str, str], list[str]] = defaultdict(list)
+    bends: dict[tuple[str, str], list[list[float]]] = defaultdict(list)
     marked: dict[tuple[str, str], list[float]] = defaultdict(list)
     for files in datasets.find_scenes(datasets.open(root)):
         scene = files.read(truth="exact", view=False)
@@ -110,10 +132,20 @@ def measure(root: Path) -> None:
         mask = find_mask(by, project(image), condition=scene.sight, rng=0).mask
         marked[key].append(100 * score_mask(mask, truth).f1)
         world = World.from_toml(root.joinpath("truth", folder, "robot_collected", *rest, "77_ghz", "world.toml"))
-        normal, corners = top_of(build_layout(world).parts[0].mesh)
+        mesh = build_layout(world).parts[0].mesh
+        found = find_flat(mask, image, covered=scene.sight != "los")
+        kinds[key] += [one.kind for one in found]
+        if name in ("bulge", "dome"):
+            true = 1e3 / BULGING[int(folder[-1])]
+            for one in found:
+                most = int(one.curvatures.argmax())
+                off = abs(one.curvatures - (true if name == "dome" else true * (np.arange(2) == most)))
+                too_high = 1e3 * (one.centre[2] - height_at(mesh, one.centre[:2]))
+                bends[key].append([100 * off[most] / true, *np.sort(np.degrees(off * one.sides)), too_high])
+            continue
+        normal, corners = top_of(mesh)
         centre, axis, sides = rectangle(normal, corners)
-        for one in find_flat(mask, image, covered=scene.sight != "los"):
-            kinds[key].append(one.kind)
+        for one in found:
             turned = np.degrees(
                 [np.arccos(min(abs(float(a @ b)), 1)) for a, b in ((one.normal, normal), (one.axis, axis))]
             )
@@ -126,11 +158,22 @@ def measure(root: Path) -> None:
     for key, scores in marked.items():
         right = "rectangle" if key[0] in RECTANGLES else "ellipse" if key[0] in DISCS else None
         rows = np.array([row for row, kind in zip(told[key], kinds[key], strict=True) if kind == right])
-        errors = [f"{np.median(one):.2g} ({one.max():.2g})" for one in rows.T] if len(rows) else []
+        errors = medians(rows)
         if key[0] in DISCS and errors:
             errors[2] = "-"
         counts = ", ".join(str(kinds[key].count(kind)) for kind in ("rectangle", "ellipse"))
         print(f"| {key[0]} | {key[1]} | {len(scores)} | {counts} | {'; '.join(errors)} | {np.median(scores):.1f} |")
+    print(
+        "\n| shapes | sight | found | errors of the curvature [%], of bends from edge to edge [°], of the height [mm] |"
+    )
+    print("| --- | --- | --- | --- |")
+    for key, rows in bends.items():
+        print(f"| {key[0]} | {key[1]} | {len(rows)} of {len(marked[key])} | {'; '.join(medians(np.array(rows)))} |")
+
+
+def medians(rows: np.ndarray) -> list[str]:
+    """Of each column the median, and the most."""
+    return [f"{np.median(one):.2g} ({one.max():.2g})" for one in rows.T] if len(rows) else []
 
 
 if __name__ == "__main__":

@@ -11,7 +11,8 @@
 
 Nothing was trained on these shapes, and nobody would call them a can, a handle, a box, a sphere, a cup or a clamp.
 `odd`, `newer`, `third` and `fourth` are full scans of 24, 20, 20 and 20 by the virtual rig. The last three sets were
-drawn by others, who did not know what classifiers here learn from. `sparse` are scans of known objects, three times too coarse.
+drawn by others, who did not know what classifiers here learn from. `sparse` are scans of known objects, three times
+too coarse.
 """
 
 import sys

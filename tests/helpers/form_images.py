@@ -1,4 +1,4 @@
-"""Images of a ball and of a cylinder, as plane waves from their centres of curvature, and of flat tops."""
+"""Images of a ball and of a cylinder, as plane waves from their centres of curvature, and of flat and bent tops."""
 
 import numpy as np
 from scipy.ndimage import gaussian_filter
@@ -76,6 +76,21 @@ def flat(sides, centre, tilt_deg=(0.0, 0.0), turn_deg=0.0, kind="rectangle", gri
     values = level[..., None] * np.exp(-1j * WAVENUMBER * above - (above / RESOLUTION) ** 2)
     values *= 1 - (grid.z - centre[2]) / DISTANCE  # antennas weigh alike, and farther slices are brighter
     return ms.SarImage(grid=grid, values=values)
+
+
+def bulging(sides, centre, radius, *, dome=True, grid=GRID):
+    """An image of a rectangle that bends about the axes x and y, or y alone; hollow where the radius is below 0."""
+    offsets = np.stack(np.meshgrid(grid.x, grid.y, grid.z, indexing="ij"), axis=-1) - centre
+    from_axis = offsets * [1, float(dome), 1] + [0, 0, radius]
+    away = np.linalg.norm(from_axis, axis=-1)
+    above = np.copysign(away, radius) - radius
+    seen_from = abs(radius) / away
+    u, v = offsets[..., 0] * seen_from, offsets[..., 1] * (seen_from if dome else 1)
+    inside = np.maximum(abs(u) / sides[0], abs(v) / sides[1]) <= 0.5
+    level = gaussian_filter(inside.astype(float), (0.5, 0.5, 0))
+    spread = seen_from if dome else np.sqrt(seen_from)  # the same power over a larger area
+    values = spread * level * np.exp(-1j * WAVENUMBER * above - (above / RESOLUTION) ** 2)
+    return ms.SarImage(grid=grid, values=values * (1 - (grid.z - centre[2]) / DISTANCE))
 
 
 def lit(image, drop=-20):

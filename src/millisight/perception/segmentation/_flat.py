@@ -1,7 +1,7 @@
-"""Flat tops: their phases tell the plane that they lie in, and where on it they end.
+"""Flat and slightly bent tops: their phases tell how they lie and bend, and where they end.
 
-The echo of a plane is a plane wave: within its outline a slice of the image has one direction, the plane's normal. Less
-that wave's phases the slice is real and positive there, and half as high at the edges.
+Within its outline a slice of the image has the wave of a top, see `_top_wave`. Less that wave's phases the slice is
+real and positive there, and half as high at the edges.
 """
 
 from typing import Any, NamedTuple
@@ -18,28 +18,28 @@ from millisight.perception.segmentation._phases import (
     phase_sign,
     wavenumber_of,
 )
+from millisight.perception.segmentation._top_wave import AGREEING, TopWave, top_wave
 
-_WINDOW = 0.015  # in which waves are compared with the plane's [m]
-_AGREEING = 0.7  # share of the amplitudes that remains when they are added in phase with the plane's wave
-_BRIGHT = -12.0  # of the brightest window, below which no plane is looked for [dB]
-_ROUNDS = 4  # in which a plane's direction and its place settle
 _EDGE = 0.5  # of the amplitude on the plane, where it ends
 _BEYOND = 0.008  # of the mask, the edge may lie [m]
 _MOST_OF_IT = 0.45  # of a part, that a plane covers
 _NARROWEST = 0.015  # of a plane: a cylinder's crest seems to be one [m]
 _OUTLINED = 0.8  # intersection over union with a rectangle or an ellipse
+_CLOSE = 0.045  # slices whose waves tell a top's height, to that in which the wave was found [m]
+_BENT_DEG = 3.0  # from edge to edge, from which on a top is called bent
 
 
 class Flat(NamedTuple):
-    """A flat top, seen along z.
+    """A flat or slightly bent top, seen along z.
 
     Attributes
     ----------
     kind : "rectangle" or "ellipse"
-    centre : (3,) of the outline [m]
-    normal : (3,) unit vector, z positive
-    axis : (3,) unit vector in the plane along the longer side, x + y positive
+    centre : (3,) of the outline, on the top [m]
+    normal : (3,) unit vector there, z positive
+    axis : (3,) unit vector at right angles to it along the longer side, x + y positive
     sides : (2,) length and width, or diameters [m]
+    curvatures : (2,) along the longer side, and across [1/m]: above 0 where it bulges up, below where it is hollow
     share : of the mask's part that it covers
     inside : (A, B) bool, its pixels
     """
@@ -49,6 +49,7 @@ class Flat(NamedTuple):
     normal: np.ndarray
     axis: np.ndarray
     sides: np.ndarray
+    curvatures: np.ndarray
     share: float
     inside: np.ndarray
 
@@ -58,7 +59,14 @@ class Flat(NamedTuple):
     def __str__(self) -> str:
         (x, y, z), (length, width) = self.centre, 1e3 * self.sides
         size = f"{length:.0f} x {width:.0f} mm around ({x:.3f}, {y:.3f}, {z:.3f}) m"
-        return f"flat {self.kind} of {size}, {self.tilt_deg:.1f} degrees from level"
+        told = [
+            f", {'bulges' if bend > 0 else 'hollow'} by {abs(bend):.0f} degrees {way}"
+            for bend, way in zip(self.bends_deg, ("along", "across"), strict=True)
+            if abs(bend) >= _BENT_DEG
+        ]
+        return (
+            f"{'bent' if told else 'flat'} {self.kind} of {size}, {self.tilt_deg:.1f} degrees from level{''.join(told)}"
+        )
 
     @property
     def tilt_deg(self) -> float:
@@ -66,18 +74,27 @@ class Flat(NamedTuple):
         return float(np.degrees(np.arccos(min(self.normal[2], 1.0))))
 
     @property
+    def bends_deg(self) -> np.ndarray:
+        """(2,) by how much the normal turns from edge to edge, along the longer side and across."""
+        return np.degrees(self.curvatures * self.sides)
+
+    @property
     def plain(self) -> dict[str, Any]:
         """All but the pixels, as JSON has it."""
-        vectors = {name: [float(one) for one in getattr(self, name)] for name in ("centre", "normal", "axis", "sides")}
+        vectors = {
+            name: [float(one) for one in getattr(self, name)]
+            for name in ("centre", "normal", "axis", "sides", "curvatures")
+        }
         return {"kind": self.kind, **vectors, "share": self.share}
 
 
 def find_flat(mask: Mask, image: SarImage, *, covered: bool = False) -> tuple[Flat, ...]:
-    """The flat tops of the parts of a mask: place, normal, axis and sides, by the image's phases.
+    """The flat and slightly bent tops of the parts of a mask: place, normal, axis, sides, bend, by the image's phases.
 
-    A part has one if most of it has the phases of one plane wave. Steps and holes are no hindrance, where the waves on
-    both sides have the same direction. What bends by more than 3 degrees, is narrower than 15 mm, covers less than 45 %
-    of its part, or is neither a rectangle nor an ellipse is left out.
+    A part has one if most of it has the phases of one wave, plane or about one or two centres of curvature. Steps and
+    holes are no hindrance, where the waves on both sides have the same direction. What bends to a radius of less than
+    12.5 cm, is narrower than 15 mm, covers less than 45 % of its part, or is neither a rectangle nor an ellipse is left
+    out.
 
     Parameters
     ----------
@@ -111,98 +128,80 @@ def flat_things(mask: np.ndarray, image: SarImage) -> list[Flat]:
     return [one for one in found if one is not None]
 
 
-class _Wave(NamedTuple):
-    """A plane wave in a slice of an image.
-
-    Attributes
-    ----------
-    slopes : (2,) of its phase along x and y [rad/m]
-    values : (A, B) of the slice less these phases, real and positive where it is
-    inside : (A, B) bool, where it is, a window from the edge or nearer
-    """
-
-    slopes: np.ndarray
-    values: np.ndarray
-    inside: np.ndarray
-
-
 def _flat(whole: np.ndarray, image: SarImage) -> Flat | None:
     """What is flat in a part (A, B) of a mask, if most of it is."""
     margins = [round(_BEYOND / side) + 1 for side in pixel_sides(image)]
     box = tuple(slice(max(i.min() - n, 0), i.max() + n + 1) for i, n in zip(np.nonzero(whole), margins, strict=True))
     grid = VoxelGrid(x=image.grid.x[box[0]], y=image.grid.y[box[1]], z=image.grid.z)
     near, part, wavenumber = SarImage(grid=grid, values=image.values[box]), whole[box], wavenumber_of(image)
-    wave = _wave(part, near)
+    wave = top_wave(part, near, wavenumber)
     if wave is None:
         return None
     inside = _extent(wave, part, near)
     share = float((inside & part).sum() / part.sum())
-    if share < _MOST_OF_IT or abs(wave.values[inside].sum()) < _AGREEING * np.abs(wave.values[inside]).sum():
+    if share < _MOST_OF_IT or abs(wave.values[inside].sum()) < AGREEING * np.abs(wave.values[inside]).sum():
         return None
     # What of each slice has the phases of the wave: leftovers of a lid have not.
-    sums = np.tensordot(_turned(np.ones(part.shape), wave.slopes, grid)[inside], near.values[inside], axes=1)
+    sums = np.tensordot(np.exp(-1j * wave.phase.on(grid))[inside], near.values[inside], axes=1)
     power, z = np.square(np.abs(sums), dtype=float), grid.z
-    top, upright = int(power.argmax()), np.sqrt(1 - np.square(wave.slopes / wavenumber).sum())
+    places = np.stack([axis[some] for axis, some in zip((grid.x, grid.y), np.nonzero(inside), strict=True)], axis=1)
+    middle = places.mean(axis=0)
+    across = wave.phase.slopes_at(middle) / wavenumber
+    top, upright = int(power.argmax()), np.sqrt(max(1 - across @ across, 0.01))
     turns = wavenumber * upright * (z - z[top])
     other = int((power * (1 - np.cos(2 * turns))).argmax())
     sign = phase_sign(sums[other] * np.conj(sums[top]), turns[other])
-    outline = _outline(inside, grid, normal := np.array([*(sign * wave.slopes / wavenumber), upright]))
+    outline = _outline(inside, grid, normal := np.array([*(sign * across), upright]))
     if not sign or outline.alike < _OUTLINED or outline.sides[1] < _NARROWEST:
         return None
-    height = peak_height(power / growth_with_distance(z, z[top]), z)
+    turning = sign * wave.phase.bends / wavenumber  # of the normal, per metre
+    close = abs(z - wave.height) <= _CLOSE
+    power = np.zeros(len(z))
+    power[close] = _powers(
+        near.values[inside][:, close], places - middle, z[close] - wave.height, normal, turning, sign * wavenumber
+    )
+    sag = np.einsum("ni,ij,nj->n", places - middle, turning, places - middle).mean() / 2
+    height = peak_height(power / growth_with_distance(z, z[top]), z) + sag
     rise = -normal[:2] / normal[2]
     axis = np.array([*outline.along, rise @ outline.along])
+    axis *= (1 if outline.along.sum() > 0 else -1) / np.linalg.norm(axis)
+    seen = np.array([_curvature(one, normal, turning) for one in (axis, np.cross(normal, axis))])
     everywhere = np.zeros(whole.shape, bool)
     everywhere[box] = inside
     return Flat(
-        outline.kind, np.array([*outline.centre, height]), normal,
-        axis / np.linalg.norm(axis) * (1 if outline.along.sum() > 0 else -1), outline.sides, share, everywhere,
+        outline.kind, np.array([*outline.centre, height]), normal, axis, outline.sides,
+        seen / (1 - seen * (wave.height - height)),  # the slice lies above the top, or below it
+        share, everywhere,
     )  # fmt: skip
 
 
-def _wave(part: np.ndarray, image: SarImage) -> _Wave | None:
-    """The plane wave that most of a part (A, B) of a mask has; None if none fills a window of it."""
-    from scipy import fft
-    from scipy.ndimage import uniform_filter
+def _powers(
+    values: np.ndarray,
+    places: np.ndarray,
+    above: np.ndarray,
+    normal: np.ndarray,
+    turning: np.ndarray,
+    wavenumber: float,
+) -> np.ndarray:
+    """(Z,) of values (N, Z) at places (N, 2) in slices so far above a wave's (Z,), by the wave as it is in each.
 
-    grid, values = image.grid, image.values
-    sides, shape = pixel_sides(image), [fft.next_fast_len(2 * size) for size in part.shape]
-    spectra = np.abs(fft.fft2(np.moveaxis(values * part[..., None], 2, 0), shape))
-    k, i, j = np.unravel_index(int(spectra.argmax()), spectra.shape)
-    if not spectra[k, i, j]:
-        return None
-    turns = [fft.fftfreq(n, side)[m] for n, side, m in zip(shape, sides, (i, j), strict=True)]
-    slopes = 2 * np.pi * np.array(turns)
-    windows = [max(1, round(_WINDOW / side)) for side in sides]
-    alone = np.where(part, values[..., k], 0)
-    level = uniform_filter(np.abs(alone), windows, mode="constant")
-    for _ in range(_ROUNDS):
-        turned = _turned(alone, slopes, grid)
-        mean = uniform_filter(turned.real, windows, mode="constant") + 1j * uniform_filter(
-            turned.imag, windows, mode="constant"
-        )
-        agreeing = part & (np.abs(mean) >= _AGREEING * level) & (level >= level.max() * 10 ** (_BRIGHT / 20))
-        if not agreeing.any():
-            return None
-        parts, _ = parts_of(agreeing)
-        inside = parts == np.bincount(parts.ravel())[1:].argmax() + 1
-        slopes = slopes + [_slope(mean, inside, axis) / side for axis, side in enumerate(sides)]
-    turned = _turned(values[..., k], slopes, grid)
-    return _Wave(slopes, turned * np.exp(-1j * np.angle(turned[inside].sum())), inside)
+    Farther from the centres of curvature a wave bends less, and is as much weaker as it is wider. It moves along its normal.
+    """
+    wider = np.eye(2) + above[:, None, None] * turning
+    bends = turning @ np.linalg.inv(wider)
+    moved = places - above[:, None, None] * normal[:2] / normal[2]
+    phases = wavenumber * (moved @ normal[:2] + np.einsum("zni,zij,znj->zn", moved, bends, moved) / 2)
+    sums = np.abs((np.exp(-1j * phases) * values.T).sum(axis=1))
+    return np.square(sums, dtype=float) * np.linalg.det(wider)
 
 
-def _turned(values: np.ndarray, slopes: np.ndarray, grid: VoxelGrid) -> np.ndarray:
-    """Values (A, B) less the phases of a wave."""
-    return values * (np.exp(-1j * slopes[0] * grid.x)[:, None] * np.exp(-1j * slopes[1] * grid.y))
+def _curvature(along: np.ndarray, normal: np.ndarray, turning: np.ndarray) -> float:
+    """Of a surface along a unit vector (3,) in it [1/m], by how its normal's x and y turn (2, 2) over x and y [1/m]."""
+    turned = turning @ along[:2]
+    return float(along @ [*turned, -(normal[:2] @ turned) / normal[2]])
 
 
-def _slope(mean: np.ndarray, inside: np.ndarray, axis: int) -> float:
-    """By how much the phase of a mean (A, B) turns from one of the pixels inside to the next along an axis [rad]."""
-    one, other = (np.moveaxis(array, axis, 0) for array in (mean, inside))
-    return float(np.angle((one[1:] * np.conj(one[:-1]))[other[1:] & other[:-1]].sum()))
-
-
-def _extent(wave: _Wave, part: np.ndarray, image: SarImage) -> np.ndarray:
+def _extent(wave: TopWave, part: np.ndarray, image: SarImage) -> np.ndarray:
     """(A, B) where a wave is at least half as high as on its plane, holes filled, near the part of its mask."""
     from scipy.ndimage import binary_fill_holes, distance_transform_edt
 

@@ -1,0 +1,127 @@
+"""The wave that a smooth top has in a slice of an image: its direction, and how it turns from place to place.
+
+The echo of a plane is a plane wave, whose direction is the plane's normal. That of a surface that bends a little is a
+wave about its centre of curvature, or about two of them: its direction follows the normal.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from millisight.data import SarImage, VoxelGrid
+from millisight.perception.segmentation._heights import pixel_sides
+from millisight.perception.segmentation._parts import parts_of
+
+AGREEING = 0.7
+"""Share of the amplitudes that remains at least when they are added in phase with a top's wave."""
+
+_WINDOW = 0.015  # in which waves are compared [m]
+_BRIGHT = -12.0  # of the brightest window, below which no top is looked for [dB]
+_ROUNDS = 4  # in which a direction and its place settle
+_BENT_ROUNDS = 6  # in which a bend does, and its place grows
+_MOST_BENT = 8.0  # [1/m]; what bends more is round
+
+
+class WavePhase(NamedTuple):
+    """Phases over x and y, of the second degree: slopes . p + p . bends . p / 2, with p the place from `about`.
+
+    Attributes
+    ----------
+    about : (2,) [m]
+    slopes : (2,) [rad/m]
+    bends : (2, 2) symmetric [rad/m²]
+    """
+
+    about: np.ndarray
+    slopes: np.ndarray
+    bends: np.ndarray
+
+    def on(self, grid: VoxelGrid) -> np.ndarray:
+        """(A, B) over a grid's pixels [rad]."""
+        x, y = grid.x[:, None] - self.about[0], grid.y - self.about[1]
+        (xx, xy), (_, yy) = self.bends
+        return self.slopes[0] * x + self.slopes[1] * y + xx * x * x / 2 + xy * x * y + yy * y * y / 2
+
+    def slopes_at(self, place: np.ndarray) -> np.ndarray:
+        """(2,) at a place (2,) [rad/m]."""
+        return self.slopes + self.bends @ (place - self.about)
+
+
+class TopWave(NamedTuple):
+    """A top's wave in a slice of an image.
+
+    Attributes
+    ----------
+    phase : WavePhase
+    height : of the slice [m]
+    values : (A, B) of the slice less these phases, real and positive where the top is
+    inside : (A, B) bool, where it is, a window from the edge or nearer
+    """
+
+    phase: WavePhase
+    height: float
+    values: np.ndarray
+    inside: np.ndarray
+
+
+def top_wave(part: np.ndarray, image: SarImage, wavenumber: float) -> TopWave | None:
+    """The wave that most of a part (A, B) of a mask has; None if none fills a window of it.
+
+    wavenumber : there and back [rad/m]
+    """
+    from scipy import fft
+    from scipy.ndimage import uniform_filter
+
+    grid, values = image.grid, image.values
+    sides, shape = pixel_sides(image), [fft.next_fast_len(2 * size) for size in part.shape]
+    spectra = np.abs(fft.fft2(np.moveaxis(values * part[..., None], 2, 0), shape))
+    k, i, j = np.unravel_index(int(spectra.argmax()), spectra.shape)
+    if not spectra[k, i, j]:
+        return None
+    turns = [fft.fftfreq(n, side)[m] for n, side, m in zip(shape, sides, (i, j), strict=True)]
+    about = np.array([grid.x.mean(), grid.y.mean()])
+    phase = WavePhase(about, 2 * np.pi * np.array(turns), np.zeros((2, 2)))
+    windows = [max(1, round(_WINDOW / side)) for side in sides]
+    alone = np.where(part, values[..., k], 0)
+    level = uniform_filter(np.abs(alone), windows, mode="constant")
+    for bent in (False,) * _ROUNDS + (True,) * _BENT_ROUNDS:
+        turned = alone * np.exp(-1j * phase.on(grid))
+        mean = uniform_filter(turned.real, windows, mode="constant") + 1j * uniform_filter(
+            turned.imag, windows, mode="constant"
+        )
+        agreeing = part & (np.abs(mean) >= AGREEING * level) & (level >= level.max() * 10 ** (_BRIGHT / 20))
+        if not agreeing.any():
+            return None
+        parts, _ = parts_of(agreeing)
+        inside = parts == np.bincount(parts.ravel())[1:].argmax() + 1
+        phase = _refined(phase, mean, inside, grid, most=_MOST_BENT * wavenumber if bent else 0.0)
+    turned = values[..., k] * np.exp(-1j * phase.on(grid))
+    return TopWave(phase, float(grid.z[k]), turned * np.exp(-1j * np.angle(turned[inside].sum())), inside)
+
+
+def _refined(phase: WavePhase, mean: np.ndarray, inside: np.ndarray, grid: VoxelGrid, *, most: float) -> WavePhase:
+    """Phases and what a mean (A, B) still turns by from one of the pixels inside to the next, by least squares.
+
+    most : that they bend by; 0: slopes alone change
+    """
+    rows, slopes, weights = [], [], []
+    x, y = grid.x - phase.about[0], grid.y - phase.about[1]
+    places = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
+    for axis in (0, 1):
+        one, there, at = (np.moveaxis(array, axis, 0) for array in (mean, inside, places))
+        both = there[1:] & there[:-1]
+        products = (one[1:] * np.conj(one[:-1]))[both]
+        u, v = ((at[1:] + at[:-1]) / 2)[both].T
+        full, none = np.ones(len(u)), np.zeros(len(u))
+        rows.append(np.stack([full, none, u, v, none] if axis == 0 else [none, full, none, u, v], axis=1))
+        slopes.append(np.angle(products) / (at[1, 0, axis] - at[0, 0, axis]))
+        weights.append(np.sqrt(np.abs(products)))
+    terms = 5 if most else 2
+    weight = np.concatenate(weights)
+    by = np.concatenate(rows)[:, :terms] * weight[:, None]
+    scale = np.maximum(np.linalg.norm(by, axis=0), 1e-30)
+    change = np.zeros(5)
+    change[:terms] = np.linalg.lstsq(by / scale, np.concatenate(slopes) * weight, rcond=1e-6)[0] / scale
+    bends = phase.bends + [[change[2], change[3]], [change[3], change[4]]]
+    strongest = float(np.abs(np.linalg.eigvalsh(bends)).max())
+    return phase._replace(slopes=phase.slopes + change[:2], bends=bends * min(1.0, most / max(strongest, 1e-30)))
