@@ -98,7 +98,7 @@ def test_steps_and_holes_are_no_hindrance():
 def test_what_is_round_narrow_or_noise_is_not_flat():
     noise = np.random.default_rng(0).standard_normal((*GRID.shape, 2)) @ [1, 1j]
     x = GRID.x - CENTRE[0]
-    bent = flat((0.08, 0.08), CENTRE).values * np.exp(1j * 2500 * x**2 / 0.2)[:, None, None]
+    bent = flat((0.08, 0.08), CENTRE).values * np.exp(1j * 2500 * x**2 / 0.1)[:, None, None]
     strange = flat((0.08, 0.08), CENTRE).values * ((x[:, None] < 0) | (GRID.y < CENTRE[1]))[..., None]
     images = (
         ball(0.05, CENTRE), cylinder(0.03, -0.06, 0.1), flat((0.08, 0.012), CENTRE),

@@ -185,7 +185,8 @@ def _powers(
 ) -> np.ndarray:
     """(Z,) of values (N, Z) at places (N, 2) in slices so far above a wave's (Z,), by the wave as it is in each.
 
-    Farther from the centres of curvature a wave bends less, and is as much weaker as it is wider. It moves along its normal.
+    Farther from the centres of curvature a wave bends less, and is as much weaker as it is wider.
+    It moves along its normal.
     """
     wider = np.eye(2) + above[:, None, None] * turning
     bends = turning @ np.linalg.inv(wider)

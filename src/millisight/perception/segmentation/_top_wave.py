@@ -122,6 +122,6 @@ def _refined(phase: WavePhase, mean: np.ndarray, inside: np.ndarray, grid: Voxel
     scale = np.maximum(np.linalg.norm(by, axis=0), 1e-30)
     change = np.zeros(5)
     change[:terms] = np.linalg.lstsq(by / scale, np.concatenate(slopes) * weight, rcond=1e-6)[0] / scale
-    bends = phase.bends + [[change[2], change[3]], [change[3], change[4]]]
+    bends = phase.bends + change[[[2, 3], [3, 4]]]
     strongest = float(np.abs(np.linalg.eigvalsh(bends)).max())
     return phase._replace(slopes=phase.slopes + change[:2], bends=bends * min(1.0, most / max(strongest, 1e-30)))
