@@ -25,6 +25,7 @@ _BEYOND = 0.008  # of the mask, the edge may lie [m]
 _MOST_OF_IT = 0.45  # of a part, that a plane covers
 _NARROWEST = 0.015  # of a plane: a cylinder's crest seems to be one [m]
 _OUTLINED = 0.8  # intersection over union with a rectangle or an ellipse
+_LEAST_UPRIGHT = 0.01  # square of a normal's z
 _CLOSE = 0.045  # slices whose waves tell a top's height, to that in which the wave was found [m]
 _BENT_DEG = 3.0  # from edge to edge, from which on a top is called bent
 
@@ -141,38 +142,69 @@ def _flat(whole: np.ndarray, image: SarImage) -> Flat | None:
     share = float((inside & part).sum() / part.sum())
     if share < _MOST_OF_IT or abs(wave.values[inside].sum()) < AGREEING * np.abs(wave.values[inside]).sum():
         return None
-    # What of each slice has the phases of the wave: leftovers of a lid have not.
-    sums = np.tensordot(np.exp(-1j * wave.phase.on(grid))[inside], near.values[inside], axes=1)
-    power, z = np.square(np.abs(sums), dtype=float), grid.z
-    places = np.stack([axis[some] for axis, some in zip((grid.x, grid.y), np.nonzero(inside), strict=True)], axis=1)
-    middle = places.mean(axis=0)
-    across = wave.phase.slopes_at(middle) / wavenumber
-    top, upright = int(power.argmax()), np.sqrt(max(1 - across @ across, 0.01))
-    turns = wavenumber * upright * (z - z[top])
-    other = int((power * (1 - np.cos(2 * turns))).argmax())
-    sign = phase_sign(sums[other] * np.conj(sums[top]), turns[other])
-    outline = _outline(inside, grid, normal := np.array([*(sign * across), upright]))
-    if not sign or outline.alike < _OUTLINED or outline.sides[1] < _NARROWEST:
+    lie = _lie_of(wave, inside, near, wavenumber)
+    if lie is None:
         return None
-    turning = sign * wave.phase.bends / wavenumber  # of the normal, per metre
-    close = abs(z - wave.height) <= _CLOSE
-    power = np.zeros(len(z))
-    power[close] = _powers(
-        near.values[inside][:, close], places - middle, z[close] - wave.height, normal, turning, sign * wavenumber
-    )
-    sag = np.einsum("ni,ij,nj->n", places - middle, turning, places - middle).mean() / 2
-    height = peak_height(power / growth_with_distance(z, z[top]), z) + sag
-    rise = -normal[:2] / normal[2]
+    outline = _outline(inside, grid, lie.normal)
+    if outline.alike < _OUTLINED or outline.sides[1] < _NARROWEST:
+        return None
+    rise = -lie.normal[:2] / lie.normal[2]
     axis = np.array([*outline.along, rise @ outline.along])
     axis *= (1 if outline.along.sum() > 0 else -1) / np.linalg.norm(axis)
-    seen = np.array([_curvature(one, normal, turning) for one in (axis, np.cross(normal, axis))])
+    curvatures = np.array([lie.curvature(one) for one in (axis, np.cross(lie.normal, axis))])
     everywhere = np.zeros(whole.shape, bool)
     everywhere[box] = inside
     return Flat(
-        outline.kind, np.array([*outline.centre, height]), normal, axis, outline.sides,
-        seen / (1 - seen * (wave.height - height)),  # the slice lies above the top, or below it
-        share, everywhere,
+        outline.kind, np.array([*outline.centre, lie.height]), lie.normal, axis, outline.sides, curvatures, share,
+        everywhere,
     )  # fmt: skip
+
+
+class _Lie(NamedTuple):
+    """How a top lies in space.
+
+    Attributes
+    ----------
+    normal : (3,) unit vector in its middle, z positive
+    turning : (2, 2) of the wave's direction over x and y, seen along z [1/m]
+    height : of the middle [m]
+    above : of the slice in which the wave was found over that [m]
+    """
+
+    normal: np.ndarray
+    turning: np.ndarray
+    height: float
+    above: float
+
+    def curvature(self, along: np.ndarray) -> float:
+        """Of the top along a unit vector (3,) on it [1/m]."""
+        turned = self.turning @ along[:2]
+        seen = float(along @ [*turned, -(self.normal[:2] @ turned) / self.normal[2]])
+        return seen / (1 - seen * self.above)  # in the slice the wave is farther from its centre, or nearer
+
+
+def _lie_of(wave: TopWave, inside: np.ndarray, image: SarImage, wavenumber: float) -> _Lie | None:
+    """How a top lies whose wave is found inside (A, B); None where the sign of the phases is not told."""
+    grid, values, z = image.grid, image.values[inside], image.grid.z
+    places = np.stack([axis[some] for axis, some in zip((grid.x, grid.y), np.nonzero(inside), strict=True)], axis=1)
+    middle = places.mean(axis=0)
+    across = wave.phase.slopes_at(middle) / wavenumber
+    upright = np.sqrt(max(1 - across @ across, _LEAST_UPRIGHT))
+    # What of each slice has the phases of the wave: leftovers of a lid have not.
+    sums = np.exp(-1j * wave.phase.on(grid))[inside] @ values
+    power = np.square(np.abs(sums), dtype=float)
+    top = int(power.argmax())
+    turns = wavenumber * upright * (z - z[top])
+    other = int((power * (1 - np.cos(2 * turns))).argmax())
+    sign = phase_sign(sums[other] * np.conj(sums[top]), turns[other])
+    if not sign:
+        return None
+    normal, turning, away = np.array([*(sign * across), upright]), sign * wave.phase.bends / wavenumber, places - middle
+    close = abs(z - wave.height) <= _CLOSE
+    power = _powers(values[:, close], away, z[close] - wave.height, normal, turning, sign * wavenumber)
+    on_average = peak_height(power / growth_with_distance(z[close], z[top]), z[close])
+    height = on_average + float(np.einsum("ni,ij,nj->n", away, turning, away).mean()) / 2
+    return _Lie(normal, turning, height, wave.height - height)
 
 
 def _powers(
@@ -194,12 +226,6 @@ def _powers(
     phases = wavenumber * (moved @ normal[:2] + np.einsum("zni,zij,znj->zn", moved, bends, moved) / 2)
     sums = np.abs((np.exp(-1j * phases) * values.T).sum(axis=1))
     return np.square(sums, dtype=float) * np.linalg.det(wider)
-
-
-def _curvature(along: np.ndarray, normal: np.ndarray, turning: np.ndarray) -> float:
-    """Of a surface along a unit vector (3,) in it [1/m], by how its normal's x and y turn (2, 2) over x and y [1/m]."""
-    turned = turning @ along[:2]
-    return float(along @ [*turned, -(normal[:2] @ turned) / normal[2]])
 
 
 def _extent(wave: TopWave, part: np.ndarray, image: SarImage) -> np.ndarray:
