@@ -136,9 +136,9 @@ def segment(
         typer.Option(
             "--json",
             help='Print one JSON document: {"images": [{"image", "name", "output", "kind", "method", "found", "sizes", '
-            '"score"} or {"image", "name", "error"}]}; sizes are numbers of pixels, or of voxels. '
-            'Masks of pixels also have "doubts", "round", their balls and cylinders: {"kind", "radius", "centre", '
-            '"axis", "length"}, and "flat", their flat tops: {"kind", "centre", "normal", "axis", "sides", "share"}.',
+            '"score"} or {"image", "name", "error"}]}; sizes are numbers of pixels, or of voxels. Masks of pixels '
+            'also have "doubts", "round", their balls and cylinders: {"kind", "radius", "centre", "axis", "length"}, '
+            'and "flat", their flat tops: {"kind", "centre", "normal", "axis", "sides", "curvatures", "share"}.',
         ),
     ] = False,
 ) -> None:
