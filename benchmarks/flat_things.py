@@ -157,7 +157,8 @@ def measure(root: Path) -> None:
     print("| --- | --- | --- | --- | --- | --- |")
     for key, scores in marked.items():
         right = "rectangle" if key[0] in RECTANGLES else "ellipse" if key[0] in DISCS else None
-        rows = np.array([row for row, kind in zip(told[key], kinds[key], strict=True) if kind == right])
+        kept = zip(told[key], kinds[key], strict=True) if told[key] else ()
+        rows = np.array([row for row, kind in kept if kind == right])
         errors = medians(rows)
         if key[0] in DISCS and errors:
             errors[2] = "-"

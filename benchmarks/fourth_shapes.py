@@ -263,9 +263,9 @@ def _picnic_table():
     seats = [block(150, 20, 6, (0, y, 43)) for y in (-64, 64)]
     frames = []
     for x in (-52, 52):
-        frames += [block(8, 78, 8, (x, 0, 70)), block(8, 146, 8, (x, 0, 37))]
-        frames += [_hull(block(8, 11, 2, (x, y * 22, 73)), block(8, 11, 2, (x, y * 54, 1))) for y in (-1, 1)]
-        frames.append(_hull(block(2, 8, 8, (x, 0, 37)), block(2, 8, 8, (0.2 * x, 0, 72))))
+        frames += [block(8, 77, 8, (x, 0, 70.5)), block(8, 145, 8, (x, 0, 37.5))]
+        frames += [_hull(block(7, 11, 2, (x, y * 21.7, 73.6)), block(7, 11, 2, (x, y * 54, 1))) for y in (-1, 1)]
+        frames.append(_hull(block(2, 6, 6, (x, 0, 37.5)), block(2, 6, 6, (0.2 * x, 0, 74.5))))
     return union(*planks, *seats, *frames)
 
 

@@ -27,6 +27,7 @@ import millisight as ms
 from millisight.meshes import write_mesh
 
 SIDES = 40
+HIGHEST = 120.5  # [mm], tilted by up to 10 degrees
 
 
 def union(*solids: Manifold) -> Manifold:
@@ -226,6 +227,13 @@ KNOWN = (
 )  # fmt: skip
 
 
+def _low_enough(solid: Manifold) -> Manifold:
+    """A solid [mm] that is no taller than the published image grid lets it be."""
+    lower, upper = np.reshape(solid.bounding_box(), (2, 3))
+    share = min(1.0, HIGHEST / float(upper[2] - lower[2]))
+    return solid if share == 1 else solid.scale((share, share, share))
+
+
 def main(folder: Path) -> None:
     from fourth_shapes import FOURTH_SHAPES
     from newer_shapes import NEWER_SHAPES
@@ -238,7 +246,7 @@ def main(folder: Path) -> None:
         files = []
         for name, solid in shapes.items():
             path = folder / f"{name.replace(' ', '_').lower()}.ply"
-            write_mesh(path, mesh_of(solid()))
+            write_mesh(path, mesh_of(_low_enough(solid())))
             files.append(f'[[files]]\npath = "{path.name}"\nunit = "m"\nclass = "other"\n')
         recipe = RECIPE.format(
             name=kind, seed=seed, about="Shapes of no class.", objects="\n".join(files),

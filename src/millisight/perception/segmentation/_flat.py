@@ -217,15 +217,13 @@ def _powers(
 ) -> np.ndarray:
     """(Z,) of values (N, Z) at places (N, 2) in slices so far above a wave's (Z,), by the wave as it is in each.
 
-    Farther from the centres of curvature a wave bends less, and is as much weaker as it is wider.
-    It moves along its normal.
+    Farther from the centres of curvature a wave bends less. It moves along its normal.
     """
-    wider = np.eye(2) + above[:, None, None] * turning
-    bends = turning @ np.linalg.inv(wider)
+    bends = turning @ np.linalg.inv(np.eye(2) + above[:, None, None] * turning)
     moved = places - above[:, None, None] * normal[:2] / normal[2]
     phases = wavenumber * (moved @ normal[:2] + np.einsum("zni,zij,znj->zn", moved, bends, moved) / 2)
     sums = np.abs((np.exp(-1j * phases) * values.T).sum(axis=1))
-    return np.square(sums, dtype=float) * np.linalg.det(wider)
+    return np.square(sums, dtype=float)
 
 
 def _extent(wave: TopWave, part: np.ndarray, image: SarImage) -> np.ndarray:
