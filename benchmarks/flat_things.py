@@ -140,8 +140,8 @@ def measure(root: Path) -> None:
             for one in found:
                 most = int(one.curvatures.argmax())
                 off = abs(one.curvatures - (true if name == "dome" else true * (np.arange(2) == most)))
-                too_high = 1e3 * (one.centre[2] - height_at(mesh, one.centre[:2]))
-                bends[key].append([100 * off[most] / true, *np.sort(np.degrees(off * one.sides)), too_high])
+                of_height = 1e3 * abs(one.centre[2] - height_at(mesh, one.centre[:2]))
+                bends[key].append([100 * off[most] / true, *np.sort(np.degrees(off * one.sides)), of_height])
             continue
         normal, corners = top_of(mesh)
         centre, axis, sides = rectangle(normal, corners)
