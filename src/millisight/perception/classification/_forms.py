@@ -10,8 +10,8 @@ from millisight.perception.segmentation import Flat, Round, find_flat, find_roun
 FORM_SHARES: Mapping[str, Mapping[str, float]] = {
     "ball": {"can": 0.03, "handle": 0.03, "box": 0.02, "sphere": 0.92, "other": 0.08},
     "cylinder": {"can": 0.46, "handle": 0.03, "box": 0.02, "sphere": 0.02, "other": 0.11},
-    "rectangle": {"can": 0.05, "handle": 0.08, "box": 0.54, "sphere": 0.02, "other": 0.03},
-    "ellipse": {"can": 0.24, "handle": 0.03, "box": 0.07, "sphere": 0.02, "cup": 0.24, "other": 0.05},
+    "rectangle": {"can": 0.05, "handle": 0.08, "box": 0.54, "sphere": 0.02, "other": 0.05},
+    "ellipse": {"can": 0.24, "handle": 0.03, "box": 0.07, "sphere": 0.02, "cup": 0.24, "other": 0.08},
 }
 """How often most of an object is a ball, or a cylinder of 20 mm radius at least, by `find_round`, or a flat rectangle
 or ellipse, by `find_flat`.

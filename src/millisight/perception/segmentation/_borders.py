@@ -43,8 +43,9 @@ def with_borders(
     bordered = at_edges(masks, probability, cuts, level, sides)
     bordered = _without_dim_borders(bordered, [top.inside for top in tops], level, around, sides)
     bordered = [with_outlines(mask, things) for mask in bordered]
-    small = (top.share >= _TOP for top in flat_things(bordered[0], image))  # in a mask that fits it
-    return bordered, bool(tops or things) or any(small)
+    # A small top may be most of a mask that fits it.
+    shaped = bool(tops or things) or any(top.share >= _TOP for top in flat_things(bordered[0], image))
+    return bordered, shaped
 
 
 def _brightness_around(wide: np.ndarray, level: np.ndarray, sides: Sequence[float]) -> float:

@@ -17,8 +17,10 @@ AGREEING = 0.7
 
 _WINDOW = 0.015  # in which waves are compared [m]
 _BRIGHT = -12.0  # of the brightest window, below which no top is looked for [dB]
+_LIT = -15.0  # of the brightest slice of a part, in which no wave is looked for [dB]
 _ROUNDS = 4  # in which a direction and its place settle
 _BENT_ROUNDS = 6  # in which a bend does, and its place grows
+_SETTLED = 0.01  # phase by which a round changes it at most [rad]
 _MOST_BENT = 8.0  # [1/m]; what bends more is round
 
 
@@ -74,28 +76,36 @@ def top_wave(part: np.ndarray, image: SarImage, wavenumber: float) -> TopWave | 
 
     grid, values = image.grid, image.values
     sides, shape = pixel_sides(image), [fft.next_fast_len(2 * size) for size in part.shape]
-    spectra = np.abs(fft.fft2(np.moveaxis(values * part[..., None], 2, 0), shape))
-    k, i, j = np.unravel_index(int(spectra.argmax()), spectra.shape)
-    if not spectra[k, i, j]:
+    power = np.square(np.abs(values[part]), dtype=float).sum(axis=0)
+    lit = np.flatnonzero(power >= max(power.max() * 10 ** (_LIT / 10), 1e-300))
+    if not len(lit):
         return None
-    turns = [fft.fftfreq(n, side)[m] for n, side, m in zip(shape, sides, (i, j), strict=True)]
+    spectra = np.abs(fft.fft2(np.moveaxis(values[..., lit] * part[..., None], 2, 0), shape))
+    k, i, j = np.unravel_index(int(spectra.argmax()), spectra.shape)
+    k = lit[k]
+    waves = [fft.fftfreq(n, side)[m] for n, side, m in zip(shape, sides, (i, j), strict=True)]
     about = np.array([grid.x.mean(), grid.y.mean()])
-    phase = WavePhase(about, 2 * np.pi * np.array(turns), np.zeros((2, 2)))
+    phase = WavePhase(about, 2 * np.pi * np.array(waves), np.zeros((2, 2)))
     windows = [max(1, round(_WINDOW / side)) for side in sides]
     alone = np.where(part, values[..., k], 0)
     level = uniform_filter(np.abs(alone), windows, mode="constant")
-    for bent in (False,) * _ROUNDS + (True,) * _BENT_ROUNDS:
-        turned = alone * np.exp(-1j * phase.on(grid))
-        mean = uniform_filter(turned.real, windows, mode="constant") + 1j * uniform_filter(
-            turned.imag, windows, mode="constant"
-        )
-        agreeing = part & (np.abs(mean) >= AGREEING * level) & (level >= level.max() * 10 ** (_BRIGHT / 20))
-        if not agreeing.any():
-            return None
-        parts, _ = parts_of(agreeing)
-        inside = parts == np.bincount(parts.ravel())[1:].argmax() + 1
-        phase = _refined(phase, mean, inside, grid, most=_MOST_BENT * wavenumber if bent else 0.0)
-    turned = values[..., k] * np.exp(-1j * phase.on(grid))
+    inside, turns = np.zeros(part.shape, bool), phase.on(grid)
+    for most, rounds in ((0.0, _ROUNDS), (_MOST_BENT * wavenumber, _BENT_ROUNDS)):
+        for _ in range(rounds):
+            turned = alone * np.exp(-1j * turns)
+            mean = uniform_filter(turned.real, windows, mode="constant") + 1j * uniform_filter(
+                turned.imag, windows, mode="constant"
+            )
+            agreeing = part & (np.abs(mean) >= AGREEING * level) & (level >= level.max() * 10 ** (_BRIGHT / 20))
+            if not agreeing.any():
+                return None
+            parts, _ = parts_of(agreeing)
+            before, inside = (inside, turns), parts == np.bincount(parts.ravel())[1:].argmax() + 1
+            phase = _refined(phase, mean, inside, grid, most=most)
+            turns = phase.on(grid)
+            if (inside == before[0]).all() and abs(turns - before[1])[inside].max() < _SETTLED:
+                break
+    turned = values[..., k] * np.exp(-1j * turns)
     return TopWave(phase, float(grid.z[k]), turned * np.exp(-1j * np.angle(turned[inside].sum())), inside)
 
 
@@ -121,7 +131,8 @@ def _refined(phase: WavePhase, mean: np.ndarray, inside: np.ndarray, grid: Voxel
     by = np.concatenate(rows)[:, :terms] * weight[:, None]
     scale = np.maximum(np.linalg.norm(by, axis=0), 1e-30)
     change = np.zeros(5)
-    change[:terms] = np.linalg.lstsq(by / scale, np.concatenate(slopes) * weight, rcond=1e-6)[0] / scale
+    by /= scale
+    change[:terms] = np.linalg.lstsq(by.T @ by, by.T @ (np.concatenate(slopes) * weight), rcond=1e-10)[0] / scale
     bends = phase.bends + change[[[2, 3], [3, 4]]]
     strongest = float(np.abs(np.linalg.eigvalsh(bends)).max())
     return phase._replace(slopes=phase.slopes + change[:2], bends=bends * min(1.0, most / max(strongest, 1e-30)))
