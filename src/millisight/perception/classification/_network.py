@@ -47,7 +47,6 @@ _LEAST = 1e-30  # power above 0
 _QUARTERS = 4
 _LEAST_TAKEN_DB = -0.1
 _APART = 1e6  # numbers of a prior, at most
-_DISAGREEING = 0.02  # nats, above which no answer is sure: 63 sure ones about development objects have up to 0.011
 _BAND_RATIO = 1.15  # of a band's middle to that which was trained on
 
 
@@ -172,18 +171,6 @@ def novelty_of(logits: np.ndarray) -> np.ndarray:
     return np.exp(logits[..., -1] - np.logaddexp.reduce(logits, axis=-1))
 
 
-def disagreement(views: np.ndarray) -> float:
-    """How far an image's symmetries (V, C) disagree on its class: the mutual information of view and class [nats].
-
-    It is the entropy of the mean of the views' probabilities, less the mean of their entropies: 0 where all say the
-    same, and log 2 where half is sure of one class and half of another.
-    """
-    from scipy.special import entr, softmax
-
-    shares = softmax(views.astype(np.float64), axis=1)
-    return float(entr(shares.mean(axis=0)).sum() - entr(shares).sum(axis=1).mean())
-
-
 def sheet_was_brightest(taken: float) -> bool:
     """Whether the brightest voxel went with the sheets, by the maximum without them over that with them [dB]."""
     return taken < _LEAST_TAKEN_DB
@@ -251,8 +238,7 @@ class NetworkClassifier:
         What was under a sheet has a calibration of its own. The prediction's novelty is the score of `novelty`, of all
         that is known of the image: that it shows what is of no class, a scan too sparse, or a lid. No answer is sure of
         a class that was learned from random shapes alone: the threshold is then 1, since no object of that class has
-        calibrated it. Nor is one sure about which the symmetries disagree: turned and mirrored, an object stays what it
-        is.
+        calibrated it.
 
         Where the image's phases tell that most of the object is a ball, a thick cylinder, or a flat rectangle or
         ellipse, classes count with how often they are so (`FORM_SHARES`). No answer becomes sure by that: the network
@@ -286,10 +272,8 @@ class NetworkClassifier:
         probabilities = softmax(scaled + odds)
         best = int(probabilities.argmax())
         # The threshold was chosen for what the network says alone.
-        unproven = (
-            self.class_names[best] in self.description.get("never_sure", ())
-            or (odds.any() and softmax(scaled)[best] < how["threshold"])
-            or disagreement(views) > _DISAGREEING
+        unproven = self.class_names[best] in self.description.get("never_sure", ()) or (
+            odds.any() and softmax(scaled)[best] < how["threshold"]
         )
         novel: dict[str, Any] = {}
         if self._limit is not None:
