@@ -68,6 +68,18 @@ def test_a_dome_and_a_barrel_bend_as_they_do(radius):
             assert found.plain["curvatures"] == list(found.curvatures)
 
 
+@pytest.mark.parametrize("kind", ["rectangle", "ellipse"])
+def test_its_outline_lies_around_its_pixels(kind):
+    image = flat((0.08, 0.05), CENTRE, (4, -6), 30, kind)
+    (found,) = of(image)
+    places = np.stack(np.meshgrid(GRID.x, GRID.y, indexing="ij"), axis=-1)[found.inside]
+    for angle in np.radians(range(0, 360, 15)):
+        way = np.array([np.cos(angle), np.sin(angle)])
+        assert (found.outline @ way).max() == pytest.approx((places @ way).max(), abs=0.004)
+    assert found.outline[0] == pytest.approx(found.outline[-1])
+    assert found.short == "80 x 50 mm"
+
+
 def test_a_plane_does_not_bend():
     (found,) = of(flat((0.08, 0.05), CENTRE, (4, -6), 30))
     assert abs(found.bends_deg).max() < 0.3

@@ -39,6 +39,16 @@ def test_a_cylinder_is_as_thick_long_and_tilted_as_it_is(radius, tilt_deg):
     assert f"{1e3 * found.length:.0f} mm long" in str(found)
 
 
+def test_outlines_lie_around_their_pixels():
+    for image in (ball(0.03, (0.01, -0.02, -0.06)), cylinder(0.025, -0.06, 0.1)):
+        (found,) = find_round(lit(image), image)
+        places = np.stack(np.meshgrid(image.grid.x, image.grid.y, indexing="ij"), axis=-1)[found.inside]
+        for angle in np.radians(range(0, 360, 15)):
+            way = np.array([np.cos(angle), np.sin(angle)])
+            assert (found.outline @ way).max() == pytest.approx((places @ way).max(), abs=0.004)
+        assert found.short == f"r {1e3 * found.radius:.0f} mm"
+
+
 def test_phases_of_either_sign_tell_the_same():
     image = ball(0.03, (0, 0, -0.06))
     turned = ms.SarImage(grid=image.grid, values=np.conj(image.values))

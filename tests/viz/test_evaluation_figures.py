@@ -27,7 +27,7 @@ from millisight.evaluation import (
 )
 from millisight.evaluation._simulator import SimulatorComparison, WeightTrial
 from millisight.perception import project
-from millisight.perception.segmentation import Segmented
+from millisight.perception.segmentation import Flat, Round, Segmented
 from millisight.rig.virtual import Carton, RadarSettings, ScanSettings, World, WorldObject, build_layout
 
 GRID = ms.VoxelGrid.regular((0.0, 0.1, -0.2), (0.10, 0.16, -0.18), 0.01)
@@ -207,6 +207,21 @@ class TestMasks:
         np.testing.assert_allclose(corners.min(axis=0), [0.025, 0.115])
         np.testing.assert_allclose(corners.max(axis=0), [0.065, 0.145])
         assert viz.plot_segmentation(segmented(found.inside, None)).axes[0].get_title() == "without prompts"
+
+    def test_round_and_flat_things_are_drawn_with_their_sizes(self):
+        centre, nothing = np.array([0.05, 0.13, -0.1]), np.zeros((1, 1), bool)
+        ball = Round("ball", 0.02, centre, None, 0.04, nothing, nothing)
+        top = Flat(
+            "rectangle", centre, np.array([0, 0, 1.0]), np.array([1.0, 0, 0]), np.array([0.06, 0.04]), np.zeros(2), 1.0,
+            nothing,
+        )  # fmt: skip
+        found = segmented(mask(slice(3, 7), slice(2, 5)).inside)
+        right = viz.plot_segmentation(found, forms=(ball, top)).axes[1]
+        round_line, flat_line = (line.get_xydata() for line in right.get_lines())
+        np.testing.assert_allclose(np.hypot(*(round_line - centre[:2]).T), 0.02)
+        np.testing.assert_allclose(np.ptp(flat_line, axis=0), [0.06, 0.04])
+        assert [text.get_text() for text in right.texts] == ["r 20 mm", "60 x 40 mm"]
+        assert not viz.plot_segmentation(found).axes[1].texts
 
     def test_a_photo_is_refused(self):
         photo = Picture(rgb=np.zeros((4, 5, 3), np.uint8))

@@ -203,7 +203,7 @@ def segment(
         if drawn is not None:
             from millisight.viz import plot_segmentation, save_figure
 
-            save_figure(plot_segmentation(segmented, title=source.name), drawn)
+            save_figure(plot_segmentation(segmented, forms=[*forms[0], *forms[1]], title=source.name), drawn)
         return {
             **_entry(source, to, "mask", by.name, [segmented.inside], segmented.score),
             **plain,

@@ -20,7 +20,7 @@ from millisight.viz._panels import Scale, checked_colormap, panel_of, styled
 
 if TYPE_CHECKING:
     from millisight.evaluation import Table
-    from millisight.perception.segmentation import Segmented
+    from millisight.perception.segmentation import Flat, Round, Segmented
 
 _ROUND = 0.25  # shown around an object, of its own size
 _LEAST = 12  # pixels around it
@@ -256,12 +256,15 @@ def _draw_bars(axes: Axes, prediction: Prediction) -> None:
 
 
 @styled
-def plot_segmentation(found: "Segmented", *, dynamic_range_db: float = 30, title: str | None = None) -> Figure:
+def plot_segmentation(
+    found: "Segmented", *, forms: "Sequence[Round | Flat]" = (), dynamic_range_db: float = 30, title: str | None = None
+) -> Figure:
     """Plot a segmentation: the power in rainbow colours with the prompts, and in dB with the mask.
 
     Parameters
     ----------
     found : on a radar image
+    forms : what of it is round or flat, drawn with its size
     dynamic_range_db : of the picture with the mask, below its maximum [dB]
     title : written above
 
@@ -281,6 +284,7 @@ def plot_segmentation(found: "Segmented", *, dynamic_range_db: float = 30, title
     _draw_prompts(row[0], found, grid)
     row[1].set_title(f"mask: {100 * found.inside.mean():.1f} % of the picture")
     _panels.draw_lines(row[1], _panels.mask_borders(found.mask), color="white", width=1.2, zorder=4)
+    _panels.draw_outlines(row[1], [(one.outline, one.short) for one in forms])
     _panels.add_colour_bar(bar, scales[1])
     return figure
 

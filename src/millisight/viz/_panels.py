@@ -326,6 +326,17 @@ def draw_lines(
     return axes.add_collection(lines, autolim=False)
 
 
+def draw_outlines(axes: Axes, outlines: Iterable[tuple[np.ndarray, str]]) -> None:
+    """Outlines (N, 2) on a picture, each with a few words above it."""
+    edge = [Stroke(linewidth=2.4, foreground="black", alpha=0.6), Normal()]
+    for points, words in outlines:
+        axes.plot(*points.T, color="cyan", linewidth=1.2, linestyle="--", zorder=5, path_effects=edge)
+        axes.annotate(
+            words, (points[:-1, 0].mean(), points[:, 1].max()), (0, 2), textcoords="offset points", ha="center",
+            va="bottom", color="cyan", fontsize=8, zorder=6, path_effects=edge, annotation_clip=True,
+        )  # fmt: skip
+
+
 def draw_many_lines(
     axes: Axes, segments: np.ndarray, *, color: str, width: float, alpha: float = 1.0, zorder: float = 3
 ) -> None:

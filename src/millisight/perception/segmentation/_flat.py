@@ -18,6 +18,7 @@ from millisight.perception.segmentation._phases import (
     phase_sign,
     wavenumber_of,
 )
+from millisight.perception.segmentation._round import CORNERS
 from millisight.perception.segmentation._top_wave import AGREEING, TopWave, top_wave
 
 _EDGE = 0.5  # of the amplitude on the plane, where it ends
@@ -78,6 +79,19 @@ class Flat(NamedTuple):
     def bends_deg(self) -> np.ndarray:
         """(2,) by how much the normal turns from edge to edge, along the longer side and across."""
         return np.degrees(self.curvatures * self.sides)
+
+    @property
+    def short(self) -> str:
+        """Its size in few letters, for pictures."""
+        return f"{1e3 * self.sides[0]:.0f} x {1e3 * self.sides[1]:.0f} mm"
+
+    @property
+    def outline(self) -> np.ndarray:
+        """(N, 2) x and y of its outline, seen along z, closed [m]."""
+        angle = np.linspace(0, 2 * np.pi, 73)
+        shape = CORNERS if self.kind == "rectangle" else np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        axes = np.stack([self.axis, np.cross(self.normal, self.axis)])
+        return self.centre[:2] + shape @ (self.sides[:, None] / 2 * axes[:, :2])
 
     @property
     def plain(self) -> dict[str, Any]:

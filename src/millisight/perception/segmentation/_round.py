@@ -43,6 +43,10 @@ _ENDS = -8.0  # a cylinder ends where its focus is so much darker than its brigh
 _AROUND = 0.03  # beyond the outline, or a radius if that is more, nothing else can be told from it [m]
 
 
+CORNERS = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1], [1, 1]])
+"""Of a rectangle in units of half its sides, closed."""
+
+
 class Round(NamedTuple):
     """A ball or a cylinder, seen along z.
 
@@ -72,6 +76,20 @@ class Round(NamedTuple):
         x, y, z = self.centre
         place = f"{self.kind} of {1e3 * self.radius:.0f} mm radius around ({x:.3f}, {y:.3f}, {z:.3f}) m"
         return place if self.axis is None else f"{place}, {1e3 * self.length:.0f} mm long"
+
+    @property
+    def short(self) -> str:
+        """Its size in few letters, for pictures."""
+        return f"r {1e3 * self.radius:.0f} mm"
+
+    @property
+    def outline(self) -> np.ndarray:
+        """(N, 2) x and y of its outline, seen along z, closed [m]."""
+        if self.axis is None:
+            angle = np.linspace(0, 2 * np.pi, 73)
+            return self.centre[:2] + self.radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        across = np.array([-self.axis[1], self.axis[0]]) / np.hypot(*self.axis[:2])
+        return self.centre[:2] + CORNERS @ np.stack([self.length / 2 * self.axis[:2], self.radius * across])
 
     @property
     def plain(self) -> dict[str, Any]:
