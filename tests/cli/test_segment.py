@@ -9,7 +9,7 @@ import pytest
 
 import millisight as ms
 from helpers.commands import run_here, run_inside
-from helpers.form_images import ball, flat
+from helpers.form_images import ball, cylinder, flat
 from helpers.small_images import GRID, image, publish
 from millisight.cli.image_sources import image_sources
 from millisight.io import load_extras
@@ -226,6 +226,21 @@ def test_every_object_gets_a_mask_of_its_own(tmp_path, here):
     restricted = here("pair.image.h5", "--instances", "--method", "classical", "-o", "by.h5", "--no-picture")
     assert restricted[0] == 0
     assert load_extras(tmp_path / "by.h5")["segmentation"]["method"] == "classical"
+
+
+def test_of_every_object_it_says_what_is_round_or_flat(tmp_path, here):
+    top, cylinder_ = flat((0.06, 0.05), (-0.05, 0, -0.06)), cylinder(0.02, -0.06, 0.12)
+    beside = np.roll(cylinder_.values, 20, axis=0)
+    both = top.values / abs(top.values).max() + beside / abs(beside).max()
+    ms.save(tmp_path / "two.image.h5", ms.SarImage(grid=top.grid, values=both))
+    told = json.loads(here("two.image.h5", "--instances", "--json")[1])["images"][0]
+    kinds = [[one["kind"] for name in ("round", "flat") for one in thing[name]] for thing in told["objects"]]
+    assert sorted(kinds) == [["cylinder"], ["rectangle"]]
+    assert load_extras(tmp_path / "two.instances.h5")["segmentation"]["objects"] == told["objects"]
+    said = here("two.image.h5", "--instances", "-o", "again.h5")[1]
+    numbers = [1 + kinds.index([kind]) for kind in ("cylinder", "rectangle")]
+    assert re.search(rf"\n  {numbers[0]}: cylinder of (19|2[0-3]) mm radius", said)
+    assert re.search(rf"\n  {numbers[1]}: flat rectangle of 6[0-2] x (49|5[0-2]) mm", said)
 
 
 def test_voxels_with_their_surface_and_three_views(tmp_path, here):

@@ -19,17 +19,23 @@ from millisight.cli.image_sources import (
 )
 from millisight.cli.options import Images, Multispectral, RadarChoice, SamDevice
 from millisight.cli.outputs import check_outputs, folder_of_many, is_folder, of_folder, output_path
+from millisight.cli.segment_outputs import (
+    entry,
+    forms_of,
+    provenance_of,
+    write_instances,
+    write_mask,
+    write_volume,
+)
 from millisight.core import check_readable, printable
 from millisight.core.errors import FormatError, InputError, MillisightError
-from millisight.data import Instances, Prompts, SarImage, VolumeMask
+from millisight.data import Prompts, SarImage
 from millisight.perception.segmentation import (
     Segmented,
     Segmenter,
     doubts_of,
     extend_mask,
-    find_flat,
     find_mask,
-    find_round,
     segment_instances,
 )
 
@@ -138,7 +144,8 @@ def segment(
             help='Print one JSON document: {"images": [{"image", "name", "output", "kind", "method", "found", "sizes", '
             '"score"} or {"image", "name", "error"}]}; sizes are numbers of pixels, or of voxels. Masks of pixels '
             'also have "doubts", "round", their balls and cylinders: {"kind", "radius", "centre", "axis", "length"}, '
-            'and "flat", their flat tops: {"kind", "centre", "normal", "axis", "sides", "curvatures", "share"}.',
+            'and "flat", their flat tops: {"kind", "centre", "normal", "axis", "sides", "curvatures", "share"}; '
+            'instances have "objects", of each the latter two.',
         ),
     ] = False,
 ) -> None:
@@ -190,23 +197,22 @@ def segment(
             source, image, other, by, seed=seed, prompts=given, values=values, largest=share, support=height
         )
         drawn_by = None if given is not None else seed
-        told = _told(segmented, source, by, seed=drawn_by, values=values, support=height)
+        told = provenance_of(segmented, source, by, seed=drawn_by, values=values, support=height)
         if volume:
             return in_depth(source, to, drawn, image, segmented, told)
         covered = segmented.picture.covered
-        forms = [find(segmented.mask, image, covered=covered) for find in (find_round, find_flat)]
-        plain = {name: [one.plain for one in ones] for name, ones in zip(("round", "flat"), forms, strict=True)}
-        _write(to, segmented, source, by, told | {name: ones for name, ones in plain.items() if ones})
+        forms = forms_of(segmented.mask, image, covered=covered)
+        write_mask(to, segmented, source, by, told | {name: ones for name, ones in forms.plain.items() if ones})
         doubts = [in_options(one) for one in doubts_of(segmented.mask, image, covered=covered)]
-        for one in (*forms[0], *forms[1], *doubts):
+        for one in (*forms.things, *doubts):
             say(f"  {one}")
         if drawn is not None:
             from millisight.viz import plot_segmentation, save_figure
 
-            save_figure(plot_segmentation(segmented, forms=[*forms[0], *forms[1]], title=source.name), drawn)
+            save_figure(plot_segmentation(segmented, forms=forms.things, title=source.name), drawn)
         return {
-            **_entry(source, to, "mask", by.name, [segmented.inside], segmented.score),
-            **plain,
+            **entry(source, to, "mask", by.name, [segmented.inside], segmented.score),
+            **forms.plain,
             "doubts": doubts,
         }
 
@@ -216,15 +222,19 @@ def segment(
             image, other_band=other, method=by, prompts=given, rng=seed, condition=source.condition, values=values,
             largest=share, support=height,
         )  # fmt: skip
-        _write_instances(to, found, source, method=None if by is None else by.name, values=values, support=height)
+        covered = source.condition == "nlos"
+        forms = [forms_of(mask, image, covered=covered) for mask in found]
+        name = None if by is None else by.name
+        write_instances(to, found, source, forms, method=name, values=values, support=height)
         if drawn is not None:
             from millisight.perception import HIGH_BAND, without_sheets
             from millisight.viz import plot_instances, save_figure
 
-            covered = source.condition == "nlos"
             shown = without_sheets(image, frequency=HIGH_BAND, covered=True) if covered else image
-            save_figure(plot_instances(found, image=shown, title=source.name), drawn)
-        return _entry(source, to, "instances", None if by is None else by.name, [mask.inside for mask in found], None)
+            things = [thing for one in forms for thing in one.things]
+            save_figure(plot_instances(found, image=shown, forms=things, title=source.name), drawn)
+        masks = [mask.inside for mask in found]
+        return {**entry(source, to, "instances", name, masks, None), "objects": [one.plain for one in forms]}
 
     def in_depth(
         source: ImageSource, to: Path, drawn: Path | None, image: SarImage, segmented: Segmented, told: dict[str, Any]
@@ -233,12 +243,12 @@ def segment(
 
         cleaned = without_sheets(image, frequency=HIGH_BAND, covered=segmented.picture.covered)
         voxels = extend_mask(segmented.mask, cleaned)
-        _write_volume(to, voxels, source, told)
+        write_volume(to, voxels, source, told)
         if drawn is not None:
             from millisight.viz import plot_volume, save_figure
 
             save_figure(plot_volume(voxels, image=cleaned, title=source.name), drawn)
-        return _entry(source, to, "volume", told["method"], [voxels.inside], told["score"])
+        return entry(source, to, "volume", told["method"], [voxels.inside], told["score"])
 
     entries: list[dict[str, Any]] = []
 
@@ -264,43 +274,6 @@ def segment(
             answer_json({"images": entries})
 
 
-def _entry(
-    source: ImageSource, to: Path, kind: str, method: str | None, inside: list[Any], score: float | None
-) -> dict[str, Any]:
-    """What --json says of an image."""
-    sizes = [int(one.sum()) for one in inside]
-    return {
-        "image": str(source.path), "name": source.name, "output": str(to), "kind": kind, "method": method,
-        "found": any(sizes), "sizes": sizes, "score": score,
-    }  # fmt: skip
-
-
-def _write_instances(
-    to: Path, found: Instances, source: ImageSource, *, method: str | None, values: str, support: float | None
-) -> None:
-    """The instances, and in their file how they were made."""
-    from millisight.io import save
-    from millisight.io.mito import origin
-
-    provenance = {
-        "image": origin(source.path),
-        "other_band": None if source.other is None else origin(source.other),
-        "method": method,
-        "values": values,
-        **({} if source.condition == "los" else {"condition": source.condition}),
-        **({} if support is None else {"support": support}),
-    }
-    save(to, found, extras={"segmentation": provenance})
-    sizes = ", ".join(str(int(mask.inside.sum())) for mask in found)
-    count = f"{len(found)} object{'' if len(found) == 1 else 's'}" + (f" of {sizes} pixels" if sizes else "")
-    say(f"{source.name}: {count}; wrote {to}")
-    if not len(found) and source.condition != "nlos":
-        say(
-            "  if a lid or a cloth covers the scene, say so: --condition nlos; or take its echo off first: "
-            "millisight image --clutter lid"
-        )
-
-
 def mask_of(
     source: ImageSource, image: SarImage, other: SarImage | None, by: Segmenter, *, values: str = "mean", seed: int,
     **options: Any,
@@ -317,56 +290,6 @@ def mask_of(
     picture = project(image, other_band=other, values=values)
     second = None if other is None else project(other, values=values)
     return find_mask(by, picture, other=second, rng=seed, condition=source.condition, **options)
-
-
-def _told(
-    found: Segmented, source: ImageSource, by: Segmenter, *, seed: int | None, values: str, support: float | None
-) -> dict[str, Any]:
-    """How a mask was made."""
-    from millisight.io.mito import origin
-
-    return {
-        "image": origin(source.path),
-        "other_band": None if source.other is None else origin(source.other),
-        "method": by.name,
-        "score": found.score,
-        "condition": source.condition,
-        "seed": None if found.prompts is None else seed,
-        "values": values,
-        **({} if support is None else {"support": support}),
-        **({"points": [], "positive": []} if found.prompts is None else found.prompts.plain),
-    }
-
-
-def _write_volume(to: Path, found: VolumeMask, source: ImageSource, told: dict[str, Any]) -> None:
-    """The voxels, in their file how they were made, and beside it their surface."""
-    from millisight.io import save
-    from millisight.meshes import write_mesh
-
-    save(to, found, extras={"segmentation": told})
-    if not found.inside.any():
-        say(f"{source.name}: nothing found, by {told['method']}; wrote an empty mask to {to}, and no surface")
-        return
-    surface = to.with_suffix(".ply")
-    write_mesh(surface, found.surface())
-    depths = found.grid.z[found.inside.any(axis=(0, 1))]
-    say(
-        f"{source.name}: {int(found.inside.sum())} voxels, z {depths[0]:.3f} to {depths[-1]:.3f} m, by "
-        f"{told['method']}; wrote {to} and {surface.name}"
-    )
-
-
-def _write(to: Path, found: Segmented, source: ImageSource, by: Segmenter, told: dict[str, Any]) -> None:
-    """The mask, and in its file how it was made."""
-    from millisight.io import save
-
-    save(to, found.mask, extras={"segmentation": told})
-    prompted = "" if found.prompts is None else f" from {len(found.prompts.points)} prompts"
-    share = f"{int(found.inside.sum())} pixels, {100 * found.inside.mean():.1f} %"
-    if not found.inside.any():
-        say(f"{source.name}: nothing found, by {by.name}{prompted}; wrote an empty mask to {to}")
-        return
-    say(f"{source.name}: mask of {share}, by {by.name}{prompted}; wrote {to}")
 
 
 def _check_not_marked(*outputs: Path | None, named: bool) -> None:

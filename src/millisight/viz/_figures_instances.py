@@ -1,5 +1,8 @@
 """Figures of several objects in one image."""
 
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
 import matplotlib
 import numpy as np
 from matplotlib.colors import ListedColormap, to_hex
@@ -10,7 +13,10 @@ from millisight.data import Instances, SarImage, grid_difference
 from millisight.viz import _figures
 from millisight.viz._figures import show_image
 from millisight.viz._figures_perception import draw_mask_outline
-from millisight.viz._panels import Scale, borders, checked_colormap, panel_of, styled
+from millisight.viz._panels import Scale, borders, checked_colormap, draw_outlines, panel_of, styled
+
+if TYPE_CHECKING:
+    from millisight.perception.segmentation import Flat, Round
 
 _COLOURS = "tab10"
 _VEIL = 0.45  # of an object's colour over the image
@@ -22,6 +28,7 @@ def plot_instances(
     instances: Instances,
     *,
     image: SarImage | None = None,
+    forms: "Sequence[Round | Flat]" = (),
     title: str | None = None,
     dynamic_range_db: float = 30,
     colormap: str = "gray",
@@ -32,6 +39,7 @@ def plot_instances(
     ----------
     instances : Instances
     image : on the same pixels; None: nothing below the colours
+    forms : what of them is round or flat, drawn with its size
     title : written above
     dynamic_range_db, colormap : of the image, as for `plot_image`
 
@@ -72,4 +80,5 @@ def plot_instances(
         )
     count = f"{len(instances)} object{'' if len(instances) == 1 else 's'}"
     axes.set_title(count if title is None else f"{title}: {count}")
+    draw_outlines(axes, [(one.outline, one.short) for one in forms])
     return figure
