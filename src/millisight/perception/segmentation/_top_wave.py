@@ -71,23 +71,15 @@ def top_wave(part: np.ndarray, image: SarImage, wavenumber: float) -> TopWave | 
 
     wavenumber : there and back [rad/m]
     """
-    from scipy import fft
     from scipy.ndimage import uniform_filter
 
-    grid, values = image.grid, image.values
-    sides, shape = pixel_sides(image), [fft.next_fast_len(2 * size) for size in part.shape]
-    power = np.square(np.abs(values[part]), dtype=float).sum(axis=0)
-    lit = np.flatnonzero(power >= max(power.max() * 10 ** (_LIT / 10), 1e-300))
-    if not len(lit):
+    found = _strongest(part, image)
+    if found is None:
         return None
-    spectra = np.abs(fft.fft2(np.moveaxis(values[..., lit] * part[..., None], 2, 0), shape))
-    k, i, j = np.unravel_index(int(spectra.argmax()), spectra.shape)
-    k = lit[k]
-    waves = [fft.fftfreq(n, side)[m] for n, side, m in zip(shape, sides, (i, j), strict=True)]
-    about = np.array([grid.x.mean(), grid.y.mean()])
-    phase = WavePhase(about, 2 * np.pi * np.array(waves), np.zeros((2, 2)))
+    (k, phase), grid, sides = found, image.grid, pixel_sides(image)
+    whole = image.values[..., k]
+    alone = np.where(part, whole, 0)
     windows = [max(1, round(_WINDOW / side)) for side in sides]
-    alone = np.where(part, values[..., k], 0)
     level = uniform_filter(np.abs(alone), windows, mode="constant")
     inside, turns = np.zeros(part.shape, bool), phase.on(grid)
     for most, rounds in ((0.0, _ROUNDS), (_MOST_BENT * wavenumber, _BENT_ROUNDS)):
@@ -105,8 +97,24 @@ def top_wave(part: np.ndarray, image: SarImage, wavenumber: float) -> TopWave | 
             turns = phase.on(grid)
             if (inside == before[0]).all() and abs(turns - before[1])[inside].max() < _SETTLED:
                 break
-    turned = values[..., k] * np.exp(-1j * turns)
+    turned = whole * np.exp(-1j * turns)
     return TopWave(phase, float(grid.z[k]), turned * np.exp(-1j * np.angle(turned[inside].sum())), inside)
+
+
+def _strongest(part: np.ndarray, image: SarImage) -> tuple[int, WavePhase] | None:
+    """The slice in which one plane wave of a part (A, B) is strongest, and its phases; None where the part is dark."""
+    from scipy import fft
+
+    grid, power = image.grid, np.square(np.abs(image.values[part]), dtype=float).sum(axis=0)
+    lit = np.flatnonzero(power >= max(power.max() * 10 ** (_LIT / 10), 1e-300))
+    if not len(lit):
+        return None
+    shape = [fft.next_fast_len(2 * size) for size in part.shape]
+    spectra = np.abs(fft.fft2(np.moveaxis(image.values[..., lit] * part[..., None], 2, 0), shape))
+    k, i, j = np.unravel_index(int(spectra.argmax()), spectra.shape)
+    waves = [fft.fftfreq(n, side)[m] for n, side, m in zip(shape, pixel_sides(image), (i, j), strict=True)]
+    about = np.array([grid.x.mean(), grid.y.mean()])
+    return int(lit[k]), WavePhase(about, 2 * np.pi * np.array(waves), np.zeros((2, 2)))
 
 
 def _refined(phase: WavePhase, mean: np.ndarray, inside: np.ndarray, grid: VoxelGrid, *, most: float) -> WavePhase:
