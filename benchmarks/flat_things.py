@@ -138,8 +138,9 @@ def measure(root: Path) -> None:
         if name in ("bulge", "dome"):
             true = 1e3 / BULGING[int(folder[-1])]
             for one in found:
-                most = int(one.curvatures.argmax())
-                off = abs(one.curvatures - (true if name == "dome" else true * (np.arange(2) == most)))
+                curvatures = np.diag(one.curvatures)
+                most = int(curvatures.argmax())
+                off = abs(curvatures - (true if name == "dome" else true * (np.arange(2) == most)))
                 of_height = 1e3 * abs(one.centre[2] - height_at(mesh, one.centre[:2]))
                 bends[key].append([100 * off[most] / true, *np.sort(np.degrees(off * one.sides)), of_height])
             continue

@@ -212,8 +212,8 @@ class TestMasks:
         centre, nothing = np.array([0.05, 0.13, -0.1]), np.zeros((1, 1), bool)
         ball = Round("ball", 0.02, centre, None, 0.04, nothing, nothing)
         top = Flat(
-            "rectangle", centre, np.array([0, 0, 1.0]), np.array([1.0, 0, 0]), np.array([0.06, 0.04]), np.zeros(2), 1.0,
-            nothing,
+            "rectangle", centre, np.array([0, 0, 1.0]), np.array([1.0, 0, 0]), np.array([0.06, 0.04]), np.zeros((2, 2)),
+            1.0, nothing,
         )  # fmt: skip
         found = segmented(mask(slice(3, 7), slice(2, 5)).inside)
         right = viz.plot_segmentation(found, forms=(ball, top)).axes[1]

@@ -16,6 +16,7 @@ from millisight.perception.segmentation._phases import (
     has_phases,
     parts_to_look_at,
     phase_sign,
+    sign_told,
     wavenumber_of,
 )
 from millisight.perception.segmentation._round import CORNERS
@@ -26,6 +27,9 @@ _BEYOND = 0.008  # of the mask, the edge may lie [m]
 _MOST_OF_IT = 0.45  # of a part, that a plane covers
 _NARROWEST = 0.015  # of a plane: a cylinder's crest seems to be one [m]
 _OUTLINED = 0.8  # intersection over union with a rectangle or an ellipse
+_LEAST_PIXELS = 8  # of a top
+_AS_LONG = 0.9  # of an ellipse's longer diameter, the other of a disc
+_STEP, _TELLING = 0.005, 0.08  # between heights of a top's halves, which are two tops; of a top as wide as this [m]
 _LEAST_UPRIGHT = 0.01  # square of a normal's z
 _CLOSE = 0.045  # slices whose waves tell a top's height, to that in which the wave was found [m]
 _BENT_DEG = 3.0  # from edge to edge, from which on a top is called bent
@@ -41,7 +45,8 @@ class Flat(NamedTuple):
     normal : (3,) unit vector there, z positive
     axis : (3,) unit vector at right angles to it along the longer side, x + y positive
     sides : (2,) length and width, or diameters [m]
-    curvatures : (2,) along the longer side, and across [1/m]: above 0 where it bulges up, below where it is hollow
+    curvatures : (2, 2) symmetric, along the longer side and across [1/m]: above 0 on the diagonal where it bulges up,
+        below where it is hollow; beside the diagonal its twist
     share : of the mask's part that it covers
     inside : (A, B) bool, its pixels
     """
@@ -61,11 +66,12 @@ class Flat(NamedTuple):
     def __str__(self) -> str:
         (x, y, z), (length, width) = self.centre, 1e3 * self.sides
         size = f"{length:.0f} x {width:.0f} mm around ({x:.3f}, {y:.3f}, {z:.3f}) m"
-        told = [
-            f", {'bulges' if bend > 0 else 'hollow'} by {abs(bend):.0f} degrees {way}"
-            for bend, way in zip(self.bends_deg, ("along", "across"), strict=True)
-            if abs(bend) >= _BENT_DEG
+        bends = zip(self.bends_deg, ("along", "across"), strict=True)
+        words = [
+            (bend, f"{'bulges' if bend > 0 else 'hollow'} by {abs(bend):.0f} degrees {way}") for bend, way in bends
         ]
+        words.append((self.twist_deg, f"twisted by {abs(self.twist_deg):.0f} degrees"))
+        told = [f", {text}" for turned, text in words if abs(turned) >= _BENT_DEG]
         return (
             f"{'bent' if told else 'flat'} {self.kind} of {size}, {self.tilt_deg:.1f} degrees from level{''.join(told)}"
         )
@@ -78,7 +84,12 @@ class Flat(NamedTuple):
     @property
     def bends_deg(self) -> np.ndarray:
         """(2,) by how much the normal turns from edge to edge, along the longer side and across."""
-        return np.degrees(self.curvatures * self.sides)
+        return np.degrees(np.diag(self.curvatures) * self.sides)
+
+    @property
+    def twist_deg(self) -> float:
+        """By how much the normal turns sideways from end to end along the longer side."""
+        return float(np.degrees(self.curvatures[0, 1] * self.sides[0]))
 
     @property
     def short(self) -> str:
@@ -96,10 +107,7 @@ class Flat(NamedTuple):
     @property
     def plain(self) -> dict[str, Any]:
         """All but the pixels, as JSON has it."""
-        vectors = {
-            name: [float(one) for one in getattr(self, name)]
-            for name in ("centre", "normal", "axis", "sides", "curvatures")
-        }
+        vectors = {name: getattr(self, name).tolist() for name in ("centre", "normal", "axis", "sides", "curvatures")}
         return {"kind": self.kind, **vectors, "share": self.share}
 
 
@@ -154,18 +162,25 @@ def _flat(whole: np.ndarray, image: SarImage) -> Flat | None:
         return None
     inside = _extent(wave, part, near)
     share = float((inside & part).sum() / part.sum())
-    if share < _MOST_OF_IT or abs(wave.values[inside].sum()) < AGREEING * np.abs(wave.values[inside]).sum():
+    if (
+        inside.sum() < _LEAST_PIXELS
+        or share < _MOST_OF_IT
+        or abs(wave.values[inside].sum()) < AGREEING * np.abs(wave.values[inside]).sum()
+    ):
         return None
-    lie = _lie_of(wave, inside, near, wavenumber)
+    lie = _lie_of(wave, inside, near, wavenumber, sign=sign_told(image))
     if lie is None:
         return None
     outline = _outline(inside, grid, lie.normal)
     if outline.alike < _OUTLINED or outline.sides[1] < _NARROWEST:
         return None
+    along = outline.along
+    if outline.kind == "ellipse" and outline.sides[1] > _AS_LONG * outline.sides[0] and lie.bends(outline.sides[0]):
+        along = lie.most_bent  # a disc has no longer side
     rise = -lie.normal[:2] / lie.normal[2]
-    axis = np.array([*outline.along, rise @ outline.along])
-    axis *= (1 if outline.along.sum() > 0 else -1) / np.linalg.norm(axis)
-    curvatures = np.array([lie.curvature(one) for one in (axis, np.cross(lie.normal, axis))])
+    axis = np.array([*along, rise @ along])
+    axis *= (1 if along.sum() > 0 else -1) / np.linalg.norm(axis)
+    curvatures = lie.curvatures(np.stack([axis, np.cross(lie.normal, axis)]))
     everywhere = np.zeros(whole.shape, bool)
     everywhere[box] = inside
     return Flat(
@@ -190,15 +205,29 @@ class _Lie(NamedTuple):
     height: float
     above: float
 
-    def curvature(self, along: np.ndarray) -> float:
-        """Of the top along a unit vector (3,) on it [1/m]."""
-        turned = self.turning @ along[:2]
-        seen = float(along @ [*turned, -(self.normal[:2] @ turned) / self.normal[2]])
-        return seen / (1 - seen * self.above)  # in the slice the wave is farther from its centre, or nearer
+    def curvatures(self, axes: np.ndarray) -> np.ndarray:
+        """(2, 2) of the top along two unit vectors (2, 3) on it [1/m]."""
+        turned = axes[:, :2] @ self.turning
+        seen = axes @ np.column_stack([turned, -(turned @ self.normal[:2]) / self.normal[2]]).T
+        seen = (seen + seen.T) / 2
+        return seen @ np.linalg.inv(np.eye(2) - self.above * seen)  # the slice is farther from the centres, or nearer
+
+    def bends(self, length: float) -> bool:
+        """Whether the normal turns noticeably more over a length [m] one way than another."""
+        return bool(np.degrees(np.ptp(np.linalg.eigvalsh(self.turning)) * length) >= _BENT_DEG)
+
+    @property
+    def most_bent(self) -> np.ndarray:
+        """(2,) unit vector of the direction, seen along z, in which it bends most."""
+        values, ways = np.linalg.eigh(self.turning)
+        return ways[:, np.abs(values).argmax()]
 
 
-def _lie_of(wave: TopWave, inside: np.ndarray, image: SarImage, wavenumber: float) -> _Lie | None:
-    """How a top lies whose wave is found inside (A, B); None where the sign of the phases is not told."""
+def _lie_of(wave: TopWave, inside: np.ndarray, image: SarImage, wavenumber: float, *, sign: int) -> _Lie | None:
+    """How a top lies whose wave is found inside (A, B); None where it may be two, or its height or sign is not told.
+
+    sign : of the phases, where slices do not tell it
+    """
     grid, values, z = image.grid, image.values[inside], image.grid.z
     places = np.stack([axis[some] for axis, some in zip((grid.x, grid.y), np.nonzero(inside), strict=True)], axis=1)
     middle = places.mean(axis=0)
@@ -210,14 +239,25 @@ def _lie_of(wave: TopWave, inside: np.ndarray, image: SarImage, wavenumber: floa
     top = int(power.argmax())
     turns = wavenumber * upright * (z - z[top])
     other = int((power * (1 - np.cos(2 * turns))).argmax())
-    sign = phase_sign(sums[other] * np.conj(sums[top]), turns[other])
-    if not sign:
+    sign = phase_sign(sums[other] * np.conj(sums[top]), turns[other]) or sign
+    if not sign or top in (0, len(z) - 1):
         return None
     normal, turning, away = np.array([*(sign * across), upright]), sign * wave.phase.bends / wavenumber, places - middle
     close = abs(z - wave.height) <= _CLOSE
-    power = _powers(values[:, close], away, z[close] - wave.height, normal, turning, sign * wavenumber)
-    on_average = peak_height(power / growth_with_distance(z[close], z[top]), z[close])
-    height = on_average + float(np.einsum("ni,ij,nj->n", away, turning, away).mean()) / 2
+
+    def height_of(some: np.ndarray) -> float:
+        """Of the middle, by some of the places."""
+        power = _powers(values[some][:, close], away[some], z[close] - wave.height, normal, turning, sign * wavenumber)
+        on_average = peak_height(power / growth_with_distance(z[close], z[top]), z[close])
+        rise = away[some] @ normal[:2] / normal[2] + np.einsum("ni,ij,nj->n", away[some], turning, away[some]) / 2
+        return on_average + float(rise.mean())
+
+    # Tops whose heights differ by half a wavelength have the same phases. Of narrow ones heights of halves tell less.
+    for across in np.linalg.eigh(np.cov(away.T))[1].T @ away.T:
+        step = height_of(across > 0) - height_of(across <= 0)
+        if abs(step) > _STEP * max(1.0, (_TELLING / np.ptp(across)) ** 2):
+            return None
+    height = height_of(np.ones(len(away), bool))
     return _Lie(normal, turning, height, wave.height - height)
 
 

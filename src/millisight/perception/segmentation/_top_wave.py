@@ -22,6 +22,7 @@ _ROUNDS = 4  # in which a direction and its place settle
 _BENT_ROUNDS = 6  # in which a bend does, and its place grows
 _SETTLED = 0.01  # phase by which a round changes it at most [rad]
 _MOST_BENT = 8.0  # [1/m]; what bends more is round
+_AT_THE_LIMIT = 0.98  # of it, a fit would go on
 
 
 class WavePhase(NamedTuple):
@@ -67,7 +68,8 @@ class TopWave(NamedTuple):
 
 
 def top_wave(part: np.ndarray, image: SarImage, wavenumber: float) -> TopWave | None:
-    """The wave that most of a part (A, B) of a mask has; None if none fills a window of it.
+    """The wave that most of a part (A, B) of a mask has, a plane one where it would bend too much; None if none fills a
+    window of it.
 
     wavenumber : there and back [rad/m]
     """
@@ -82,6 +84,7 @@ def top_wave(part: np.ndarray, image: SarImage, wavenumber: float) -> TopWave | 
     windows = [max(1, round(_WINDOW / side)) for side in sides]
     level = uniform_filter(np.abs(alone), windows, mode="constant")
     inside, turns = np.zeros(part.shape, bool), phase.on(grid)
+    plane = phase, inside
     for most, rounds in ((0.0, _ROUNDS), (_MOST_BENT * wavenumber, _BENT_ROUNDS)):
         for _ in range(rounds):
             turned = alone * np.exp(-1j * turns)
@@ -97,7 +100,10 @@ def top_wave(part: np.ndarray, image: SarImage, wavenumber: float) -> TopWave | 
             turns = phase.on(grid)
             if (inside == before[0]).all() and abs(turns - before[1])[inside].max() < _SETTLED:
                 break
-    turned = whole * np.exp(-1j * turns)
+        plane = plane if most else (phase, inside)
+    if np.abs(np.linalg.eigvalsh(phase.bends)).max() >= _AT_THE_LIMIT * _MOST_BENT * wavenumber:
+        phase, inside = plane  # what is small tells no bend, and of what bends more a narrow strip is left
+    turned = whole * np.exp(-1j * phase.on(grid))
     return TopWave(phase, float(grid.z[k]), turned * np.exp(-1j * np.angle(turned[inside].sum())), inside)
 
 
