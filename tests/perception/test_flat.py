@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import millisight as ms
-from helpers.form_images import GRID, ball, bulging, cylinder, flat, lit
+from helpers.form_images import GRID, WAVENUMBER, ball, bulging, cylinder, flat, lit
 from millisight.core.errors import InputError
 from millisight.perception.segmentation import find_flat
 
@@ -79,6 +79,58 @@ def test_its_outline_lies_around_its_pixels(kind):
         assert (found.outline @ way).max() == pytest.approx((places @ way).max(), abs=0.004)
     assert found.outline[0] == pytest.approx(found.outline[-1])
     assert found.short == "80 x 50 mm"
+
+
+def test_a_twisted_top_is_no_plane():
+    x, y = GRID.x[:, None] - CENTRE[0], GRID.y - CENTRE[1]
+    values = flat((0.08, 0.05), CENTRE).values * np.exp(-1j * WAVENUMBER * 4.0 * x * y)[..., None]
+    for one in (values, np.conj(values)):
+        (found,) = of(ms.SarImage(grid=GRID, values=one))
+        assert abs(found.curvatures[0, 1]) == pytest.approx(4, rel=0.05)
+        assert np.diag(found.curvatures) == pytest.approx([0, 0], abs=0.1)
+        assert "bent rectangle" in str(found)
+        assert f"twisted by {abs(found.twist_deg):.0f} degrees" in str(found)
+
+
+def test_a_disc_has_the_axis_along_which_it_bends_most():
+    image = bulging((0.081, 0.081), (*CENTRE[:2], -0.05), 0.3, dome=False)
+    round_ = (np.hypot(GRID.x[:, None] - CENTRE[0], GRID.y - CENTRE[1]) <= 0.04)[..., None]
+    (found,) = of(ms.SarImage(grid=GRID, values=image.values * round_))
+    assert found.kind == "ellipse"
+    assert np.diag(found.curvatures) == pytest.approx([1 / 0.3, 0], rel=0.05, abs=0.1)
+    assert abs(found.axis[0]) == pytest.approx(1, abs=0.01)
+
+
+def test_two_tops_half_a_wavelength_apart_are_none_together():
+    """Their phases are those of one top, their heights are not."""
+    step = 8 * np.pi / WAVENUMBER
+    low, high = (flat((0.05, 0.05), (x, 0, -0.06 + z)).values for x, z in ((-0.026, 0), (0.026, step)))
+    both = ms.SarImage(grid=GRID, values=low + high)
+    assert of(both) == ()
+    alike = ms.SarImage(grid=GRID, values=low + flat((0.05, 0.05), (0.026, 0, -0.06)).values)
+    assert len(of(alike)) == 1
+
+
+def test_a_top_must_lie_within_the_image():
+    image = flat((0.08, 0.05), CENTRE)
+    below = GRID.z < CENTRE[2] - 0.005
+    cut = ms.VoxelGrid(x=GRID.x, y=GRID.y, z=GRID.z[below])
+    assert of(ms.SarImage(grid=cut, values=image.values[..., below])) == ()
+
+
+@pytest.mark.parametrize("made", [True, False])
+def test_slices_a_quarter_of_a_wavelength_apart_tell_no_sign(made):
+    """That of images made here is known."""
+    sines = np.sin(np.radians((4, -6)))
+    normal = np.array([*sines, np.sqrt(1 - sines @ sines)])
+    steps = 6 * np.pi / WAVENUMBER / normal[2]
+    grid = ms.VoxelGrid(x=GRID.x, y=GRID.y, z=CENTRE[2] + steps * np.arange(-12, 20))
+    metadata = {"history": [{"step": "form_image", "frequency": 79e9}]} if made else {}
+    image = ms.SarImage(grid=grid, values=flat((0.08, 0.05), CENTRE, (4, -6), 30, grid=grid).values, metadata=metadata)
+    found = of(image)
+    assert len(found) == made
+    for one in found:
+        assert degrees(one.normal, normal) < 0.1
 
 
 def test_a_plane_does_not_bend():
