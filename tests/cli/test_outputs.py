@@ -109,7 +109,13 @@ def test_images_of_an_experiment_are_not_read_with_it(tmp_path, monkeypatch):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("command", "output"),
-    [("segment", "one.mask.h5"), ("classify", "one.json"), ("image", "one.image.h5"), ("image", "-o . --plot one.png")],
+    [
+        ("segment", "one.mask.h5"),
+        ("classify", "one.json"),
+        ("image", "one.image.h5"),
+        ("image", "-o new --plot one.png"),
+        ("segment", "one.txt"),
+    ],
 )
 def test_one_file_is_no_place_for_what_comes_of_many(tmp_path, command, output):
     for name in ("a", "b"):

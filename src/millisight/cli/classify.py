@@ -18,7 +18,7 @@ from millisight.cli.image_sources import (
     read_as,
 )
 from millisight.cli.options import Images, Multispectral, RadarChoice
-from millisight.cli.outputs import check_outputs, folder_of_many, is_folder, of_folder, output_path
+from millisight.cli.outputs import check_outputs, folders_of_many, is_folder, of_folder, output_path
 from millisight.cli.segment import Condition, OtherBand, PromptSeed, mask_of
 from millisight.core import printable, write_text
 from millisight.core.errors import FileError, InputError
@@ -162,7 +162,7 @@ def classify(
         if not as_json:
             _say_bars(prediction)
         return
-    folder = folder_of_many(output, count=len(found))
+    (folder,) = folders_of_many(output, count=len(found))
     one_by_one(
         found,
         lambda source: one(source, None if folder is None else source.output(_SUFFIX, folder)),

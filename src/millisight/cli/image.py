@@ -10,7 +10,7 @@ from millisight.cli.console import complain, end_with_failures, in_options, say,
 from millisight.cli.grids import outline_mesh, parse_bytes
 from millisight.cli.image_steps import ImageSettings, check_stated, image_of, large_image_of, oddities
 from millisight.cli.options import DataFolder, RadarChoice
-from millisight.cli.outputs import check_outputs, folder_of_many, is_folder, named, of_folder, output_path
+from millisight.cli.outputs import check_outputs, folders_of_many, is_folder, named, of_folder, output_path
 from millisight.cli.sources import Source, sources
 from millisight.core import (
     check_device,
@@ -254,8 +254,7 @@ def _image_all(
     resume: bool,
 ) -> None:
     """Every capture after the other; what failed is said again at the end."""
-    for folder in (output, plot, slices):
-        folder_of_many(folder, count=len(found))
+    folders_of_many(output, plot, slices, count=len(found))
     failures: list[str] = []
     passed_over = 0
     with summed_up("captures"):

@@ -19,7 +19,7 @@ from millisight.core import (
 )
 from millisight.core.errors import InputError, UnknownNameError
 
-_OF_FILES = (*RECORD_SUFFIXES, *FIGURE_SUFFIXES, ".json")
+_OF_FILES = (*RECORD_SUFFIXES, *FIGURE_SUFFIXES, ".json", ".txt", ".csv", ".npy", ".npz", ".ply", ".jpg", ".mat", ".nc")
 
 
 class _Folder(type(Path())):  # ty: ignore[unsupported-base]
@@ -54,8 +54,8 @@ def named(output: Path | None, name: str) -> Path | None:
     return output if output is None or not is_folder(output) else make_folder(output) / name
 
 
-def folder_of_many(output: Path | None, *, count: int) -> Path | None:
-    """The folder for the outputs of many inputs, which is made; None where none is named.
+def folders_of_many(*outputs: Path | None, count: int) -> tuple[Path | None, ...]:
+    """The folders for the outputs of many inputs, made where none has a file's name; None where none is named.
 
     Raises
     ------
@@ -64,14 +64,13 @@ def folder_of_many(output: Path | None, *, count: int) -> Path | None:
     FileError
         It cannot be made.
     """
-    if output is None:
-        return None
-    if output.suffix.lower() in _OF_FILES and not is_folder(output):
-        raise InputError(
-            f"{printable(output)} is the name of one file, and {count} are to be written; pass a folder, such as "
-            f"{printable(output.with_suffix(''))}{os.sep}"
-        )
-    return make_folder(output)
+    for output in outputs:
+        if output is not None and output.suffix.lower() in _OF_FILES and not is_folder(output):
+            raise InputError(
+                f"{printable(output)} is the name of one file, and {count} are to be written; pass a folder, such as "
+                f"{printable(output.with_suffix(''))}{os.sep}"
+            )
+    return tuple(None if output is None else make_folder(output) for output in outputs)
 
 
 def check_outputs(

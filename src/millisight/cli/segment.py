@@ -18,7 +18,7 @@ from millisight.cli.image_sources import (
     one_by_one,
 )
 from millisight.cli.options import Images, Multispectral, RadarChoice, SamDevice
-from millisight.cli.outputs import check_outputs, folder_of_many, is_folder, of_folder, output_path
+from millisight.cli.outputs import check_outputs, folders_of_many, is_folder, of_folder, output_path
 from millisight.cli.segment_outputs import (
     entry,
     forms_of,
@@ -265,7 +265,7 @@ def segment(
             if len(found) == 1 and not is_folder(output):
                 noted(found[0], output or found[0].output(suffix))
                 return
-            folder = folder_of_many(output, count=len(found))
+            (folder,) = folders_of_many(output, count=len(found))
             one_by_one(
                 found, lambda source: noted(source, source.output(suffix, folder)), verb="segment", past="segmented"
             )

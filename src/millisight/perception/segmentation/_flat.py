@@ -116,7 +116,7 @@ def find_flat(mask: Mask, image: SarImage, *, covered: bool = False) -> tuple[Fl
 
     A part has one if most of it has the phases of one wave, plane or about one or two centres of curvature. Steps and
     holes are no hindrance, where the waves on both sides have the same direction. What bends to a radius of less than
-    12.5 cm, is narrower than 15 mm, covers less than 45 % of its part, or is neither a rectangle nor an ellipse is left
+    14 cm, is narrower than 15 mm, covers less than 45 % of its part, or is neither a rectangle nor an ellipse is left
     out.
 
     Parameters
@@ -129,7 +129,7 @@ def find_flat(mask: Mask, image: SarImage, *, covered: bool = False) -> tuple[Fl
     Returns
     -------
     tuple of Flat, at most one of each part; empty where the image is one of magnitudes, its pixels are too coarse for
-        its phases, above 3.2 mm, or its echoes do not fall to a fifth above and below the object, as at 24 GHz
+        its phases, above 3.1 mm, or its echoes do not fall to a fifth above and below the object, as at 24 GHz
 
     Raises
     ------

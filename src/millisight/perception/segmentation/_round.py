@@ -140,7 +140,7 @@ def find_round(mask: Mask, image: SarImage, *, covered: bool = False) -> tuple[R
 
     Returns
     -------
-    tuple of Round; empty where the image is one of magnitudes, its pixels are too coarse for its phases, above 3.2 mm,
+    tuple of Round; empty where the image is one of magnitudes, its pixels are too coarse for its phases, above 3.1 mm,
     or its echoes do not fall to a fifth above and below the object, as at 24 GHz
 
     Raises
