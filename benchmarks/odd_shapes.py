@@ -60,6 +60,24 @@ def around(count: int, solid: Manifold) -> Manifold:
     return union(*(solid.rotate((0, 0, 360 * i / count)) for i in range(count)))
 
 
+def rod_through(*points: Sequence[float], radius: float) -> Manifold:
+    return rod(np.array(points, dtype=float), radius)
+
+
+def hull(*solids: Manifold) -> Manifold:
+    return Manifold.batch_hull(list(solids))
+
+
+def footed(solid: Manifold, z: float = 0.0) -> Manifold:
+    """Cut flat at z, for a foot to stand on."""
+    return solid.trim_by_plane((0, 0, 1), z)
+
+
+def profile_turned(profile: Sequence[Sequence[float]]) -> Manifold:
+    """A profile of radii and heights, turned about z."""
+    return CrossSection([np.array(profile, dtype=float)], FillRule.NonZero).revolve(60)
+
+
 def _letter_r() -> Manifold:
     bow = CrossSection.circle(32, SIDES) - CrossSection.circle(15, SIDES)
     right = CrossSection.square((60, 100)).translate((0, -50))
