@@ -127,6 +127,15 @@ def test_one_file_is_no_place_for_what_comes_of_many(tmp_path, command, output):
     )
 
 
+@pytest.mark.parametrize(("command", "output"), [("segment", "one.mask.h5"), ("classify", "one.json")])
+def test_one_result_of_a_folder_is_the_file_that_is_named(tmp_path, command, output):
+    (tmp_path / "images").mkdir()
+    save(tmp_path / "images/a.image.h5", radar_image())
+    code, _, err = run_inside(command, "images", "--method", "classical", "-o", output, cwd=tmp_path)
+    assert code == 0, err
+    assert (tmp_path / output).is_file()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("typed", ["new/", "there", "./"])
 def test_a_folder_for_one_capture_or_image(tmp_path, typed):

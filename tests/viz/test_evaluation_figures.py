@@ -222,6 +222,9 @@ class TestMasks:
         np.testing.assert_allclose(np.ptp(flat_line, axis=0), [0.06, 0.04])
         assert [text.get_text() for text in right.texts] == ["r 20 mm", "60 x 40 mm"]
         assert not viz.plot_segmentation(found).axes[1].texts
+        alone = ms.Instances(grid_xy=found.mask.grid_xy, labels=found.inside.astype(int), scores=[1.0])
+        (axes,) = viz.plot_instances(alone, forms=(top,)).axes
+        assert "60 x 40 mm" in [text.get_text() for text in axes.texts]
 
     def test_a_photo_is_refused(self):
         photo = Picture(rgb=np.zeros((4, 5, 3), np.uint8))

@@ -25,16 +25,9 @@ class Forms(NamedTuple):
 
 def forms_of(mask: Mask, image: SarImage, *, covered: bool) -> Forms:
     """The balls, cylinders and flat tops of a mask on an image."""
-    things = find_round(mask, image, covered=covered)
-    tops = [top for top in find_flat(mask, image, covered=covered) if not any(_lies_on(top, one) for one in things)]
-    found = [list(things), tops]
-    plain = {name: [one.plain for one in ones] for name, ones in zip(("round", "flat"), found, strict=True)}
-    return Forms([*found[0], *found[1]], plain)
-
-
-def _lies_on(top: Flat, thing: Round) -> bool:
-    """Whether most of a top is a round thing's crest."""
-    return bool((top.inside & thing.around).sum() > top.inside.sum() / 2)
+    things, tops = (find(mask, image, covered=covered) for find in (find_round, find_flat))
+    plain = {"round": [one.plain for one in things], "flat": [one.plain for one in tops]}
+    return Forms([*things, *tops], plain)
 
 
 def entry(

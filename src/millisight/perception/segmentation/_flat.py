@@ -16,7 +16,6 @@ from millisight.perception.segmentation._phases import (
     has_phases,
     parts_to_look_at,
     phase_sign,
-    sign_told,
     wavenumber_of,
 )
 from millisight.perception.segmentation._round import CORNERS
@@ -156,8 +155,8 @@ def _flat(whole: np.ndarray, image: SarImage) -> Flat | None:
     margins = [round(_BEYOND / side) + 1 for side in pixel_sides(image)]
     box = tuple(slice(max(i.min() - n, 0), i.max() + n + 1) for i, n in zip(np.nonzero(whole), margins, strict=True))
     grid = VoxelGrid(x=image.grid.x[box[0]], y=image.grid.y[box[1]], z=image.grid.z)
-    near, part, wavenumber = SarImage(grid=grid, values=image.values[box]), whole[box], wavenumber_of(image)
-    wave = top_wave(part, near, wavenumber)
+    near, part = SarImage(grid=grid, values=image.values[box], metadata=image.metadata), whole[box]
+    wave = top_wave(part, near, wavenumber_of(image))
     if wave is None:
         return None
     inside = _extent(wave, part, near)
@@ -168,7 +167,7 @@ def _flat(whole: np.ndarray, image: SarImage) -> Flat | None:
         or abs(wave.values[inside].sum()) < AGREEING * np.abs(wave.values[inside]).sum()
     ):
         return None
-    lie = _lie_of(wave, inside, near, wavenumber, sign=sign_told(image))
+    lie = _lie_of(wave, inside, near)
     if lie is None:
         return None
     outline = _outline(inside, grid, lie.normal)
@@ -223,12 +222,9 @@ class _Lie(NamedTuple):
         return ways[:, np.abs(values).argmax()]
 
 
-def _lie_of(wave: TopWave, inside: np.ndarray, image: SarImage, wavenumber: float, *, sign: int) -> _Lie | None:
-    """How a top lies whose wave is found inside (A, B); None where it may be two, or its height or sign is not told.
-
-    sign : of the phases, where slices do not tell it
-    """
-    grid, values, z = image.grid, image.values[inside], image.grid.z
+def _lie_of(wave: TopWave, inside: np.ndarray, image: SarImage) -> _Lie | None:
+    """How a top lies whose wave is found inside (A, B); None where it may be two, or its height or sign is not told."""
+    grid, values, z, wavenumber = image.grid, image.values[inside], image.grid.z, wavenumber_of(image)
     places = np.stack([axis[some] for axis, some in zip((grid.x, grid.y), np.nonzero(inside), strict=True)], axis=1)
     middle = places.mean(axis=0)
     across = wave.phase.slopes_at(middle) / wavenumber
@@ -239,7 +235,7 @@ def _lie_of(wave: TopWave, inside: np.ndarray, image: SarImage, wavenumber: floa
     top = int(power.argmax())
     turns = wavenumber * upright * (z - z[top])
     other = int((power * (1 - np.cos(2 * turns))).argmax())
-    sign = phase_sign(sums[other] * np.conj(sums[top]), turns[other]) or sign
+    sign = phase_sign(sums[other] * np.conj(sums[top]), turns[other], image)
     if not sign or top in (0, len(z) - 1):
         return None
     normal, turning, away = np.array([*(sign * across), upright]), sign * wave.phase.bends / wavenumber, places - middle
@@ -253,9 +249,9 @@ def _lie_of(wave: TopWave, inside: np.ndarray, image: SarImage, wavenumber: floa
         return on_average + float(rise.mean())
 
     # Tops whose heights differ by half a wavelength have the same phases. Of narrow ones heights of halves tell less.
-    for across in np.linalg.eigh(np.cov(away.T))[1].T @ away.T:
-        step = height_of(across > 0) - height_of(across <= 0)
-        if abs(step) > _STEP * max(1.0, (_TELLING / np.ptp(across)) ** 2):
+    for aside in np.linalg.eigh(np.cov(away.T))[1].T @ away.T:
+        step = height_of(aside > 0) - height_of(aside <= 0)
+        if abs(step) > _STEP * max(1.0, (_TELLING / np.ptp(aside)) ** 2):
             return None
     height = height_of(np.ones(len(away), bool))
     return _Lie(normal, turning, height, wave.height - height)

@@ -48,20 +48,16 @@ def parts_to_look_at(mask: np.ndarray, image: SarImage) -> Iterator[np.ndarray]:
     yield from (parts == number for number in np.flatnonzero(areas >= _LEAST_AREA) + 1)
 
 
-def sign_told(image: SarImage) -> int:
-    """The sign, as of `phase_sign`, of images that `form_image` made; 0 of others.
-
-    Slices do not tell it where their distance is a multiple of a quarter of a wavelength.
-    """
-    return -1 if any(step.get("step") == "form_image" for step in image.metadata.get("history", ())) else 0
-
-
-def phase_sign(turned: np.ndarray, turns: np.ndarray) -> int:
+def phase_sign(turned: np.ndarray, turns: np.ndarray, image: SarImage) -> int:
     """By which sign of the wave numbers along z one slice's waves become another's: 1, -1, or 0 if neither is clear.
 
+    Slices do not tell it where their distance is a multiple of a quarter of a wavelength: then it is known of images
+    that `form_image` made.
+
     turned : the other slice's waves times the conjugate ones of this; turns : kz times the distance [rad]
+    image : with its history
     """
     up, down = (turned * np.exp(-1j * turns)).sum().real, (turned * np.exp(1j * turns)).sum().real
     if abs(up - down) < _SIGN * np.abs(turned).sum():
-        return 0
+        return -1 if any(step.get("step") == "form_image" for step in image.metadata.get("history", ())) else 0
     return 1 if up > down else -1

@@ -20,7 +20,6 @@ from millisight.perception.segmentation._phases import (
     has_phases,
     parts_to_look_at,
     phase_sign,
-    sign_told,
     wavenumber_of,
 )
 
@@ -248,7 +247,7 @@ def _focus(
     # From one slice to another a spectrum turns by kz times their distance, one way or the other: the slice is taken
     # where the two differ most.
     other = int((power[near] * (1 - np.cos(2 * wavenumber * (z[near] - z[top])))).argmax())
-    sign = phase_sign(spectra[other] * np.conj(spectrum), kz * (z[near[other]] - z[top])) or sign_told(image)
+    sign = phase_sign(spectra[other] * np.conj(spectrum), kz * (z[near[other]] - z[top]), image)
     if not sign:
         return None
 

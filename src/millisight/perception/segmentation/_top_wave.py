@@ -73,38 +73,21 @@ def top_wave(part: np.ndarray, image: SarImage, wavenumber: float) -> TopWave | 
 
     wavenumber : there and back [rad/m]
     """
-    from scipy.ndimage import uniform_filter
-
     found = _strongest(part, image)
     if found is None:
         return None
-    (k, phase), grid, sides = found, image.grid, pixel_sides(image)
+    (k, start), most = found, _MOST_BENT * wavenumber
     whole = image.values[..., k]
-    alone = np.where(part, whole, 0)
-    windows = [max(1, round(_WINDOW / side)) for side in sides]
-    level = uniform_filter(np.abs(alone), windows, mode="constant")
-    inside, turns = np.zeros(part.shape, bool), phase.on(grid)
-    plane = phase, inside
-    for most, rounds in ((0.0, _ROUNDS), (_MOST_BENT * wavenumber, _BENT_ROUNDS)):
-        for _ in range(rounds):
-            turned = alone * np.exp(-1j * turns)
-            mean = uniform_filter(turned.real, windows, mode="constant") + 1j * uniform_filter(
-                turned.imag, windows, mode="constant"
-            )
-            agreeing = part & (np.abs(mean) >= AGREEING * level) & (level >= level.max() * 10 ** (_BRIGHT / 20))
-            if not agreeing.any():
-                return None
-            parts, _ = parts_of(agreeing)
-            before, inside = (inside, turns), parts == np.bincount(parts.ravel())[1:].argmax() + 1
-            phase = _refined(phase, mean, inside, grid, most=most)
-            turns = phase.on(grid)
-            if (inside == before[0]).all() and abs(turns - before[1])[inside].max() < _SETTLED:
-                break
-        plane = plane if most else (phase, inside)
-    if np.abs(np.linalg.eigvalsh(phase.bends)).max() >= _AT_THE_LIMIT * _MOST_BENT * wavenumber:
-        phase, inside = plane  # what is small tells no bend, and of what bends more a narrow strip is left
-    turned = whole * np.exp(-1j * phase.on(grid))
-    return TopWave(phase, float(grid.z[k]), turned * np.exp(-1j * np.angle(turned[inside].sum())), inside)
+    alone, nowhere = np.where(part, whole, 0), np.zeros(part.shape, bool)
+    plane = _settled(start, nowhere, alone, part, image, rounds=_ROUNDS, most=0.0)
+    bent = plane and _settled(*plane, alone, part, image, rounds=_BENT_ROUNDS, most=most)
+    if plane is None or bent is None:
+        return None
+    # What is small tells no bend, and of what bends more a narrow strip is left.
+    too_much = np.abs(np.linalg.eigvalsh(bent[0].bends)).max() >= _AT_THE_LIMIT * most
+    phase, inside = plane if too_much else bent
+    turned = whole * np.exp(-1j * phase.on(image.grid))
+    return TopWave(phase, float(image.grid.z[k]), turned * np.exp(-1j * np.angle(turned[inside].sum())), inside)
 
 
 def _strongest(part: np.ndarray, image: SarImage) -> tuple[int, WavePhase] | None:
@@ -121,6 +104,43 @@ def _strongest(part: np.ndarray, image: SarImage) -> tuple[int, WavePhase] | Non
     waves = [fft.fftfreq(n, side)[m] for n, side, m in zip(shape, pixel_sides(image), (i, j), strict=True)]
     about = np.array([grid.x.mean(), grid.y.mean()])
     return int(lit[k]), WavePhase(about, 2 * np.pi * np.array(waves), np.zeros((2, 2)))
+
+
+def _settled(
+    phase: WavePhase,
+    inside: np.ndarray,
+    alone: np.ndarray,
+    part: np.ndarray,
+    image: SarImage,
+    *,
+    rounds: int,
+    most: float,
+) -> tuple[WavePhase, np.ndarray] | None:
+    """Phases that fit a slice (A, B), 0 beside its part, and where they do, (A, B) bool; None if nowhere.
+
+    phase, inside : to begin with; most : that the phases bend by, 0: not at all
+    """
+    from scipy.ndimage import uniform_filter
+
+    grid, windows = image.grid, [max(1, round(_WINDOW / side)) for side in pixel_sides(image)]
+    level = uniform_filter(np.abs(alone), windows, mode="constant")
+    bright = part & (level >= level.max() * 10 ** (_BRIGHT / 20))
+    turns = phase.on(grid)
+    for _ in range(rounds):
+        turned = alone * np.exp(-1j * turns)
+        mean = uniform_filter(turned.real, windows, mode="constant") + 1j * uniform_filter(
+            turned.imag, windows, mode="constant"
+        )
+        agreeing = bright & (np.abs(mean) >= AGREEING * level)
+        if not agreeing.any():
+            return None
+        parts, _ = parts_of(agreeing)
+        before, inside = (inside, turns), parts == np.bincount(parts.ravel())[1:].argmax() + 1
+        phase = _refined(phase, mean, inside, grid, most=most)
+        turns = phase.on(grid)
+        if (inside == before[0]).all() and abs(turns - before[1])[inside].max() < _SETTLED:
+            break
+    return phase, inside
 
 
 def _refined(phase: WavePhase, mean: np.ndarray, inside: np.ndarray, grid: VoxelGrid, *, most: float) -> WavePhase:
