@@ -148,27 +148,30 @@ class SurfaceScatterers:
             )
 
     def bounces_from(self, place: np.ndarray, seen: np.ndarray) -> Pairs:
-        """Double bounces for antennas about `place` (3,) [m]; the first off those of `places` that are `seen` (V,)."""
+        """Double bounces for antennas about `place` (3,) [m], the shortest paths first, since neighbours then share a
+        range bin; the first off those of `places` that are `seen` (V,).
+        """
         first, second = double_bounces(place, seen[self._solid], *self._mirrors, self.caster)
-        return self._solid[first], self._solid[second]
+        first, second = self._solid[first], self._solid[second]
+        one, other = self._centroids[first], self._centroids[second]
+        legs = one - place, other - one, other - place
+        order = np.argsort(sum(np.sqrt(np.einsum("mi,mi->m", leg, leg)) for leg in legs))
+        return first[order], second[order]
 
     def _bounce_tables(self, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, ...]:
-        """(20, M), (M, 2), (K + 1,) and (K, 2), see `_bounce_kernels.bounce_echoes`."""
+        """(4, M), (16, M), (M, 2), (K + 1,) and (K, 2), see `_bounce_kernels.bounce_echoes`."""
         clusters = self._cluster[np.column_stack([first, second])]
         surfaces = self._surface[clusters]
         order = np.lexsort(surfaces.T)
         first, second = first[order], second[order]
         changes = np.flatnonzero((np.diff(surfaces[order], axis=0) != 0).any(axis=1)) + 1
         starts = np.concatenate([[0], changes, [len(first)]]).astype(np.int64)
-        start, normal = self._centroids[first], self._normals[second]
-        columns = (
-            start, self._normals[first], normal, self._corners[first, 0] - start, self._corners[first, 1] - start,
-            self._areas[first], np.einsum("mi,mi->m", start - self._centroids[second], normal),
-            start - self._centers[self._cluster[first]],
-        )  # fmt: skip
-        table = np.empty((20, len(first)))
-        np.concatenate([np.atleast_2d(column.T) for column in columns], out=table)
-        return table, clusters[order], starts, surfaces[order][starts[:-1]]
+        places, pairs = np.empty((4, len(first))), np.empty((16, len(first)), dtype=np.float32)
+        start = self._centroids[first]
+        places[:3], places[3] = start.T, np.einsum("mi,mi->m", start - self._centroids[second], self._normals[second])
+        np.take(self._table[:13], first, axis=1, out=pairs[:13], mode="clip")
+        np.take(self._table[3:6], second, axis=1, out=pairs[13:], mode="clip")
+        return places, pairs, clusters[order], starts, surfaces[order][starts[:-1]]
 
     def frames(
         self,
