@@ -18,8 +18,12 @@ MIDDLE = 16 / CORE  # a voxel of a field, interpolated along its first axis by e
 MERGED = 44 / CORE  # the same along the other axis, its phase turned, and summed [s]
 PRODUCT = 8 / CORE  # a complex product and sum [s]
 PATCH_PAIR = 117 / CORE  # a patch and a channel that it faces (see test_rig.py) [s]
+# A double bounce and a channel, of which four receivers in a line have two nodes and one transmitter [s]: 118 for the way
+# to the second plane, 163 a node for what returns, 100 a channel for its path, phase and moments.
+BOUNCE_PAIR = (118 + 2 * 163 + 4 * 100) / 4 / CORE
 ANGLE = 15 / CORE  # a vertex and a position: the specular angle [s]
 RAY = 1 / 3e6  # Embree on one core [s]
+NEAR_RAY = 1 / 6e6  # the same, of rays that start or end side by side, as the rig's do [s]
 BYTE = 1 / 20e9  # read or written [s]
 
 COSTS = {
@@ -28,6 +32,8 @@ COSTS = {
     "merged voxels": MERGED,
     "complex products": PRODUCT,
     "patch pairs": PATCH_PAIR,
+    "bounce pairs": BOUNCE_PAIR,
+    "near rays": NEAR_RAY,
     "angles": ANGLE,
     "rays": RAY,
     "bytes": BYTE,
@@ -44,7 +50,8 @@ def core_seconds(counted: Counter[str]) -> float:
 def counting() -> Iterator[Counter[str]]:
     """Count what images, simulated signals and the rig's optics compute in this block."""
     from millisight.imaging import _backprojection, _fast
-    from millisight.rig.virtual._scatterers import SurfaceScatterers
+    from millisight.meshes import RayCaster
+    from millisight.rig.virtual import _scatterers
     from millisight.simulation import _simulate
     from millisight.simulation._scatterers import Scatterers
 
@@ -70,7 +77,7 @@ def counting() -> Iterator[Counter[str]]:
         counted["angles"] += weights.size
         counted["bytes"] += 8 * channels * frames.shape[-1]
 
-    def facing(scatterers: Any, antennas: np.ndarray, *_: Any) -> None:
+    def facing(scatterers: Any, antennas: np.ndarray, *rest: Any) -> None:
         real = scatterers._areas > 0
         normals, places = scatterers._normals[real], scatterers._centroids[real]
         heights = np.einsum("ni,ni->n", normals, places)
@@ -78,11 +85,24 @@ def counting() -> Iterator[Counter[str]]:
         share = (some @ normals.T > heights).mean()
         channels = len(antennas) * (antennas.shape[1] - 1)
         counted["patch pairs"] += round(share * len(places) * channels)
+        counted["bounce pairs"] += sum(run * len(first) for run, (first, _) in rest[-1]) * (antennas.shape[1] - 1)
+
+    class Caster(RayCaster):
+        """The rig's, which counts its rays."""
+
+        def first(self, starts: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            counted["near rays"] += len(directions)
+            return super().first(starts, directions)
+
+        def blocked(self, starts: np.ndarray, stop: np.ndarray) -> np.ndarray:
+            counted["near rays"] += len(starts)
+            return super().blocked(starts, stop)
 
     with (
         around(Scatterers, "sees", rays),
         around(_simulate, "_add_signals", signals),
-        around(SurfaceScatterers, "frames", facing),
+        around(_scatterers.SurfaceScatterers, "frames", facing),
+        mock.patch.object(_scatterers, "RayCaster", Caster),
         mock.patch.object(_fast, "kernels_on", _counted(_fast.kernels_on, counted)),
         mock.patch.object(_backprojection, "kernels_on", _counted(_backprojection.kernels_on, counted)),
     ):

@@ -103,6 +103,7 @@ def generate(scale: float) -> Step:
 STEPS: dict[str, Callable[[float], Step]] = {
     "rig": lambda scale: rig(scale, "none"),
     "rig-carton": lambda scale: rig(scale, "carton"),
+    "rig-whole": lambda scale: rig(5 * scale, "carton"),
     "r": r,
     "r-direct": lambda scale: r(scale, "backprojection"),
     "s-specular": lambda scale: s(scale, "specular"),

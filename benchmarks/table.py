@@ -36,6 +36,7 @@ NOW = HERE.parent
 VERSIONS = {
     "rig": "rig: a mug, 77 GHz",
     "rig-carton": "rig: a mug in a carton, 77 GHz",
+    "rig-whole": "rig: the same from 15 000 positions, a whole capture",
     "r": "R, the real-size image",
     "s-specular": "S, specular: signals and image",
     "s-edge": "S, edge: signals and image",
