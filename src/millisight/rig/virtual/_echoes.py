@@ -128,7 +128,7 @@ class EchoModel:
             antennas = self._antennas(plan)
             self._nodes = Nodes.of(radar.array, float(self._scatterers.distances(antennas.reshape(-1, 3)).min()))
             self._shadows = ShadowCells(
-                self._scatterers.caster, self._scatterers.places, self._scatterers.directions, antennas
+                self._scatterers.shade, self._scatterers.places, self._scatterers.directions, antennas
             )
 
     def frames(self, trajectory: Trajectory, *, progress: Callable[[int, int], None] | None = None) -> np.ndarray:

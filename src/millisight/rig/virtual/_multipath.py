@@ -24,12 +24,17 @@ _STEEPEST = NO_SLOPE + 0.2  # slope of a path in the middle of a cell, over whic
 
 
 def double_bounces(
-    place: np.ndarray, lit: np.ndarray, centroids: np.ndarray, normals: np.ndarray, caster: RayCaster
+    place: np.ndarray,
+    lit: np.ndarray,
+    centroids: np.ndarray,
+    normals: np.ndarray,
+    caster: RayCaster,
+    shade: RayCaster,
 ) -> tuple[np.ndarray, np.ndarray]:
     """(M,) patches that mirror a wave from `place` (3,) [m], and (M,) the ones that it meets next and that see `place`.
 
-    `centroids` and `normals` (N, 3) are those of the patches, the triangles of `caster`; `lit` (N,) bool is False where
-    a patch is known to be hidden from `place`.
+    `centroids` and `normals` (N, 3) are those of the patches, the triangles of `caster`; `shade` holds what blocks
+    views, which may be of fewer triangles; `lit` (N,) bool is False where a patch is known to be hidden from `place`.
     """
     numbers = np.empty(len(centroids), dtype=np.int64)
     starts, ways = np.empty((2, len(centroids), 3))
@@ -39,7 +44,7 @@ def double_bounces(
     kept, ends = np.empty(count, dtype=np.int64), np.empty((count, 3))
     count = returning_ways(place, starts, ways, second, reach, normals, _SLANT, _STEEPEST, LIFT, kept, ends)
     kept, ends = kept[:count], ends[:count]
-    seen = ~caster.blocked(starts[kept], place)
+    seen = ~shade.blocked(starts[kept], place)
     kept, ends = kept[seen], ends[seen]
-    kept = kept[~caster.blocked(ends, place)]
+    kept = kept[~shade.blocked(ends, place)]
     return first[kept], second[kept]
