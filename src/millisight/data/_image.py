@@ -166,6 +166,16 @@ class SarImage:
                 return tuple(float(one) for one in cast(Sequence[float], held))
         return ()
 
+    @property
+    def antennas(self) -> tuple[float, float, float] | None:
+        """The middle of the antennas' positions [m], as `form_image` notes it; None where the history does not tell."""
+        for step in reversed(self.metadata.get("history", ())):
+            held = cast(Sequence[Any], step.get("antennas", ()))
+            if isinstance(held, list | tuple) and len(held) == 3 and all(isinstance(one, float) for one in held):
+                x, y, z = held
+                return x, y, z
+        return None
+
     def to_xarray(self, *, parts: bool = False) -> Any:
         """The image for xarray, with coordinates in metres; `from_xarray` reads it back.
 

@@ -131,8 +131,15 @@ def form_image(
     steps = () if method == "sparse" else steps_of(capture)  # "sparse" leaves no ghosts to tell of
     if steps:
         settings["steps"] = list(steps)
+    settings["antennas"] = [float(one) for one in antennas_of(capture)]
     values.flags.writeable = False
     return SarImage(grid=grid, values=values, metadata=with_step(capture.metadata, "form_image", **settings))
+
+
+def antennas_of(capture: Capture) -> np.ndarray:
+    """(3,) the middle of all positions of a capture's antennas [m]. Images keep it as `SarImage.antennas`."""
+    tx, rx = capture.tx_positions, capture.rx_positions
+    return (tx.mean(axis=(0, 1)) + rx.mean(axis=(0, 1))) / 2
 
 
 def check_tolerance(tolerance: float) -> float:

@@ -5,7 +5,7 @@ import numpy as np
 from millisight.core import checked_record, with_step
 from millisight.core.errors import InputError
 from millisight.data import Capture, Radar, SarImage, VoxelGrid
-from millisight.imaging._form import TOLERANCE, form_image
+from millisight.imaging._form import TOLERANCE, antennas_of, form_image
 from millisight.imaging._windows import window_pair
 
 
@@ -46,6 +46,7 @@ class GrowingImage:
         self._window, self._tolerance = window_pair((window, None)), tolerance
         self._sum = np.zeros(grid.shape, dtype=np.complex128)
         self._channels = 0
+        self._antennas = np.zeros(3)  # their sum over channels
         self._radar: Radar | None = None
         self.poses: int = 0
         self.change: float = float("inf")
@@ -72,6 +73,7 @@ class GrowingImage:
         old = self._sum / max(self._channels, 1)
         self._sum += capture.channels * part.values.astype(np.complex128)
         self._radar, self._channels = radar, self._channels + capture.channels
+        self._antennas += capture.channels * antennas_of(capture)
         self.poses += len(capture.trajectory)
         new = self._sum / self._channels
         size = float(np.linalg.norm(new))
@@ -95,5 +97,6 @@ class GrowingImage:
             window=list(self._window),
             frequency=float(self._radar.waveform.center_frequency),
             tolerance=TOLERANCE if self._tolerance is None else self._tolerance,
+            antennas=(self._antennas / self._channels).tolist(),
         )
         return SarImage(grid=self.grid, values=(self._sum / self._channels).astype(np.complex64), metadata=metadata)

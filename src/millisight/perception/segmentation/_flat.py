@@ -4,25 +4,31 @@ Within its outline a slice of the image has the wave of a top, see `_top_wave`. 
 real and positive there, and half as high at the edges.
 """
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from millisight.core import checked_array, put, record
 from millisight.data import Mask, SarImage, VoxelGrid
-from millisight.perception.segmentation._heights import growth_with_distance, peak_height, pixel_sides
+from millisight.perception.segmentation._heights import distance_of, echo_height, growth_with_distance, pixel_sides
 from millisight.perception.segmentation._parts import parts_of
 from millisight.perception.segmentation._phases import (
     cleaned_under,
     has_phases,
     parts_to_look_at,
     phase_sign,
+    reaches_edge,
+    seen_from_below,
+    turned_over,
     wavenumber_of,
 )
-from millisight.perception.segmentation._round import CORNERS
+from millisight.perception.segmentation._round import CORNERS, CUT
 from millisight.perception.segmentation._top_wave import AGREEING, TopWave, top_wave
 
 _EDGE = 0.5  # of the amplitude on the plane, where it ends
 _BEYOND = 0.008  # of the mask, the edge may lie [m]
+_AROUND, _GOES_ON = 0.016, 0.5  # of the mask, and more of what lies there than this: a plane that is not the mask's [m]
 _MOST_OF_IT = 0.45  # of a part, that a plane covers
 _NARROWEST = 0.015  # of a plane: a cylinder's crest seems to be one [m]
 _OUTLINED = 0.8  # intersection over union with a rectangle or an ellipse
@@ -31,22 +37,25 @@ _AS_LONG = 0.9  # of an ellipse's longer diameter, the other of a disc
 _STEP, _TELLING = 0.005, 0.1  # between heights of a top's halves, which are two tops; of a top as wide as this [m]
 _LEAST_UPRIGHT = 0.01  # square of a normal's z
 _CLOSE = 0.045  # slices whose waves tell a top's height, to that in which the wave was found [m]
+_HOLE = 0.5  # of a top's echo, that the image must have had before sheets were taken off
 _BENT_DEG = 3.0  # from edge to edge, from which on a top is called bent
 
 
-class Flat(NamedTuple):
+@record
+class Flat:
     """A flat or slightly bent top, seen along z.
 
     Attributes
     ----------
     kind : "rectangle" or "ellipse"
     centre : (3,) of the outline, on the top [m]
-    normal : (3,) unit vector there, z positive
+    normal : (3,) unit vector there, towards the antennas: z positive, unless the image was seen from below
     axis : (3,) unit vector at right angles to it along the longer side, x + y positive
     sides : (2,) length and width, or diameters [m]
     curvatures : (2, 2) symmetric, along the longer side and across [1/m]: above 0 on the diagonal where it bulges up,
         below where it is hollow; beside the diagonal its twist
     share : of the mask's part that it covers
+    cut : whether its outline reaches the picture's edge, beyond which it may go on: sides and kind are then what is seen
     inside : (A, B) bool, its pixels
     """
 
@@ -57,7 +66,13 @@ class Flat(NamedTuple):
     sides: np.ndarray
     curvatures: np.ndarray
     share: float
+    cut: bool
     inside: np.ndarray
+
+    def __post_init__(self) -> None:
+        for name, shape in (("centre", (3,)), ("normal", (3,)), ("axis", (3,)), ("sides", (2,)), ("curvatures", (2, 2))):
+            put(self, **{name: checked_array(getattr(self, name), name=name, shape=shape)})
+        put(self, inside=checked_array(self.inside, name="inside", shape=("A", "B"), dtype=bool))
 
     def __repr__(self) -> str:
         return f"Flat({self})"
@@ -71,14 +86,13 @@ class Flat(NamedTuple):
         ]
         words.append((self.twist_deg, f"twisted by {abs(self.twist_deg):.0f} degrees"))
         told = [f", {text}" for turned, text in words if abs(turned) >= _BENT_DEG]
-        return (
-            f"{'bent' if told else 'flat'} {self.kind} of {size}, {self.tilt_deg:.1f} degrees from level{''.join(told)}"
-        )
+        form = f"{'bent' if told else 'flat'} {self.kind} of {size}, {self.tilt_deg:.1f} degrees from level"
+        return f"{form}{''.join(told)}{CUT if self.cut else ''}"
 
     @property
     def tilt_deg(self) -> float:
         """Between the normal and z."""
-        return float(np.degrees(np.arccos(min(self.normal[2], 1.0))))
+        return float(np.degrees(np.arccos(min(abs(self.normal[2]), 1.0))))
 
     @property
     def bends_deg(self) -> np.ndarray:
@@ -107,7 +121,13 @@ class Flat(NamedTuple):
     def plain(self) -> dict[str, Any]:
         """All but the pixels, as JSON has it."""
         vectors = {name: getattr(self, name).tolist() for name in ("centre", "normal", "axis", "sides", "curvatures")}
-        return {"kind": self.kind, **vectors, "share": self.share}
+        return {"kind": self.kind, **vectors, "share": self.share, "cut": self.cut}
+
+    @property
+    def turned_over(self) -> "Flat":
+        """Mirrored in z."""
+        up = np.array([1, 1, -1])
+        return replace(self, centre=self.centre * up, normal=self.normal * up, axis=self.axis * up)
 
 
 def find_flat(mask: Mask, image: SarImage, *, covered: bool = False) -> tuple[Flat, ...]:
@@ -136,7 +156,20 @@ def find_flat(mask: Mask, image: SarImage, *, covered: bool = False) -> tuple[Fl
         The mask is on other pixels than the image.
     """
     cleaned = cleaned_under(mask, image, covered=covered)
-    return () if cleaned is None else tuple(flat_things(mask.inside, cleaned))
+    if cleaned is None:
+        return ()
+    found = flat_things(mask.inside, cleaned)
+    return tuple(one for one in found if not _is_hole(one, image, cleaned))
+
+
+def _is_hole(top: Flat, image: SarImage, cleaned: SarImage) -> bool:
+    """Whether a top came with taking off sheets: where an object hides a part of a table, a hole of its shape is left.
+
+    What is taken off with a lid may be a table below it as well.
+    """
+    slice_ = int(abs(image.grid.z - top.centre[2]).argmin())
+    before, after = (one.values[..., slice_][top.inside] for one in (image, cleaned))
+    return bool(np.vdot(after, before).real < _HOLE * np.vdot(after, after).real)
 
 
 def flat_things(mask: np.ndarray, image: SarImage) -> list[Flat]:
@@ -146,20 +179,29 @@ def flat_things(mask: np.ndarray, image: SarImage) -> list[Flat]:
     """
     if not has_phases(image):
         return []
+    if seen_from_below(image):
+        return [one.turned_over for one in flat_things(mask, turned_over(image))]
     found = (_flat(part, image) for part in parts_to_look_at(mask, image))
     return [one for one in found if one is not None]
 
 
 def _flat(whole: np.ndarray, image: SarImage) -> Flat | None:
-    """What is flat in a part (A, B) of a mask, if most of it is."""
-    margins = [round(_BEYOND / side) + 1 for side in pixel_sides(image)]
+    """What is flat in a part (A, B) of a mask, if most of it is, and that ends about where the part does."""
+    from scipy.ndimage import distance_transform_edt
+
+    margins = [round(_AROUND / side) + 1 for side in pixel_sides(image)]
     box = tuple(slice(max(i.min() - n, 0), i.max() + n + 1) for i, n in zip(np.nonzero(whole), margins, strict=True))
     grid = VoxelGrid(x=image.grid.x[box[0]], y=image.grid.y[box[1]], z=image.grid.z)
     near, part = SarImage(grid=grid, values=image.values[box], metadata=image.metadata), whole[box]
     wave = top_wave(part, near, wavenumber_of(image))
     if wave is None:
         return None
-    inside = _extent(wave, part, near)
+    level = _EDGE * float(np.median(wave.values.real[wave.inside]))
+    away = np.asarray(distance_transform_edt(~part, sampling=pixel_sides(near)))
+    beside = (away > _BEYOND) & (away <= _AROUND)
+    if beside.any() and (wave.values.real[beside] >= level).mean() > _GOES_ON:
+        return None
+    inside = _extent(wave, (away <= _BEYOND) & (wave.values.real >= level))
     share = float((inside & part).sum() / part.sum())
     if (
         inside.sum() < _LEAST_PIXELS
@@ -183,8 +225,8 @@ def _flat(whole: np.ndarray, image: SarImage) -> Flat | None:
     everywhere = np.zeros(whole.shape, bool)
     everywhere[box] = inside
     return Flat(
-        outline.kind, np.array([*outline.centre, lie.height]), lie.normal, axis, outline.sides, curvatures, share,
-        everywhere,
+        kind=outline.kind, centre=np.array([*outline.centre, lie.height]), normal=lie.normal, axis=axis,
+        sides=outline.sides, curvatures=curvatures, share=share, cut=reaches_edge(everywhere), inside=everywhere,
     )  # fmt: skip
 
 
@@ -244,7 +286,8 @@ def _lie_of(wave: TopWave, inside: np.ndarray, image: SarImage) -> _Lie | None:
     def height_of(some: np.ndarray) -> float:
         """Of the middle, by some of the places."""
         power = _powers(values[some][:, close], away[some], z[close] - wave.height, normal, turning, sign * wavenumber)
-        on_average = peak_height(power / growth_with_distance(z[close], z[top]), z[close])
+        growth = growth_with_distance(z[close], z[top], distance_of(image, z[top]))
+        on_average = echo_height(power / growth, z[close])
         rise = away[some] @ normal[:2] / normal[2] + np.einsum("ni,ij,nj->n", away[some], turning, away[some]) / 2
         return on_average + float(rise.mean())
 
@@ -276,12 +319,10 @@ def _powers(
     return np.square(sums, dtype=float)
 
 
-def _extent(wave: TopWave, part: np.ndarray, image: SarImage) -> np.ndarray:
-    """(A, B) where a wave is at least half as high as on its plane, holes filled, near the part of its mask."""
-    from scipy.ndimage import binary_fill_holes, distance_transform_edt
+def _extent(wave: TopWave, high: np.ndarray) -> np.ndarray:
+    """(A, B) the part of where a wave is `high` that holds most of its plane, holes filled."""
+    from scipy.ndimage import binary_fill_holes
 
-    near = distance_transform_edt(~part, sampling=pixel_sides(image)) <= _BEYOND
-    high = near & (wave.values.real >= _EDGE * np.median(wave.values.real[wave.inside]))
     parts, _ = parts_of(high)
     shares = np.bincount(parts[wave.inside], minlength=2)
     shares[0] = 0

@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from millisight.core import SPEED_OF_LIGHT, checked_record
-from millisight.data import Mask, SarImage
+from millisight.core import SPEED_OF_LIGHT, checked_record, with_step
+from millisight.data import Mask, SarImage, VoxelGrid
 from millisight.perception import HIGH_BAND, check_mask_of, without_sheets
 from millisight.perception.segmentation._heights import pixel_sides, tells_height
 from millisight.perception.segmentation._parts import parts_of
@@ -38,7 +38,27 @@ def wavenumber_of(image: SarImage) -> float:
 def has_phases(image: SarImage) -> bool:
     """Whether an image is complex, and its pixels fine enough for the phases of what is seen up to 17° from above."""
     half_turn = np.pi / (wavenumber_of(image) * _SEEN)
-    return np.iscomplexobj(image.values) and min(image.values.shape) >= 2 and max(pixel_sides(image)) <= half_turn
+    if not np.iscomplexobj(image.values) or min(image.values.shape) < 2 or max(pixel_sides(image)) > half_turn:
+        return False
+    return bool(image.values.imag.any())
+
+
+def seen_from_below(image: SarImage) -> bool:
+    """Whether the antennas of an image lie below it."""
+    return image.antennas is not None and image.antennas[2] < image.grid.z.mean()
+
+
+def turned_over(image: SarImage) -> SarImage:
+    """An image that was seen from below, mirrored in z: as if its antennas lay above it."""
+    grid = VoxelGrid(x=image.grid.x, y=image.grid.y, z=-image.grid.z[::-1])
+    x, y, z = image.antennas or (0.0, 0.0, 0.0)
+    metadata = with_step(image.metadata, "turned_over", antennas=[x, y, -z])
+    return SarImage(grid=grid, values=image.values[..., ::-1], metadata=metadata)
+
+
+def reaches_edge(inside: np.ndarray) -> bool:
+    """Whether an outline (A, B) lies at the picture's edge."""
+    return bool(inside[[0, -1]].any() or inside[:, [0, -1]].any())
 
 
 def parts_to_look_at(mask: np.ndarray, image: SarImage) -> Iterator[np.ndarray]:

@@ -7,19 +7,29 @@ outline lies.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from millisight.core import peak_place
+from millisight.core import checked_array, peak_place, put, record
 from millisight.data import Mask, SarImage
-from millisight.perception.segmentation._heights import growth_with_distance, peak_height, pixel_sides
+from millisight.perception.segmentation._heights import (
+    distance_of,
+    echo_height,
+    growth_with_distance,
+    peak_height,
+    pixel_sides,
+)
 from millisight.perception.segmentation._phases import (
     cleaned_under,
     has_phases,
     parts_to_look_at,
     phase_sign,
+    reaches_edge,
+    seen_from_below,
+    turned_over,
     wavenumber_of,
 )
 
@@ -47,7 +57,12 @@ CORNERS = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1], [1, 1]])
 """Of a rectangle in units of half its sides, closed."""
 
 
-class Round(NamedTuple):
+CUT = "; it reaches the picture's edge, and may go on beyond"
+"""What is said of a form that may be seen in part."""
+
+
+@record
+class Round:
     """A ball or a cylinder, seen along z.
 
     Attributes
@@ -57,6 +72,7 @@ class Round(NamedTuple):
     centre : (3,) of the ball, or of the cylinder's axis [m]
     axis : (3,) unit vector along a cylinder's axis, x + y positive; None for a ball
     length : of a cylinder, between the ends that are seen; of a ball its diameter [m]
+    cut : whether its outline reaches the picture's edge: of what lies beyond, a part is not seen
     inside : (A, B) bool, the pixels within its outline
     around : (A, B) bool, these and the pixels beside, where nothing else can be told from it
     """
@@ -66,8 +82,16 @@ class Round(NamedTuple):
     centre: np.ndarray
     axis: np.ndarray | None
     length: float
+    cut: bool
     inside: np.ndarray
     around: np.ndarray
+
+    def __post_init__(self) -> None:
+        put(self, centre=checked_array(self.centre, name="centre", shape=(3,)))
+        if self.axis is not None:
+            put(self, axis=checked_array(self.axis, name="axis", shape=(3,)))
+        for name in ("inside", "around"):
+            put(self, **{name: checked_array(getattr(self, name), name=name, shape=("A", "B"), dtype=bool)})
 
     def __repr__(self) -> str:
         return f"Round({self})"
@@ -75,7 +99,8 @@ class Round(NamedTuple):
     def __str__(self) -> str:
         x, y, z = self.centre
         place = f"{self.kind} of {1e3 * self.radius:.0f} mm radius around ({x:.3f}, {y:.3f}, {z:.3f}) m"
-        return place if self.axis is None else f"{place}, {1e3 * self.length:.0f} mm long"
+        form = place if self.axis is None else f"{place}, {1e3 * self.length:.0f} mm long"
+        return f"{form}{CUT if self.cut else ''}"
 
     @property
     def short(self) -> str:
@@ -96,7 +121,14 @@ class Round(NamedTuple):
         """All but the pixels, as JSON has it."""
         axis = None if self.axis is None else [float(one) for one in self.axis]
         centre = [float(one) for one in self.centre]
-        return {"kind": self.kind, "radius": self.radius, "centre": centre, "axis": axis, "length": self.length}
+        form = {"kind": self.kind, "radius": self.radius, "centre": centre, "axis": axis, "length": self.length}
+        return {**form, "cut": self.cut}
+
+    @property
+    def turned_over(self) -> "Round":
+        """Mirrored in z."""
+        up = np.array([1, 1, -1])
+        return replace(self, centre=self.centre * up, axis=None if self.axis is None else self.axis * up)
 
 
 class _Focus(NamedTuple):
@@ -159,6 +191,8 @@ def round_things(mask: np.ndarray, image: SarImage, *, covered: bool = False) ->
     """
     if not has_phases(image):
         return []
+    if seen_from_below(image):
+        return [one.turned_over for one in round_things(mask, turned_over(image), covered=covered)]
     level, sides = image.magnitude.mean(axis=2), pixel_sides(image)
     delay = _LID if covered else 0.0
     found = (_round(np.where(part, level, 0), image, sides, delay) for part in parts_to_look_at(mask, image))
@@ -198,9 +232,14 @@ def _round(level: np.ndarray, image: SarImage, sides: Sequence[float], delay: fl
     least = _BALL_WIDE if along >= _WIDE else _BALL
     if focus.strehl >= least and focus.gain >= _BALL_GAIN and along >= _BALL_SHAPE * across:
         i, j = np.unravel_index(focus.power.argmax(), focus.power.shape)
-        centre = np.array([image.grid.x[box[0]][i], image.grid.y[box[1]][j], focus.height])
+        lines = ((focus.power[:, j], image.grid.x[box[0]]), (focus.power[i], image.grid.y[box[1]]))
+        centre = np.array([*(peak_height(*line) for line in lines), focus.height])
         away = np.hypot(x - centre[0], y - centre[1])
-        return Round("ball", focus.radius, centre, None, 2 * focus.radius, away <= focus.radius, away <= beside)
+        inside, around = away <= focus.radius, away <= beside
+        return Round(
+            kind="ball", radius=focus.radius, centre=centre, axis=None, length=2 * focus.radius,
+            cut=reaches_edge(inside), inside=inside, around=around,
+        )  # fmt: skip
     if across < _ACROSS or along > _ALONG * across:
         return None
     if focus.gain < max(_GAIN, _GAIN_FOR_SIZE * focus.radius * across**2 * wavenumber / (4 * np.pi)):
@@ -212,9 +251,11 @@ def _round(level: np.ndarray, image: SarImage, sides: Sequence[float], delay: fl
     # What is seen lies square to the axis: it is as steep along as the directions are oblique on average.
     steep = focus.mean[0] / np.sqrt(1 - focus.mean[0] ** 2)
     axis = np.array([*direction, steep * float(direction @ focus.along)]) / np.hypot(1, steep)
+    inside = there & (away <= focus.radius)
     return Round(
-        "cylinder", focus.radius, np.array([*middle, focus.height]), axis, length * float(np.hypot(1, steep)),
-        there & (away <= focus.radius), there & (away <= beside),
+        kind="cylinder", radius=focus.radius, centre=np.array([*middle, focus.height]), axis=axis,
+        length=length * float(np.hypot(1, steep)), cut=reaches_edge(inside), inside=inside,
+        around=there & (away <= beside),
     )  # fmt: skip
 
 
@@ -251,7 +292,7 @@ def _focus(
     if not sign:
         return None
 
-    echo = peak_height(power, z)
+    echo = echo_height(power, z)
     first, step = (
         np.exp(-1j * sign * (kz - wavenumber) * depth).astype(np.complex64)
         for depth in (_DEPTHS[0] + z[top] - echo, _DEPTHS[1] - _DEPTHS[0])
@@ -272,7 +313,7 @@ def _focus(
     return _Focus(
         power=powers[best, : fade.shape[0], : fade.shape[1]],
         height=height,
-        radius=_from_centre(np.square(np.abs(spectra)), z[near], height, kz / wavenumber),
+        radius=_from_centre(np.square(np.abs(spectra)), z[near], height, kz / wavenumber, distance_of(image, height)),
         gain=float(sharpness[best] / sharpness[abs(_DEPTHS).argmin()]),
         strehl=float(powers[best].max() / amplitude.mean() ** 2),
         mean=axes.T @ np.average(seen, axis=1, weights=shares),
@@ -281,20 +322,22 @@ def _focus(
     )
 
 
-def _from_centre(power: np.ndarray, z: np.ndarray, height: float, cosines: np.ndarray) -> float:
+def _from_centre(
+    power: np.ndarray, z: np.ndarray, height: float, cosines: np.ndarray, distance: float
+) -> float:
     """How far from a centre of curvature at a height the echo lies, by its delay [m].
 
     Waves at an angle to z show it at radius times cosine above the centre.
 
-    power : (K, M, N) of the spectra of slices at z (K,); cosines : (M, N) of the angles
+    power : (K, M, N) of the spectra of slices at z (K,); cosines : (M, N) of the angles; distance : of the antennas
     """
     rings, told = np.digitize(cosines, _RINGS), []
-    power = power / growth_with_distance(z, height)[:, None, None]
+    power = power / growth_with_distance(z, height, distance)[:, None, None]
     for ring in range(1, len(_RINGS)):
         some = rings == ring
         profile = power[:, some].sum(axis=1, dtype=float)
         if profile.any():
-            above = peak_height(profile, z) - height
+            above = echo_height(profile, z) - height
             told.append((above / np.average(cosines[some], weights=power[:, some].sum(axis=0) + 1e-30), profile.max()))
     # What is left of a lid is seen from above, and may outshine a ball there: most angles agree, if not most power.
     radii, powers = np.array(told).T
