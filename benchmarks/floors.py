@@ -18,8 +18,8 @@ MIDDLE = 16 / CORE  # a voxel of a field, interpolated along its first axis by e
 MERGED = 44 / CORE  # the same along the other axis, its phase turned, and summed [s]
 PRODUCT = 8 / CORE  # a complex product and sum [s]
 PATCH_PAIR = 117 / CORE  # a patch and a channel that it faces (see test_rig.py) [s]
-# A double bounce and a channel, of which four receivers in a line have two nodes and one transmitter [s]: 118 for the way
-# to the second plane, 163 a node for what returns, 100 a channel for its path, phase and moments.
+# A double bounce and a channel, of which four receivers in a line have two nodes and one transmitter [s]: 118 for the
+# way to the second plane, 163 a node for what returns, 100 a channel for its path, phase and moments.
 BOUNCE_PAIR = (118 + 2 * 163 + 4 * 100) / 4 / CORE
 ANGLE = 15 / CORE  # a vertex and a position: the specular angle [s]
 RAY = 1 / 3e6  # Embree on one core [s]

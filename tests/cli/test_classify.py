@@ -302,7 +302,7 @@ def test_without_onnx_runtime_it_says_what_to_install(mug, run, monkeypatch):
     [
         (["a.h5", "--mask", "a.mask.h5", "--method", "wave"], "--mask and --method cannot be combined"),
         (["a.h5", "--method", "sem"], "unknown segmenter 'sem'"),
-        (["a.h5", "--mask", "a.h5"], "a.h5 holds a SarImage; expected a Mask"),
+        (["a.h5", "--mask", "a.h5"], "a.h5 holds a record of SarImage; expected a mask or instances"),
         (["a.mask.h5", "--mask", "a.mask.h5"], "a.mask.h5 holds a Mask; expected a SarImage"),
         (["a.h5", "--mask", "empty"], "empty holds no mask of a; expected a.mask.h5 there: `millisight segment` may"),
         (["a.h5", "--mask", "other.mask.h5"], "with the mask of other.mask.h5: the mask is on another grid"),

@@ -213,7 +213,15 @@ def test_every_object_gets_a_mask_of_its_own(tmp_path, here):
     assert np.array_equal(kept.labels, ms.segment_instances(pair).labels)
     assert [mask.inside.sum() for mask in kept] == [48, 80]
     told = load_extras(tmp_path / "pair.instances.h5")["segmentation"]
+    objects = told.pop("objects")
     assert told == {"image": "pair.image.h5", "other_band": None, "method": None, "values": "mean"}
+    assert [one["pixels"] for one in objects] == [48, 80]
+    for one, mask, score in zip(objects, kept, kept.scores, strict=True):
+        x, y = (axis[some] for axis, some in zip((GRID.x, GRID.y), np.nonzero(mask.inside), strict=True))
+        assert one["centre"] == pytest.approx([x.mean(), y.mean()])
+        assert one["score"] == pytest.approx(score)
+        half = np.diff(GRID.x).mean() / 2
+        assert (one["lower"][0], one["upper"][0]) == pytest.approx((x.min() - half, x.max() + half))
     rgb = plt.imread(tmp_path / "pair.instances.png")[..., :3]
     coloured = (rgb.max(axis=2) - rgb.min(axis=2) > 0.15).mean()
     assert coloured > 0.05  # over an image in grey

@@ -1,7 +1,7 @@
 """`millisight classify`: from images to names, one or a whole dataset."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,15 +15,15 @@ from millisight.cli.image_sources import (
     image_sources,
     named_segmenter,
     one_by_one,
-    read_as,
 )
 from millisight.cli.options import Images, Multispectral, RadarChoice
 from millisight.cli.outputs import check_outputs, folders_of_many, is_folder, of_folder, output_path
 from millisight.cli.segment import Condition, OtherBand, PromptSeed, mask_of
 from millisight.core import printable, write_text
-from millisight.core.errors import FileError, InputError
-from millisight.data import Mask
-from millisight.io.mito import origin
+from millisight.core.errors import FileError, FormatError, InputError
+from millisight.data import Instances, Mask
+from millisight.io import load
+from millisight.io.mito import origin, read_published
 
 if TYPE_CHECKING:
     from millisight.data import Prediction
@@ -51,9 +51,9 @@ def classify(
         Path | None,
         typer.Option(
             metavar="PATH",
-            help="Mask of the object, from `millisight segment` or `annotate`; for several images, the folder with "
-            "their masks, or a dataset that has them beside the images. [default: NAME.mask.h5 if `segment` wrote one; "
-            "else segment with wave]",
+            help="Mask of the object, from `millisight segment` or `annotate`, or of several, from `segment "
+            "--instances`: each is classified; for several images, the folder with their masks, or a dataset that has "
+            "them beside the images. [default: NAME.mask.h5 if `segment` wrote one; else segment with wave]",
         ),
     ] = None,
     method: Annotated[
@@ -79,7 +79,7 @@ def classify(
         bool, typer.Option("--no-picture", help="With --output: do not plot the mask and the probabilities.")
     ] = False,
     as_json: Annotated[
-        bool, typer.Option("--json", help="Print the full result, one line of JSON for each image.")
+        bool, typer.Option("--json", help="Print the full result, one line of JSON for each image or object.")
     ] = False,
 ) -> None:
     """Classify the object in each image. An image that fails does not stop the others.
@@ -92,6 +92,8 @@ def classify(
     Example: millisight classify mug.image.h5
 
     Example: millisight classify mug_77.h5 --other-band mug_24.h5 --mask mug.mask.h5 -o mug.prediction.json
+
+    Example: millisight classify carton.image.h5 --mask carton.instances.h5
 
     Example: millisight classify MITO_Dataset/004_sugar_box --multispectral -o predictions/
     """
@@ -109,18 +111,17 @@ def classify(
     by = named_segmenter(method or _DEFAULT_METHOD)
     notes: set[str] = set()
 
-    def one(source: ImageSource, to: Path | None) -> "Prediction":
+    def one(source: ImageSource, to: Path | None) -> "list[Prediction]":
         drawn = None if to is None or no_picture else to.with_suffix(".png")
         described = None if weights is None else weights.with_suffix(".json")
-        check_outputs(to, drawn, source=source.path, others=(source.other, described))
-        image, other = source.images()
         path = _mask_file(source, mask, method)
-        if path is not None:
-            inside = read_as(Mask, path)
-            made = {"file": str(path), **_made_by(path)}
-        else:
+        masks = [] if path is None else _masks_of(path)
+        pictures = _pictures_of(drawn, max(len(masks), 1))
+        check_outputs(to, *pictures, source=source.path, others=(source.other, described))
+        image, other = source.images()
+        if path is None:
             segmented = mask_of(source, image, other, by, seed=seed)
-            inside = segmented.mask
+            masks = [segmented.mask]
             made = {
                 "file": None,
                 "method": by.name,
@@ -128,10 +129,21 @@ def classify(
                 "condition": source.condition,
                 "seed": None if segmented.prompts is None else seed,
             }
-        try:
-            prediction = classify_object(image, inside, other_band=other, method=classifier, condition=source.condition)
-        except InputError as error:
-            raise error if path is None else InputError(f"with the mask of {path}: {error}") from error
+        else:
+            made = {"file": str(path), **_made_by(path)}
+        predictions, results = [], []
+        for number, inside in enumerate(masks, 1):
+            try:
+                prediction = classify_object(
+                    image, inside, other_band=other, method=classifier, condition=source.condition
+                )
+            except InputError as error:
+                raise error if path is None else InputError(f"with the mask of {path}: {error}") from error
+            of_mask = {**made, "pixels": int(inside.inside.sum())}
+            if len(masks) > 1:
+                of_mask["object"] = number
+            predictions.append(prediction)
+            results.append(_result(source, prediction, of_mask, classifier))
         if other is None and len(classifier.bands) > 1:
             note = (
                 f"note: the classifier uses {' and '.join(classifier.bands)}, but got one band; pass the other with "
@@ -140,27 +152,26 @@ def classify(
             if note not in notes:
                 notes.add(note)
                 typer.echo(note, err=True)
-        made["pixels"] = int(inside.inside.sum())
-        result = _result(source, prediction, made, classifier)
         if to is not None:
-            write_text(to, json.dumps(result, indent=2) + "\n")
-        if drawn is not None:
+            write_text(to, json.dumps(results[0] if len(results) == 1 else {"objects": results}, indent=2) + "\n")
+        for number, (picture, inside, prediction) in enumerate(zip(pictures, masks, predictions, strict=False), 1):
             from millisight.viz import plot_prediction, save_figure
 
             figure = plot_prediction(image, inside, prediction)[0].figure
-            figure.suptitle(source.name, fontsize=11.5, fontweight="bold")
-            save_figure(figure, drawn)
-        words = f"{source.name}: {answer_words(prediction)} (mask: {made['file'] or made['method']})"
-        answer(json.dumps(result) if as_json else words)
-        return prediction
+            figure.suptitle(_named(source, number, masks), fontsize=11.5, fontweight="bold")
+            save_figure(figure, picture)
+        for number, (prediction, result) in enumerate(zip(predictions, results, strict=True), 1):
+            words = f"{_named(source, number, masks)}: {answer_words(prediction)}"
+            answer(json.dumps(result) if as_json else f"{words} (mask: {made['file'] or made['method']})")
+        return predictions
 
     output = of_folder(output) if any(map(is_folder, images)) else output
     if len(found) == 1 and not is_folder(output):
         if output is not None and output.suffix.lower() != ".json":
             raise InputError(f"--output is {output}; expected a name that ends in .json")
-        prediction = one(found[0], output)
-        if not as_json:
-            _say_bars(prediction)
+        predictions = one(found[0], output)
+        if not as_json and len(predictions) == 1:
+            _say_bars(predictions[0])
         return
     (folder,) = folders_of_many(output, count=len(found))
     one_by_one(
@@ -196,6 +207,30 @@ def _mask_file(source: ImageSource, masks: Path | None, method: str | None) -> P
             "`millisight segment` may have failed on this image"
         )
     return found
+
+
+def _masks_of(path: Path) -> list[Mask]:
+    """The mask in a file, or those of several objects."""
+    held = read_published(path).record if path.suffix.lower() == ".pkl" else load(path)
+    if isinstance(held, Mask):
+        return [held]
+    if not isinstance(held, Instances):
+        raise FormatError(f"{printable(path)} holds a record of {type(held).__name__}; expected a mask or instances")
+    if not len(held):
+        raise InputError(f"{printable(path)} holds no object: there is nothing to classify")
+    return list(held)
+
+
+def _pictures_of(drawn: Path | None, count: int) -> list[Path]:
+    """The files of the pictures of so many objects."""
+    if drawn is None or count == 1:
+        return [] if drawn is None else [drawn]
+    return [drawn.with_suffix(f".{number}.png") for number in range(1, count + 1)]
+
+
+def _named(source: ImageSource, number: int, masks: Sequence[Mask]) -> str:
+    """What the answer about one of several masks is about."""
+    return source.name if len(masks) == 1 else f"{source.name}, object {number}"
 
 
 def _published_masks(source: ImageSource, masks: Path) -> list[Path]:
@@ -235,6 +270,7 @@ def _result(
         "novelty": prediction.novelty,
         "novelty_limit": prediction.novelty_limit,
         "reasons": list(prediction.reasons),
+        "unproven": prediction.unproven,
         "probabilities": dict(zip(prediction.class_names, prediction.probabilities.tolist(), strict=True)),
         "image": origin(source.path),
         "other_band": None if source.other is None else origin(source.other),
@@ -253,8 +289,10 @@ def answer_words(prediction: "Prediction") -> str:
     best = (-prediction.probabilities).argsort(kind="stable")[: 1 if prediction.sure else 2]
     classes = ", ".join(f"{prediction.class_names[i]} {prediction.probabilities[i]:.2f}" for i in best)
     why = "; ".join(prediction.reasons) or "unlike the training images"
-    novel = f", {why} (novelty {prediction.novelty:.2f})" if prediction.novel else ""
-    return classes if prediction.sure else f"{prediction.answer}{novel}: {classes}"
+    told = f", {why} (novelty {prediction.novelty:.2f})" if prediction.novel else ""
+    if prediction.unproven and not prediction.novel:
+        told = f", {prediction.unproven}"
+    return classes if prediction.sure else f"{prediction.answer}{told}: {classes}"
 
 
 def _say_bars(prediction: "Prediction") -> None:

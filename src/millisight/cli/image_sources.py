@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from millisight.cli.console import complain, end_with_failures, in_options, progress, say, summed_up, warn
-from millisight.core import check_known, check_readable, files_under, printable
+from millisight.core import check_known, files_under, printable
 from millisight.core.errors import FileError, FormatError, InputError, MillisightError
 from millisight.data import SarImage
 from millisight.io.mito import EMPTY_SCENES, RADARS, SIGHTS, object_of
@@ -19,6 +19,7 @@ INSTANCES_SUFFIX = ".instances.h5"
 VOLUME_SUFFIX = ".volume.h5"
 """Suffix of what `millisight segment --volume` writes."""
 
+_NAMED = 4  # files in a message
 _PUBLISHED = "processed_image"  # start of image file names in the published layout
 
 T = TypeVar("T")
@@ -173,9 +174,10 @@ def read_as(kind: type[T], path: Path) -> T:
 def _under(path: Path, radar: str | None, condition: str | None, *, multispectral: bool) -> list[ImageSource]:
     """Images at a path; an error if there are none."""
     if not path.is_dir():
-        path = check_readable(path)
         return [_source(path, condition, multispectral=multispectral)]
-    files = [file for file in files_under(path) if _is_image(file) and not _passed_over(file.relative_to(path))]
+    every = files_under(path)
+    files = [file for file in every if _is_image(file) and not _passed_over(file.relative_to(path))]
+    others = _of_other_names(path, every)
     if multispectral:
         files = [file for file in files if file.parent.name == "77_ghz"]
     elif radar is not None:
@@ -184,8 +186,10 @@ def _under(path: Path, radar: str | None, condition: str | None, *, multispectra
         wanted = "" if radar is None and not multispectral else f" of the {radar or '77_ghz'} radar"
         raise FileError(
             f"{printable(path)} holds no image{wanted}: no *.image.h5, and no processed_image*.pkl of the published "
-            "layout; make some with `millisight image`"
+            f"layout; make some with `millisight image`{f', or pass by name what is one: {others}' if others else ''}"
         )
+    if others:
+        warn(f"{printable(path)}: passed over what is not called *.image.h5: {others}; pass by name what is an image")
     return [_source(file, condition, multispectral=multispectral) for file in files]
 
 
@@ -193,6 +197,15 @@ def _is_image(file: Path) -> bool:
     """Whether a file's name is that of an image, published, converted or ours."""
     published = file.name.startswith(_PUBLISHED) and file.suffix in (".pkl", ".h5")
     return published or file.name.endswith(".image.h5")
+
+
+def _of_other_names(folder: Path, files: Sequence[Path]) -> str:
+    """The HDF5 files right in a folder that may be images, but are not called so; "" for none."""
+    ours = (MASK_SUFFIX, INSTANCES_SUFFIX, VOLUME_SUFFIX, ".image.h5", ".capture.h5")
+    names = [file.name for file in files if file.parent == folder and file.suffix == ".h5"]
+    names = [name for name in names if not name.endswith(ours) and not name.startswith(_PUBLISHED)]
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    return ", ".join(names[:_NAMED]) + more
 
 
 def _passed_over(file: Path) -> bool:

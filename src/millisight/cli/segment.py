@@ -22,7 +22,9 @@ from millisight.cli.outputs import check_outputs, folders_of_many, is_folder, of
 from millisight.cli.segment_outputs import (
     entry,
     forms_of,
+    objects_of,
     provenance_of,
+    say_no_forms,
     write_instances,
     write_mask,
     write_volume,
@@ -143,9 +145,10 @@ def segment(
             "--json",
             help='Print one JSON document: {"images": [{"image", "name", "output", "kind", "method", "found", "sizes", '
             '"score"} or {"image", "name", "error"}]}; sizes are numbers of pixels, or of voxels. Masks of pixels '
-            'also have "doubts", "round", their balls and cylinders: {"kind", "radius", "centre", "axis", "length"}, '
-            'and "flat", their flat tops: {"kind", "centre", "normal", "axis", "sides", "curvatures", "share"}; '
-            'instances have "objects", of each the latter two.',
+            'also have "doubts", "round", their balls and cylinders: {"kind", "radius", "centre", "axis", "length", '
+            '"cut"}, and "flat", their flat tops: {"kind", "centre", "normal", "axis", "sides", "curvatures", "share", '
+            '"cut"}; instances have "objects", of each these three and {"pixels", "score", "centre", "height", '
+            '"lower", "upper"}. Places are in the world frame, lengths in metres, scores of instances in decibels.',
         ),
     ] = False,
 ) -> None:
@@ -202,10 +205,11 @@ def segment(
             return in_depth(source, to, drawn, image, segmented, told)
         covered = segmented.picture.covered
         forms = forms_of(segmented.mask, image, covered=covered)
-        write_mask(to, segmented, source, by, told | {name: ones for name, ones in forms.plain.items() if ones})
+        write_mask(to, segmented, source, by, told | forms.plain)
         doubts = [in_options(one) for one in doubts_of(segmented.mask, image, covered=covered)]
         for one in (*forms.things, *doubts):
             say(f"  {one}")
+        say_no_forms(image, segmented.mask)
         if drawn is not None:
             from millisight.viz import plot_segmentation, save_figure
 
@@ -223,18 +227,18 @@ def segment(
             largest=share, support=height,
         )  # fmt: skip
         covered = source.condition == "nlos"
-        forms = [forms_of(mask, image, covered=covered) for mask in found]
+        objects = objects_of(found, image, covered=covered)
         name = None if by is None else by.name
-        write_instances(to, found, source, forms, method=name, values=values, support=height)
+        write_instances(to, found, image, source, objects, method=name, values=values, support=height)
         if drawn is not None:
             from millisight.perception import HIGH_BAND, without_sheets
             from millisight.viz import plot_instances, save_figure
 
             shown = without_sheets(image, frequency=HIGH_BAND, covered=True) if covered else image
-            things = [thing for one in forms for thing in one.things]
+            things = [thing for one in objects for thing in one.forms.things]
             save_figure(plot_instances(found, image=shown, forms=things, title=source.name), drawn)
         masks = [mask.inside for mask in found]
-        return {**entry(source, to, "instances", name, masks, None), "objects": [one.plain for one in forms]}
+        return {**entry(source, to, "instances", name, masks, None), "objects": [one.plain for one in objects]}
 
     def in_depth(
         source: ImageSource, to: Path, drawn: Path | None, image: SarImage, segmented: Segmented, told: dict[str, Any]

@@ -1,13 +1,26 @@
 """What `millisight segment` writes and says: masks, instances and voxels, and what of them is round or flat."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from millisight.cli.console import say
+import numpy as np
+
+from millisight.cli.console import in_options, say
 from millisight.cli.image_sources import ImageSource
 from millisight.data import Instances, Mask, SarImage, VolumeMask
-from millisight.perception.segmentation import Flat, Round, Segmented, Segmenter, find_flat, find_round
+from millisight.perception.segmentation import (
+    Flat,
+    Round,
+    Segmented,
+    Segmenter,
+    doubts_of,
+    find_flat,
+    find_round,
+    height_of,
+    why_no_forms,
+)
 
 
 class Forms(NamedTuple):
@@ -28,6 +41,55 @@ def forms_of(mask: Mask, image: SarImage, *, covered: bool) -> Forms:
     things, tops = (find(mask, image, covered=covered) for find in (find_round, find_flat))
     plain = {"round": [one.plain for one in things], "flat": [one.plain for one in tops]}
     return Forms([*things, *tops], plain)
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """One of several objects: where it lies, what it is like, and what speaks against its mask.
+
+    Attributes
+    ----------
+    forms : Forms
+    doubts : sentences
+    plain : all of it, as JSON has it
+    """
+
+    forms: Forms
+    doubts: tuple[str, ...]
+    plain: dict[str, Any]
+
+    def __str__(self) -> str:
+        (x, y), z, (low, high) = self.plain["centre"], self.plain["height"], (self.plain["lower"], self.plain["upper"])
+        length, width = (1e3 * (b - a) for a, b in zip(low, high, strict=True))
+        place = f"({x:.3f}, {y:.3f})" if z is None else f"({x:.3f}, {y:.3f}, {z:.3f})"
+        return f"{length:.0f} x {width:.0f} mm in x and y, around {place} m"
+
+
+def objects_of(found: Instances, image: SarImage, *, covered: bool) -> list[Found]:
+    """What is told of each of several objects."""
+    grid, objects = found.grid_xy, []
+    sides = [float(np.ptp(axis)) / max(len(axis) - 1, 1) for axis in (grid.x, grid.y)]
+    for mask, score in zip(found, found.scores, strict=True):
+        forms, doubts = forms_of(mask, image, covered=covered), doubts_of(mask, image, covered=covered)
+        places = [axis[some] for axis, some in zip((grid.x, grid.y), np.nonzero(mask.inside), strict=True)]
+        plain = {
+            "pixels": int(mask.inside.sum()),
+            "score": float(score),
+            "centre": [float(one.mean()) for one in places],
+            "height": height_of(mask, image, covered=covered),
+            "lower": [float(one.min() - side / 2) for one, side in zip(places, sides, strict=True)],
+            "upper": [float(one.max() + side / 2) for one, side in zip(places, sides, strict=True)],
+            "doubts": [in_options(one) for one in doubts],
+            **forms.plain,
+        }
+        objects.append(Found(forms, doubts, plain))
+    return objects
+
+
+def say_no_forms(image: SarImage, mask: Mask) -> None:
+    """Why nothing is told of what is round or flat in a mask, where the image is to blame."""
+    if mask.inside.any() and (reason := why_no_forms(image)):
+        say(f"  what is round or flat cannot be told of this image: {reason}")
 
 
 def entry(
@@ -74,10 +136,10 @@ def write_mask(to: Path, found: Segmented, source: ImageSource, by: Segmenter, t
 
 
 def write_instances(
-    to: Path, found: Instances, source: ImageSource, forms: Sequence[Forms], *, method: str | None, values: str,
-    support: float | None,
+    to: Path, found: Instances, image: SarImage, source: ImageSource, objects: Sequence[Found], *, method: str | None,
+    values: str, support: float | None,
 ) -> None:  # fmt: skip
-    """The instances, and in their file how they were made, and what of each is round or flat."""
+    """The instances, and in their file how they were made, and what is told of each."""
     from millisight.io import save
     from millisight.io.mito import origin
 
@@ -88,15 +150,18 @@ def write_instances(
         "values": values,
         **({} if source.condition == "los" else {"condition": source.condition}),
         **({} if support is None else {"support": support}),
-        **({"objects": [one.plain for one in forms]} if any(one.things for one in forms) else {}),
+        "objects": [one.plain for one in objects],
     }
     save(to, found, extras={"segmentation": provenance})
     sizes = ", ".join(str(int(mask.inside.sum())) for mask in found)
     count = f"{len(found)} object{'' if len(found) == 1 else 's'}" + (f" of {sizes} pixels" if sizes else "")
     say(f"{source.name}: {count}; wrote {to}")
-    for number, one in enumerate(forms, 1):
-        for thing in one.things:
+    for number, one in enumerate(objects, 1):
+        for thing in one.forms.things or [one]:
             say(f"  {number}: {thing}")
+        for doubt in one.doubts:
+            say(f"     {in_options(doubt)}")
+    say_no_forms(image, found.mask)
     if not len(found) and source.condition != "nlos":
         say(
             "  if a lid or a cloth covers the scene, say so: --condition nlos; or take its echo off first: "

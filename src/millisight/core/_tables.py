@@ -104,7 +104,8 @@ def _value(kind: Any, value: Any, source: str, place: str) -> Any:
     origin, inner = typing.get_origin(kind), typing.get_args(kind)
     if origin is tuple:
         if not isinstance(value, list):
-            expected = f"[[{place}]] tables" if _is_record(inner[0]) else "a list"
+            some = "a list" if inner[-1] is Ellipsis else f"a list of {len(inner)}"
+            expected = f"[[{place}]] tables" if _is_record(inner[0]) else some
             raise FormatError(f"{source}: {place}: expected {expected}, got {quoted(value)}")
         kinds = [inner[0]] * len(value) if inner[-1] is Ellipsis else list(inner)
         if len(kinds) != len(value):

@@ -72,7 +72,7 @@ class SarImage:
         Parameters
         ----------
         values : (X, Y, Z), or (X, Y) for an image of one slice; complex, or real such as a magnitude
-        spacing : of the voxels along x, y and z, one number or three [m]
+        spacing : of the voxels along x, y and z, one number or three, or two of one slice [m]
         center : (3,) the middle of the image in the world frame [m]
         metadata : provenance; what JSON can hold
 
@@ -89,6 +89,8 @@ class SarImage:
         array = np.asarray(values)
         array = array[..., np.newaxis] if array.ndim == 2 else array
         check_shape(array.shape, name="values", shape=("X", "Y", "Z"))
+        if np.ndim(values) == 2 and np.size(spacing) == 2:
+            spacing = [*np.ravel(spacing), 1.0]  # of one slice: it has no other beside it
         steps = checked_numbers(spacing, name="spacing", count=3, repeat=True, unit="m", above=0)
         middle = checked_numbers(center, name="center", count=3, unit="m")
         axes: dict[str, np.ndarray] = {

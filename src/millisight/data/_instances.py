@@ -15,7 +15,7 @@ from millisight.data._mask import Mask
 class Instances:
     """The objects in an image seen along z, one mask for each; they do not overlap.
 
-    Its length is their number; iteration goes through their masks.
+    Its length is their number; iteration goes through their masks, and `instances[0]` is the first's.
 
     Attributes
     ----------
@@ -48,6 +48,9 @@ class Instances:
 
     def __iter__(self) -> Iterator[Mask]:
         return iter(self.masks)
+
+    def __getitem__(self, index: int) -> Mask:
+        return self.masks[index]
 
     @property
     def masks(self) -> tuple[Mask, ...]:

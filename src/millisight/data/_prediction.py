@@ -24,6 +24,7 @@ class Prediction:
         sparse; 0 by a classifier that does not say
     novelty_limit : the answer is "not sure" if the novelty is higher
     reasons : why the image is novel, in words, the strongest first; () where it is not
+    unproven : why no probability is enough, in words, where the threshold is 1 whatever the classifier's is; "" else
     """
 
     probabilities: np.ndarray
@@ -32,6 +33,7 @@ class Prediction:
     novelty: float = 0.0
     novelty_limit: float = 1.0
     reasons: tuple[str, ...] = ()
+    unproven: str = ""
 
     def __post_init__(self) -> None:
         names = checked_items(self.class_names, str, name="a class")

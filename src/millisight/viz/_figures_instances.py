@@ -1,5 +1,6 @@
 """Figures of several objects in one image."""
 
+import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -11,15 +12,15 @@ from matplotlib.figure import Figure
 from millisight.core.errors import InputError
 from millisight.data import Instances, SarImage, grid_difference
 from millisight.viz import _figures
-from millisight.viz._figures import show_image
 from millisight.viz._figures_perception import draw_mask_outline
-from millisight.viz._panels import Scale, borders, checked_colormap, draw_outlines, panel_of, styled
+from millisight.viz._panels import Scale, borders, checked_colormap, draw_outlines, panel_of, show_pixels, styled
 
 if TYPE_CHECKING:
     from millisight.perception.segmentation import Flat, Round
 
 _COLOURS = "tab10"
 _VEIL = 0.45  # of an object's colour over the image
+_LETTERS = 62  # of a line of the title
 _ALONE = 1e-3  # width of the only pixel along an axis [m]
 
 
@@ -54,11 +55,10 @@ def plot_instances(
         raise InputError(f"the image and the instances have different pixels, along {differs}")
     figure = Figure(figsize=(5.0, max(2.5, 5.0 * _figures.tallness(grid))), layout="constrained")
     axes = figure.add_subplot()
+    panel = panel_of(grid)
+    axes.set(xlim=panel.u, ylim=panel.v, xlabel="x [m]", ylabel="y [m]")
     if image is not None:
-        show_image(axes, image, shades, colours)
-    else:
-        panel = panel_of(grid)
-        axes.set(xlim=panel.u, ylim=panel.v, xticks=[], yticks=[])
+        show_pixels(axes, image.grid.x, image.grid.y, shades(image.project("z")), shades, colours)
     axes.set_aspect("equal")
     palette = matplotlib.colormaps[_COLOURS]
     edges = borders(grid.x, _ALONE), borders(grid.y, _ALONE)
@@ -79,6 +79,7 @@ def plot_instances(
             zorder=5,
         )
     count = f"{len(instances)} object{'' if len(instances) == 1 else 's'}"
-    axes.set_title(count if title is None else f"{title}: {count}")
+    # A file's name has no spaces where it could be broken.
+    axes.set_title("\n".join([*textwrap.wrap(title or "", _LETTERS), count]), fontsize=9)
     draw_outlines(axes, [(one.outline, one.short) for one in forms])
     return figure

@@ -12,16 +12,18 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from millisight.core import checked_colormap
-from millisight.core.errors import MillisightError
-from millisight.data import Capture, Mask, PixelGrid, SarImage, Scene, TriangleMesh
+from millisight.core.errors import InputError, MillisightError
+from millisight.data import Capture, Mask, PixelGrid, SarImage, Scene, TriangleMesh, grid_difference
 from millisight.viz._captures import range_profiles, where_something_is
 from millisight.viz._facts import facts_of
 from millisight.viz._figures import BLUE, GREEN, ORANGE, VERMILION, draw_mesh
+from millisight.viz._figures_perception import draw_mask_outline
 from millisight.viz._outline import PLANE, relief
-from millisight.viz._panels import Panel, Scale, borders, label_view, place_panels, styled
+from millisight.viz._panels import Panel, Scale, borders, label_view, place_panels, show_pixels, styled
 
 _SOLID = "#c9ced3"
 _OBJECTS = (_SOLID, ORANGE, "#56B4E9", GREEN, "#F0E442", BLUE, VERMILION, "#CC79A7")  # Okabe and Ito's
+_RANGE_DB = 30  # of an image under a mask's outline
 _PIXELS = 240  # of a card's picture, along its longer side
 _MOST_VOXELS = 8_000_000  # looked at for a card
 _MOST_FACES = 200_000
@@ -69,18 +71,31 @@ def _solid(mesh: TriangleMesh, colours: Any, title: str | None) -> Figure:
 
 
 @styled
-def plot_mask(mask: Mask, *, title: str | None = None) -> Figure:
+def plot_mask(mask: Mask, *, image: SarImage | None = None, title: str | None = None) -> Figure:
     """A mask seen along z, as in the figures of images; `Mask.plot`.
 
     Parameters
     ----------
     mask : Mask
+    image : on the same pixels, over which its outline is drawn; None: the mask alone
     title : written above; default how much of the picture it covers
+
+    Raises
+    ------
+    InputError
+        The image has other pixels.
     """
+    if image is not None and (differs := grid_difference(image.grid, mask.grid_xy)):
+        raise InputError(f"the image and the mask have different pixels, along {differs}")
     edges = [borders(axis, 1e-3) for axis in (mask.grid_xy.x, mask.grid_xy.y)]
     figure, ((axes,),), (bar,) = place_panels([[[Panel.around(*edges)]]], title=None, height=5.0)
     bar.remove()
-    axes.pcolormesh(*edges, mask.inside.T, cmap=ListedColormap(["0.2", "white"]), vmin=0, vmax=1, rasterized=True)
+    if image is None:
+        axes.pcolormesh(*edges, mask.inside.T, cmap=ListedColormap(["0.2", "white"]), vmin=0, vmax=1, rasterized=True)
+    else:
+        shades = Scale.checked("db", _RANGE_DB)
+        show_pixels(axes, image.grid.x, image.grid.y, shades(image.project("z")), shades, checked_colormap("gray"))
+        draw_mask_outline(axes, mask.inside, mask.grid_xy, color=VERMILION)
     label_view(axes, "z", title or f"mask: {100 * mask.inside.mean():.1f} % of the picture")
     return figure
 

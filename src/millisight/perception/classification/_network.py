@@ -271,10 +271,12 @@ class NetworkClassifier:
         odds = form_odds(mask, image, self.class_names)
         probabilities = softmax(scaled + odds)
         best = int(probabilities.argmax())
-        # The threshold was chosen for what the network says alone.
-        unproven = self.class_names[best] in self.description.get("never_sure", ()) or (
-            odds.any() and softmax(scaled)[best] < how["threshold"]
-        )
+        unproven = ""
+        if self.class_names[best] in self.description.get("never_sure", ()):
+            unproven = f"of {self.class_names[best]} it saw drawn shapes alone"
+        elif odds.any() and softmax(scaled)[best] < how["threshold"]:
+            # The threshold was chosen for what the network says alone.
+            unproven = "the object's form made it so probable, and the network alone is not sure"
         novel: dict[str, Any] = {}
         if self._limit is not None:
             score, reasons = novelty(
@@ -286,6 +288,7 @@ class NetworkClassifier:
             probabilities=probabilities,
             class_names=self.class_names,
             threshold=1.0 if unproven else how["threshold"],
+            unproven=unproven,
             **novel,
         )
 

@@ -5,10 +5,12 @@ from ._classical import ClassicalSegmenter as ClassicalSegmenter
 from ._doubts import doubts_of as doubts_of
 from ._flat import Flat as Flat
 from ._flat import find_flat as find_flat
+from ._heights import height_of as height_of
 from ._instances import InstanceSettings as InstanceSettings
 from ._instances import instance_levels as instance_levels
 from ._instances import segment_instances as segment_instances
 from ._instances import split_instances as split_instances
+from ._phases import why_no_forms as why_no_forms
 from ._round import Round as Round
 from ._round import find_round as find_round
 from ._sam import SamSegmenter as SamSegmenter

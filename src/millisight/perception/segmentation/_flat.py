@@ -15,13 +15,13 @@ from millisight.perception.segmentation._heights import distance_of, echo_height
 from millisight.perception.segmentation._parts import parts_of
 from millisight.perception.segmentation._phases import (
     cleaned_under,
-    has_phases,
     parts_to_look_at,
     phase_sign,
     reaches_edge,
     seen_from_below,
     turned_over,
     wavenumber_of,
+    why_no_forms,
 )
 from millisight.perception.segmentation._round import CORNERS, CUT
 from millisight.perception.segmentation._top_wave import AGREEING, TopWave, top_wave
@@ -55,7 +55,7 @@ class Flat:
     curvatures : (2, 2) symmetric, along the longer side and across [1/m]: above 0 on the diagonal where it bulges up,
         below where it is hollow; beside the diagonal its twist
     share : of the mask's part that it covers
-    cut : whether its outline reaches the picture's edge, beyond which it may go on: sides and kind are then what is seen
+    cut : whether its outline reaches the picture's edge, beyond which it may go on: sides and kind are of what is seen
     inside : (A, B) bool, its pixels
     """
 
@@ -70,7 +70,8 @@ class Flat:
     inside: np.ndarray
 
     def __post_init__(self) -> None:
-        for name, shape in (("centre", (3,)), ("normal", (3,)), ("axis", (3,)), ("sides", (2,)), ("curvatures", (2, 2))):
+        for name in ("centre", "normal", "axis", "sides", "curvatures"):
+            shape = {"sides": (2,), "curvatures": (2, 2)}.get(name, (3,))
             put(self, **{name: checked_array(getattr(self, name), name=name, shape=shape)})
         put(self, inside=checked_array(self.inside, name="inside", shape=("A", "B"), dtype=bool))
 
@@ -177,7 +178,7 @@ def flat_things(mask: np.ndarray, image: SarImage) -> list[Flat]:
 
     image : its sheets taken off; its echoes tell heights
     """
-    if not has_phases(image):
+    if why_no_forms(image):
         return []
     if seen_from_below(image):
         return [one.turned_over for one in flat_things(mask, turned_over(image))]

@@ -1,14 +1,17 @@
 """Where the parts of a mask lie: how high, above what the object stands on and below the lid, and whether under it."""
 
+from dataclasses import replace
+
 import numpy as np
 
-from millisight.core import peak_place
-from millisight.data import SarImage
-from millisight.imaging import SheetRemoval
-from millisight.perception import HIGH_BAND, lids_taken_before, sheets_in
+from millisight.core import checked_record, peak_place, with_step
+from millisight.data import Mask, SarImage
+from millisight.imaging import SheetRemoval, remove_sheets
+from millisight.perception import HIGH_BAND, check_mask_of, lids_taken_before, sheets_in, without_sheets
 from millisight.perception.segmentation._parts import parts_of
 
 _ABOVE, _BELOW = 0.006, 0.008  # its support, and its lid, an object's echo is at least so far away [m]
+_SUPPORT_BELOW, _SUPPORT_ABOVE = 0.01, 0.004  # its height, what is flat is a support [m]
 _FALLS, _WITHIN = 0.2, 0.10  # an echo's power falls to this share within so many metres, or its height is unknown
 _SEEN = 0.03  # of a side, that tells whether it does [m]
 _DISTANCE = 0.25  # of an echo from the antennas above it, where it is not told: that of the published scans [m]
@@ -97,8 +100,36 @@ def beneath(
 
 def tells_height(inside: np.ndarray, image: SarImage) -> bool:
     """Whether the power of what a mask (X, Y) covers falls to a fifth above and below its maximum, as at 77 GHz."""
-    power = np.square(image.magnitude[inside], dtype=float).sum(axis=0)
-    return bool(power.any()) and _height(power, image.grid.z) is not None
+    return _height_under(inside, image) is not None
+
+
+def height_of(mask: Mask, image: SarImage, *, covered: bool = False) -> float | None:
+    """How high the strongest echo under a mask lies.
+
+    Parameters
+    ----------
+    mask : Mask
+    image : in which it was found, on the same pixels; lids and cloths are taken off
+    covered : whether a lid is known to lie over the scene
+
+    Returns
+    -------
+    float or None
+        z [m]; None where the mask is empty, or the echo does not fall to a fifth within 10 cm above and below, as at
+        24 GHz: its height is unknown then.
+
+    Raises
+    ------
+    InputError
+        The mask is on other pixels than the image.
+    """
+    check_mask_of(checked_record(mask, Mask, name="mask"), checked_record(image, SarImage, name="image"))
+    cleaned, z = without_sheets(image, frequency=HIGH_BAND, covered=covered), image.grid.z
+    if _height_under(mask.inside, cleaned) is None:
+        return None
+    power = np.square(cleaned.magnitude[mask.inside], dtype=float).sum(axis=0)
+    about = float(z[power.argmax()])
+    return echo_height(power / growth_with_distance(z, about, distance_of(cleaned, about)), z)
 
 
 def lid_height(image: SarImage, removal: SheetRemoval[SarImage], *, before: bool = False) -> float | None:
@@ -133,6 +164,18 @@ def lid_over(image: SarImage, cleaned: SarImage) -> tuple[SheetRemoval[SarImage]
     before = cleaned is image
     taken = lids_taken_before(image) if before else sheets_in(image, frequency=HIGH_BAND, covered=True)
     return taken, lid_height(image, taken, before=before)
+
+
+def without_support(image: SarImage, support: float) -> SarImage:
+    """An image in sight without the echo of what the objects stand on, at a known height z [m].
+
+    What is flat and largest is taken off, where it lies there, as a table or a plate does; else the image is as it was.
+    """
+    removal = remove_sheets(image, frequency=image.frequency or HIGH_BAND, clutter="lid", most=1)
+    height = lid_height(image, removal)
+    if height is None or not -_SUPPORT_BELOW <= height - support <= _SUPPORT_ABOVE:
+        return image
+    return replace(removal.result, metadata=with_step(image.metadata, "remove_support", support=support, height=height))
 
 
 def pixel_sides(image: SarImage) -> list[float]:
@@ -180,6 +223,12 @@ def growth_with_distance(z: np.ndarray, about: float, distance: float = _DISTANC
     proportion. It would show an echo as long as 5 cm some 3 mm too low.
     """
     return np.square(1 - (z - about) / distance)
+
+
+def _height_under(inside: np.ndarray, image: SarImage) -> float | None:
+    """z of the strongest echo under a mask (X, Y), as `height_of`; of an image without sheets."""
+    power = np.square(image.magnitude[inside], dtype=float).sum(axis=0)
+    return _height(power, image.grid.z) if power.any() else None
 
 
 def _lowered(power: np.ndarray, z: np.ndarray) -> float:

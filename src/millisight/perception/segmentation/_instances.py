@@ -17,7 +17,7 @@ from millisight.core.errors import InputError
 from millisight.data import Instances, Prompts, SarImage
 from millisight.imaging import SheetRemoval
 from millisight.perception import HIGH_BAND, project, without_sheets
-from millisight.perception.segmentation._heights import beneath, between, lid_over
+from millisight.perception.segmentation._heights import beneath, between, lid_over, without_support
 from millisight.perception.segmentation._parts import parts_of
 from millisight.perception.segmentation._segmentation import (
     Segmenter,
@@ -225,13 +225,17 @@ def segment_instances(
     Raises
     ------
     InputError, UnknownNameError
-        As `segment`, of the segmenter.
+        As `segment`, of the segmenter; or another band is given, and no segmenter.
     """
+    if other_band is not None and method is None:
+        raise InputError('other_band is for the segmenter; pass one with it, such as method="wave", or leave it out')
     settings = InstanceSettings() if settings is None else checked_record(settings, InstanceSettings, name="settings")
     check_known("condition", condition, ("los", "nlos"))
     if support is not None:
         support = checked_number(support, name="support", unit="m")
     covered = condition == "nlos"
+    if support is not None and not covered:
+        image = without_support(checked_record(image, SarImage, name="image"), support)
     cleaned = without_sheets(image, frequency=HIGH_BAND, covered=True) if covered else image
     picture = project(cleaned, values=values)
     if picture.power is None or not picture.power.any():

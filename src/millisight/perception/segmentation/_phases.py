@@ -35,12 +35,20 @@ def wavenumber_of(image: SarImage) -> float:
     return 4 * np.pi * (image.frequency or HIGH_BAND) / SPEED_OF_LIGHT
 
 
-def has_phases(image: SarImage) -> bool:
-    """Whether an image is complex, and its pixels fine enough for the phases of what is seen up to 17° from above."""
-    half_turn = np.pi / (wavenumber_of(image) * _SEEN)
-    if not np.iscomplexobj(image.values) or min(image.values.shape) < 2 or max(pixel_sides(image)) > half_turn:
-        return False
-    return bool(image.values.imag.any())
+def why_no_forms(image: SarImage) -> str:
+    """Why an image tells nothing of what is round or flat, in words; "" where it may.
+
+    It must be complex, and its pixels fine enough for the phases of what is seen up to 17 degrees from above.
+    """
+    checked_record(image, SarImage, name="image")
+    if not np.iscomplexobj(image.values) or not image.values.imag.any():
+        return "it has magnitudes alone, and no phases"
+    if min(image.values.shape) < 2:
+        return "it has a single slice or row"
+    widest, half_turn = max(pixel_sides(image)), np.pi / (wavenumber_of(image) * _SEEN)
+    if widest > half_turn:
+        return f"its pixels of {1e3 * widest:.2g} mm are too coarse; form it with {1e3 * half_turn:.2g} mm or less"
+    return ""
 
 
 def seen_from_below(image: SarImage) -> bool:

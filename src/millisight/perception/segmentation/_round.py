@@ -24,13 +24,13 @@ from millisight.perception.segmentation._heights import (
 )
 from millisight.perception.segmentation._phases import (
     cleaned_under,
-    has_phases,
     parts_to_look_at,
     phase_sign,
     reaches_edge,
     seen_from_below,
     turned_over,
     wavenumber_of,
+    why_no_forms,
 )
 
 _DEPTHS = np.arange(-0.006, 0.096, 0.003)  # at which a focus is sought, below where the echo is strongest [m]
@@ -189,7 +189,7 @@ def round_things(mask: np.ndarray, image: SarImage, *, covered: bool = False) ->
     image : its sheets taken off; its echoes tell heights
     covered : whether there was a lid, which delays the echoes
     """
-    if not has_phases(image):
+    if why_no_forms(image):
         return []
     if seen_from_below(image):
         return [one.turned_over for one in round_things(mask, turned_over(image), covered=covered)]
@@ -322,9 +322,7 @@ def _focus(
     )
 
 
-def _from_centre(
-    power: np.ndarray, z: np.ndarray, height: float, cosines: np.ndarray, distance: float
-) -> float:
+def _from_centre(power: np.ndarray, z: np.ndarray, height: float, cosines: np.ndarray, distance: float) -> float:
     """How far from a centre of curvature at a height the echo lies, by its delay [m].
 
     Waves at an angle to z show it at radius times cosine above the centre.

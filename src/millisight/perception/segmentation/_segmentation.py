@@ -29,7 +29,7 @@ from millisight.perception import (
     project,
     without_sheets,
 )
-from millisight.perception.segmentation._heights import between
+from millisight.perception.segmentation._heights import between, without_support
 from millisight.perception.segmentation._volume import extend_mask
 
 Method = Literal["wave", "classical", "sam"]
@@ -38,6 +38,7 @@ LARGEST_SHARE = 0.2
 """As published: a mask over more of the picture than this is no object's."""
 _PAPER_AREA = 0.55 * 0.60
 _BACKGROUND_SHARE = 0.6
+_APART = 1.5  # bands are at least so far apart, as a ratio
 _CONDITIONS = {"los": LOS, "nlos": NLOS}
 
 
@@ -199,6 +200,16 @@ class Segmented:
         return Mask(grid_xy=self.picture.grid_xy, inside=self.inside)
 
 
+def _check_bands(image: SarImage | None, other_band: SarImage | None) -> None:
+    """Refuse another band that is the same or the higher one, as far as the images tell theirs."""
+    here, there = (None if one is None else one.frequency for one in (image, other_band))
+    if here is not None and there is not None and there > here / _APART:
+        raise InputError(
+            f"the image is of {here / 1e9:.3g} GHz and other_band of {there / 1e9:.3g} GHz; expected the higher band "
+            "as the image and the lower one as other_band"
+        )
+
+
 def find_mask(
     by: Segmenter,
     picture: Picture,
@@ -227,21 +238,28 @@ def find_mask(
         ends within it, and thresholds for drawing are the paper's of that condition
     largest : share of the picture; None: `largest_share`
     support : height of what the object stands on [m]: parts of the mask whose echo comes from no higher are left out,
-        so that an empty stand is not taken for an object; None: unknown
+        so that an empty stand is not taken for an object; in sight a flat one is taken off the image first, as a table
+        is; None: unknown
 
     Raises
     ------
     InputError
         The picture is the same everywhere; prompts are needed, and there are neither prompts nor `rng`; none can be
-        drawn (see `power_prompts`); or every mask is too large.
+        drawn (see `power_prompts`); every mask is too large; or the other band is not the lower one.
     UnknownNameError
         No such condition.
     """
     check_known("condition", condition, _CONDITIONS)
+    _check_bands(picture.image, picture.other_band)
     if condition == "nlos":
         picture = replace(picture, covered=True)
     if support is not None:
         picture = replace(picture, support=checked_number(support, name="support", unit="m"))
+        if picture.image is not None and not picture.covered:
+            bare = without_support(picture.image, support)
+            if bare is not picture.image:
+                shown = project(bare)
+                picture = replace(picture, image=bare, rgb=shown.rgb, power=shown.power)
     if picture.power is not None and picture.power.min() == picture.power.max() > 0:
         raise InputError("the picture is equally bright everywhere: there is nothing to segment")
     limit = largest_share(picture) if largest is None else largest

@@ -33,8 +33,9 @@ def bounce_echoes(transmitters, nodes, between, shares, antennas, legs, places, 
     """Add echoes of waves that one patch mirrors onto another's plane: see `_multipath`.
 
     places (4, M): centroid of the first patch, its height over the second's plane. pairs (16, M) float32: the first 13
-    of `ROWS` of the first patch, and the second's normal. clusters (M, 2): of both. starts (K + 1,) and faces (K, 2): where pairs of the same two surfaces begin, and which
-    these are. Pairs of about one path that follow each other share a bin, and are added together.
+    of `ROWS` of the first patch, and the second's normal. clusters (M, 2): of both. starts (K + 1,) and faces (K, 2):
+    where pairs of the same two surfaces begin, and which these are. Pairs of about one path that follow each other
+    share a bin, and are added together.
     """
     receivers, wave_number = len(between), _f32(2 * math.pi * carrier)
     for sender in prange(len(bins) // receivers):
