@@ -13,6 +13,7 @@ import pytest
 import millisight as ms
 from helpers.commands import run_here
 from helpers.small_images import BRIGHT, GRID, image, publish
+from millisight.cli.classify import answer_words
 from millisight.core.errors import FileError, InputError
 from millisight.data import Prediction
 from millisight.io.mito import experiment_folder, radar_folder, write_published
@@ -84,6 +85,30 @@ def test_one_image_is_named_and_every_class_has_its_line(mug, run, tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["mug.image.h5", "mug24.h5"]
 
 
+def test_each_of_several_objects_is_classified(mug, run, tmp_path):
+    labels = np.zeros(GRID.xy.shape, int)
+    labels[9:15, 11:23], labels[20:24, 30:36] = 1, 2
+    ms.save(tmp_path / "two.instances.h5", ms.Instances(grid_xy=GRID.xy, labels=labels, scores=[2.0, 1.0]))
+    asked = ("mug.image.h5", "--other-band", "mug24.h5", "--mask", "two.instances.h5")
+    code, out, *_ = run(*asked, "-o", "two.json")
+    assert code == 0
+    assert [line.split(":")[0] for line in out.splitlines()] == ["mug, object 1", "mug, object 2"]
+    told = json.loads((tmp_path / "two.json").read_text())["objects"]
+    assert [one["mask"]["object"] for one in told] == [1, 2]
+    assert [one["mask"]["pixels"] for one in told] == [72, 24]
+    assert [(tmp_path / f"two.{number}.png").exists() for number in (1, 2, 3)] == [True, True, False]
+    assert [json.loads(line) for line in run(*asked, "--json")[1].splitlines()] == told
+    none = ms.Instances(grid_xy=GRID.xy, labels=0 * labels, scores=[])
+    ms.save(tmp_path / "none.instances.h5", none)
+    assert "holds no object" in run("mug.image.h5", "--mask", "none.instances.h5")[3]
+
+
+def test_why_no_probability_is_enough_is_said():
+    told = {"probabilities": [0.99, 0.01], "class_names": ("box", "can"), "threshold": 1.0}
+    said = answer_words(Prediction(**told, unproven="the network alone is not sure"))
+    assert said == "not sure, the network alone is not sure: box 0.99, can 0.01"
+
+
 def test_an_unsure_answer_says_what_it_may_be_and_one_band_that_there_are_two(mug, run):
     code, out, err, _ = run("mug.image.h5", "--method", "classical")
     assert code == 0
@@ -109,6 +134,7 @@ def test_what_is_known_is_written_beside_a_picture(mug, run, tmp_path):
         "novelty": 0.0,
         "novelty_limit": 1.0,
         "reasons": [],
+        "unproven": "",
         "probabilities": {"can": 0.04, "box": 0.95, "sphere": 0.01},
         "image": "mug.image.h5",
         "other_band": "mug24.h5",

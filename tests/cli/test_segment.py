@@ -56,7 +56,9 @@ def test_of_prompts_is_spoken_only_where_some_are_asked_for(tmp_path, here):
     pytest.importorskip("onnxruntime")
     ms.save(tmp_path / "mug.image.h5", image())
     out = here("mug.image.h5", "--no-picture")[1]
-    assert re.fullmatch(r"mug: mask of \d+ pixels, \d+\.\d %, by wave; wrote mug\.mask\.h5\n", out)
+    first, second = out.splitlines()
+    assert re.fullmatch(r"mug: mask of \d+ pixels, \d+\.\d %, by wave; wrote mug\.mask\.h5", first)
+    assert second == "  what is round or flat cannot be told of this image: it has magnitudes alone, and no phases"
 
 
 def test_it_says_how_large_a_ball_is(tmp_path, here):
@@ -188,6 +190,24 @@ def test_what_cannot_be_is_refused_and_writes_nothing(tmp_path, here, arguments,
     ms.save(tmp_path / "mask.h5", ms.Mask(grid_xy=GRID.xy, inside=np.zeros((30, 40), bool)))
     assert message in here(*arguments)[3]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.h5", "b.h5", "empty", "mask.h5"]
+
+
+def test_a_missing_image_does_not_stop_the_others(tmp_path, here):
+    ms.save(tmp_path / "a.h5", image())
+    code, out, *_ = here("nothing.h5", "a.h5", "--method", "classical", "--json", "--no-picture")
+    first, second = json.loads(out)["images"]
+    assert (code, first["error"], second["found"]) == (1, "nothing.h5: no such file", True)
+
+
+def test_images_of_other_names_in_a_folder_are_named(tmp_path, here):
+    (tmp_path / "some").mkdir()
+    for name in ("a.image.h5", "b.h5", "b.mask.h5"):
+        ms.save(tmp_path / "some" / name, image())
+    code, out, err, _ = here("some", "--method", "classical", "-o", "out", "--no-picture")
+    assert (code, sorted(path.name for path in (tmp_path / "out").iterdir())) == (0, ["a.mask.h5"])
+    assert "passed over what is not called *.image.h5: b.h5; pass by name" in out + err
+    (tmp_path / "some" / "a.image.h5").unlink()
+    assert "or pass by name what is one: b.h5" in here("some", "--method", "classical")[3]
 
 
 def test_the_help_teaches():

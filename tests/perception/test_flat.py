@@ -6,7 +6,7 @@ import pytest
 import millisight as ms
 from helpers.form_images import GRID, WAVENUMBER, ball, bulging, cylinder, flat, lit
 from millisight.core.errors import InputError
-from millisight.perception.segmentation import find_flat
+from millisight.perception.segmentation import _phases, find_flat, find_round, why_no_forms
 
 HALF = -6.0
 CENTRE = (0.01, -0.02, -0.06)
@@ -194,6 +194,88 @@ def test_where_phases_tell_nothing_nothing_is_flat():
     coarse = ms.VoxelGrid.regular((-0.1, -0.12, -0.1), (0.1, 0.12, 0.06), (0.005, 0.005, 0.01))
     image = flat((0.08, 0.05), CENTRE, grid=coarse)
     assert find_flat(lit(image, HALF), image) == ()
+
+
+def test_magnitudes_tell_nothing_although_their_history_says_how_they_were_made():
+    image = flat((0.08, 0.05), CENTRE, (4, 0))
+    made = {"history": [{"step": "form_image", "frequency": 79e9}]}
+    assert find_flat(lit(image, HALF), ms.SarImage(grid=GRID, values=image.values, metadata=made))
+    real = ms.SarImage(grid=GRID, values=image.magnitude, metadata=made)
+    assert find_flat(lit(image, HALF), real) == ()
+    assert why_no_forms(real) == "it has magnitudes alone, and no phases"
+    assert not why_no_forms(image)
+    coarse = ms.SarImage.from_array(image.values, (0.004, 0.004, 0.01))
+    assert why_no_forms(coarse).startswith("its pixels of 4 mm are too coarse; form it with 3.")
+
+
+def seen(image, above=None, below=None):
+    """The same image by antennas so far above or below its middle [m]; from below it is mirrored in z."""
+    metadata = {"history": [{"step": "form_image", "frequency": 79e9, "antennas": [0.0, 0.0, above or -below]}]}
+    if above is not None:
+        return ms.SarImage(grid=image.grid, values=image.values, metadata=metadata)
+    grid = ms.VoxelGrid(x=image.grid.x, y=image.grid.y, z=-image.grid.z[::-1])
+    return ms.SarImage(grid=grid, values=image.values[..., ::-1], metadata=metadata)
+
+
+def test_antennas_below_see_the_mirror_image():
+    image = flat((0.08, 0.05), CENTRE, (4, -6), 30)
+    (one,), (other,) = (
+        find_flat(lit(which, HALF), which) for which in (seen(image, above=0.2), seen(image, below=0.2))
+    )
+    mirror = [1, 1, -1]
+    for name in ("centre", "normal", "axis"):
+        np.testing.assert_allclose(getattr(other, name), getattr(one, name) * mirror, atol=1e-6)
+    assert other.normal[2] < 0  # towards the antennas
+    assert other.tilt_deg == pytest.approx(one.tilt_deg)
+    np.testing.assert_allclose(other.curvatures, one.curvatures, atol=1e-6)
+    image = ball(0.03, (0.01, -0.02, -0.06))
+    (one,), (other,) = (
+        find_round(lit(which), which) for which in (seen(image, above=0.2), seen(image, below=0.2))
+    )  # fmt: skip
+    assert other.radius == pytest.approx(one.radius)
+    np.testing.assert_allclose(other.centre, one.centre * mirror, atol=1e-6)
+
+
+def test_heights_do_not_depend_on_where_the_slices_lie():
+    heights = []
+    for low in (-0.09, -0.088, -0.086, -0.083):
+        grid = ms.VoxelGrid.regular((-0.06, -0.06, low), (0.06, 0.04, low + 0.14), (0.0025, 0.0025, 0.004))
+        image = flat((0.08, 0.05), CENTRE, grid=grid)
+        wobble = 1 + 0.003 * np.sin(np.arange(len(grid.z)) * 2.4)  # as much as an image's error
+        (found,) = of(ms.SarImage(grid=grid, values=image.values * wobble))
+        heights.append(found.centre[2])
+    assert np.ptp(heights) < 3e-4
+
+
+def test_a_top_that_goes_on_beyond_its_mask_or_the_picture():
+    image = flat((0.14, 0.12), (0, 0, -0.06))
+    x, y = GRID.x[:, None], GRID.y
+    disc = ms.Mask(grid_xy=GRID.xy, inside=np.hypot(x, y) < 0.025)
+    assert find_flat(disc, image) == ()  # a table's, and not that of what lies there
+    (whole,) = of(image)
+    assert not whole.cut
+    cut = ms.VoxelGrid(x=GRID.x[GRID.x > -0.03], y=GRID.y, z=GRID.z)
+    (found,) = of(ms.SarImage(grid=cut, values=image.values[GRID.x > -0.03]))
+    assert found.cut
+    assert found.plain["cut"]
+    assert "it reaches the picture's edge" in str(found)
+
+
+def test_a_hole_in_what_was_taken_off_is_no_top(monkeypatch):
+    table, shadow = flat((0.16, 0.2), (0, 0, -0.06)), flat((0.05, 0.05), (0, 0, -0.06), kind="ellipse")
+    seen_first = ms.SarImage(grid=GRID, values=table.values - shadow.values)
+    mask = lit(shadow, HALF)
+    monkeypatch.setattr(_phases, "without_sheets", lambda image, **_: ms.SarImage(grid=GRID, values=-shadow.values))
+    assert find_flat(mask, seen_first) == ()
+    assert find_flat(mask, ms.SarImage(grid=GRID, values=table.values - 2 * shadow.values))
+
+
+def test_records_of_forms_are_not_to_be_changed():
+    (found,) = of(flat((0.08, 0.05), CENTRE))
+    assert found == found
+    assert {found: 1}[found] == 1
+    with pytest.raises(ValueError, match="read-only"):
+        found.centre[0] = 1.0
 
 
 def test_a_mask_of_another_image_is_refused():

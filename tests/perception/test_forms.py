@@ -1,5 +1,7 @@
 """A classifier counts with an object's form, as its phases tell it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -45,7 +47,7 @@ def test_what_is_not_round_thin_or_little_of_the_mask_says_nothing():
     whole = np.ones(image.grid.shape[:2], bool)
     assert form_of(whole, [thing]) is None
     assert form_of(thing.inside, []) is None
-    rod = thing._replace(kind="cylinder", radius=0.012)
+    rod = replace(thing, kind="cylinder", radius=0.012)
     assert form_of(thing.inside, [rod]) is None
     real = ms.SarImage(grid=image.grid, values=image.magnitude)
     mask = ms.Mask(grid_xy=image.grid.xy, inside=thing.inside)

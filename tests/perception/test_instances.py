@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import millisight as ms
+from helpers.form_images import GRID, flat
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.perception.segmentation import InstanceSettings, split_instances
 
@@ -138,6 +139,52 @@ def test_what_encloses_another_keeps_it_apart():
     assert peaks.tolist() == [10, 9]
     assert (labels[30, 30], labels[30, 48]) == (2, 1)
     assert labels[30, 39] == 1  # a hole of the ring is the ring's
+
+
+def test_one_of_them_by_its_number():
+    found = ms.segment_instances(image_of((20, 20, 9, 1.0), (58, 40, 10, 0.5)))
+    assert np.array_equal(found[1].inside, found.masks[1].inside)
+    with pytest.raises(IndexError):
+        found[2]
+
+
+def test_another_band_without_a_segmenter_is_refused():
+    image = image_of((20, 20, 9, 1.0))
+    with pytest.raises(InputError, match="other_band is for the segmenter"):
+        ms.segment_instances(image, other_band=image)
+
+
+def at(frequency):
+    image = image_of((20, 20, 9, 1.0))
+    told = {"history": [{"step": "form_image", "frequency": frequency}]}
+    return ms.SarImage(grid=image.grid, values=image.values, metadata=told)
+
+
+@pytest.mark.parametrize("bands", [(24e9, 79e9), (79e9, 79e9)])
+def test_the_other_band_is_the_lower_one(bands):
+    image, other = map(at, bands)
+    with pytest.raises(InputError, match=f"of {bands[0] / 1e9:.0f} GHz and other_band of 79 GHz"):
+        ms.segment(image, other_band=other, method="classical", rng=0)
+    assert ms.segment(at(79e9), other_band=at(24e9), method="classical", rng=0).inside.any()
+
+
+def test_a_table_at_a_known_height_is_taken_off():
+    table, box, shadow = (
+        flat(sides, (x, y, z), (0.5, 0)).values
+        for sides, x, y, z in (((0.15, 0.19), 0, 0, -0.06), ((0.06, 0.04), 0.03, -0.02, -0.02),
+                               ((0.06, 0.04), 0.03, -0.02, -0.06))
+    )  # fmt: skip
+    image = ms.SarImage(grid=GRID, values=table - shadow + 3 * box)
+    truth = (abs(GRID.x[:, None] - 0.03) <= 0.03) & (abs(GRID.y + 0.02) <= 0.02)
+
+    def best(**settings):
+        return max(
+            (iou(mask.inside, truth) for mask in ms.segment_instances(image, largest=1.0, **settings)), default=0
+        )
+
+    assert best() < 0.5
+    assert best(support=-0.06) > 0.8
+    assert best(support=-0.1) < 0.5  # what is flat lies elsewhere
 
 
 def test_a_record_of_instances_is_checked_and_kept(tmp_path):

@@ -210,10 +210,12 @@ class TestMasks:
 
     def test_round_and_flat_things_are_drawn_with_their_sizes(self):
         centre, nothing = np.array([0.05, 0.13, -0.1]), np.zeros((1, 1), bool)
-        ball = Round("ball", 0.02, centre, None, 0.04, nothing, nothing)
+        ball = Round(
+            kind="ball", radius=0.02, centre=centre, axis=None, length=0.04, cut=False, inside=nothing, around=nothing
+        )
         top = Flat(
-            "rectangle", centre, np.array([0, 0, 1.0]), np.array([1.0, 0, 0]), np.array([0.06, 0.04]), np.zeros((2, 2)),
-            1.0, nothing,
+            kind="rectangle", centre=centre, normal=[0, 0, 1.0], axis=[1.0, 0, 0], sides=[0.06, 0.04],
+            curvatures=np.zeros((2, 2)), share=1.0, cut=False, inside=nothing,
         )  # fmt: skip
         found = segmented(mask(slice(3, 7), slice(2, 5)).inside)
         right = viz.plot_segmentation(found, forms=(ball, top)).axes[1]

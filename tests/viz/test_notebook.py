@@ -8,6 +8,7 @@ import h5py
 import numpy as np
 import pytest
 from matplotlib.collections import PolyCollection, QuadMesh
+from matplotlib.contour import ContourSet
 from matplotlib.figure import Figure
 from PIL import Image
 
@@ -108,6 +109,19 @@ class TestPlots:
         j, i = np.argwhere(mesh.get_array())[0]
         np.testing.assert_allclose(mesh.get_coordinates()[j : j + 2, i : i + 2].mean(axis=(0, 1)), (0.03, 0.01))
         assert axes.get_title() == "mask: 2.2 % of the picture"
+
+    def test_a_mask_is_outlined_over_its_image(self):
+        inside = np.zeros((9, 5), bool)
+        inside[6:8, 1:3] = True
+        mask = ms.Mask(grid_xy=GRID.xy, inside=inside)
+        (axes,) = mask.plot(image=image()).axes
+        (line,) = [c for c in axes.collections if isinstance(c, ContourSet)]
+        x, y = np.concatenate([path.vertices for path in line.get_paths()]).T
+        assert (GRID.x[5] < x).all()
+        assert (x < GRID.x[8]).all()
+        assert (y < GRID.y[3]).all()
+        with pytest.raises(InputError, match="different pixels, along x"):
+            mask.plot(image=ms.SarImage.from_array(np.ones((3, 5, 2)), 0.01))
 
 
 def _solid(axes):

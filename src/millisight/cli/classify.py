@@ -93,8 +93,6 @@ def classify(
 
     Example: millisight classify mug_77.h5 --other-band mug_24.h5 --mask mug.mask.h5 -o mug.prediction.json
 
-    Example: millisight classify carton.image.h5 --mask carton.instances.h5
-
     Example: millisight classify MITO_Dataset/004_sugar_box --multispectral -o predictions/
     """
     if mask is not None and method is not None:
