@@ -71,7 +71,12 @@ def save(
         The folder is missing, read-only, or full.
     """
     if type(record).__name__ not in RECORDS:
-        raise InputError(f"save got {type(record).__name__}; expected one of {', '.join(sorted(RECORDS))}")
+        advice = (
+            ": write its `plain` as JSON, or the mask with extras={...: its `plain`}"
+            if hasattr(record, "plain")
+            else ""
+        )
+        raise InputError(f"save got {type(record).__name__}; expected one of {', '.join(sorted(RECORDS))}{advice}")
     check_record_suffix(path)
     if extras is not None and not isinstance(extras, Mapping):
         raise InputError(f"extras is of type {type(extras).__name__}; expected a dictionary of values by name")

@@ -5,7 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from millisight.core import SPEED_OF_LIGHT, checked_record, with_step
-from millisight.data import Mask, SarImage, VoxelGrid
+from millisight.core.errors import InputError
+from millisight.data import Instances, Mask, SarImage, VoxelGrid
 from millisight.perception import HIGH_BAND, check_mask_of, without_sheets
 from millisight.perception.segmentation._heights import pixel_sides, tells_height
 from millisight.perception.segmentation._parts import parts_of
@@ -21,8 +22,10 @@ def cleaned_under(mask: Mask, image: SarImage, *, covered: bool) -> SarImage | N
     Raises
     ------
     InputError
-        The mask is on other pixels than the image.
+        The mask is on other pixels than the image, or those of several objects.
     """
+    if isinstance(mask, Instances):
+        raise InputError("mask is Instances; expected the Mask of one: pass each of its masks")
     checked_record(mask, Mask, name="mask")
     checked_record(image, SarImage, name="image")
     check_mask_of(mask, image)
