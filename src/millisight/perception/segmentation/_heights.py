@@ -15,7 +15,7 @@ _SUPPORT_BELOW, _SUPPORT_ABOVE = 0.01, 0.004  # its height, what is flat is a su
 _FALLS, _WITHIN = 0.2, 0.10  # an echo's power falls to this share within so many metres, or its height is unknown
 _SEEN = 0.03  # of a side, that tells whether it does [m]
 _DISTANCE = 0.25  # of an echo from the antennas above it, where it is not told: that of the published scans [m]
-_NEAREST = 0.05  # that a distance is taken for [m]
+_NEAREST, _LEAST_SHARE = 0.1, 0.2  # that a distance is taken for [m]; of it, that a slice lies from the antennas
 _LOBE, _ROUNDS = 0.018, 5  # of an echo's maximum are the heights that tell where it is [m]; in which it settles
 
 
@@ -222,7 +222,7 @@ def growth_with_distance(z: np.ndarray, about: float, distance: float = _DISTANC
     Antennas weigh alike in an image, and so waves of one direction get stronger with the distance from them, in
     proportion. It would show an echo as long as 5 cm some 3 mm too low.
     """
-    return np.square(1 - (z - about) / distance)
+    return np.square(np.maximum(1 - (z - about) / distance, _LEAST_SHARE))
 
 
 def _height_under(inside: np.ndarray, image: SarImage) -> float | None:
