@@ -15,7 +15,7 @@ from millisight.core import SPEED_OF_LIGHT
 from millisight.core.errors import InputError
 from millisight.data import Capture
 from millisight.imaging._leakage import leakage_of, some_poses
-from millisight.imaging._sheet_fit import Cells, Phase, SheetFit, gather, spline_matrix
+from millisight.imaging._sheet_fit import Cells, Phase, SheetFit, fit_sheet, gather, spline_matrix
 from millisight.imaging._sheet_ripples import rippled
 
 _CELL = 0.005  # of poses that are averaged [m]
@@ -76,6 +76,10 @@ class FrameScene:
             return gather(flat, self._into, shape)
 
         return Cells(x=self._axes[0], y=self._axes[1], counts=counts, values=values)
+
+    def first_fit(self, wave_number: float) -> SheetFit | None:
+        """The sheet that all cells tell of, before any is taken off."""
+        return fit_sheet(self.cells, wave_number, ripples=self.ripples)
 
     def sharpened(self, fit: SheetFit) -> SheetFit:
         """The fit: poses are too far apart to tell a lid's edges better."""

@@ -1,6 +1,7 @@
 """The echoes of an image, column by column, as the search for sheets sees them."""
 
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -8,7 +9,7 @@ import numpy as np
 from millisight.core import peak_place
 from millisight.data import SarImage
 from millisight.imaging._sheet_edges import lines_of, sharpened
-from millisight.imaging._sheet_fit import Cells, Phase, SheetFit, spline_matrix, spline_values
+from millisight.imaging._sheet_fit import Cells, Phase, SheetFit, fit_sheet, spline_matrix, spline_values
 from millisight.imaging._sheet_ripples import rippled, spread_on_grid, total_of_grid
 
 _CELL = 0.005  # of columns that are averaged [m]
@@ -41,6 +42,10 @@ class ImageScene:
 
         middles = [_summed(axis, s) / n for axis, s, n in zip(axes, self._sizes, sizes, strict=True)]
         return Cells(x=middles[0], y=middles[1], counts=counts, values=values)
+
+    def first_fit(self, wave_number: float) -> SheetFit | None:
+        """The sheet that all cells tell of, before any is taken off."""
+        return _first_fit(self._image, wave_number)
 
     def sharpened(self, fit: SheetFit) -> SheetFit:
         """The fit, its place as the image shows it, which is finer than the cells."""
@@ -103,6 +108,12 @@ class ImageScene:
         """(X, Y, 1) exp(i psi)"""
         x, y = self._image.grid.x, self._image.grid.y
         return np.exp(1j * phase.at(x[:, None], y)).astype(np.complex64)[..., None]
+
+
+@lru_cache(maxsize=2)
+def _first_fit(image: SarImage, wave_number: float) -> SheetFit | None:
+    """See `ImageScene.first_fit`: kept, as an image may be searched for a lid and for anything."""
+    return fit_sheet(ImageScene(image).cells, wave_number, ripples=ImageScene.ripples)
 
 
 def _size(axis: np.ndarray) -> int:

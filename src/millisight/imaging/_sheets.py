@@ -253,6 +253,8 @@ class _Echoes(Protocol):
     @property
     def cells(self) -> "Cells": ...
 
+    def first_fit(self, wave_number: float) -> "SheetFit | None": ...
+
     def sharpened(self, fit: "SheetFit") -> "SheetFit": ...
 
     def take(self, fit: "SheetFit") -> float: ...
@@ -290,8 +292,10 @@ def _search(
     while len(sheets) < most and len(left) < _ATTEMPTS:
         cells = echoes.cells
         cells = cells._replace(counts=np.where(passed_over, 0, cells.counts))
-        fit = fit_sheet(cells, wave_number, ripples=echoes.ripples)
-        first = first or fit
+        if first is None:
+            fit = first = echoes.first_fit(wave_number)
+        else:
+            fit = fit_sheet(cells, wave_number, ripples=echoes.ripples)
         if fit is None or fit.explained < _LEAST_EXPLAINED[clutter]:
             break
         sheet = _told(fit, cells, echoes.height(fit), wave_number)
