@@ -1,8 +1,9 @@
 """`millisight segment`: from images to masks, one or a whole dataset."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -40,6 +41,9 @@ from millisight.perception.segmentation import (
     find_mask,
     segment_instances,
 )
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 OtherBand = Annotated[
     Path | None,
@@ -187,14 +191,15 @@ def segment(
     share = None if largest is None else largest / 100
     height = optional_length(support, option="--support")
 
-    def one(source: ImageSource, to: Path) -> dict[str, Any]:
+    def one(source: ImageSource, to: Path) -> "tuple[dict[str, Any], Callable[[], Figure], Path | None]":
+        """What is told of an image whose mask was written, and its picture, not yet drawn, with where that goes."""
         drawn = None if no_picture else to.with_suffix(".png")
         _check_not_marked(to, drawn, named=output is not None)
         check_outputs(
             drawn, to.with_suffix(".ply") if volume else None, records=(to,), source=source.path, others=(source.other,)
         )
         if by is None or instances:
-            return several(source, to, drawn)
+            return *several(source, to), drawn
         image, other = source.images()
         segmented = mask_of(
             source, image, other, by, seed=seed, prompts=given, values=values, largest=share, support=height
@@ -202,7 +207,7 @@ def segment(
         drawn_by = None if given is not None else seed
         told = provenance_of(segmented, source, by, seed=drawn_by, values=values, support=height)
         if volume:
-            return in_depth(source, to, drawn, image, segmented, told)
+            return *in_depth(source, to, image, segmented, told), drawn
         covered = segmented.picture.covered
         forms = forms_of(segmented.mask, image, covered=covered)
         write_mask(to, segmented, source, by, told | forms.plain)
@@ -210,17 +215,16 @@ def segment(
         for one in (*forms.things, *doubts):
             say(f"  {one}")
         say_no_forms(image, segmented.mask)
-        if drawn is not None:
-            from millisight.viz import plot_segmentation, save_figure
 
-            save_figure(plot_segmentation(segmented, forms=forms.things, title=source.name), drawn)
-        return {
-            **entry(source, to, "mask", by.name, [segmented.inside], segmented.score),
-            **forms.plain,
-            "doubts": doubts,
-        }
+        def picture() -> "Figure":
+            from millisight.viz import plot_segmentation
 
-    def several(source: ImageSource, to: Path, drawn: Path | None) -> dict[str, Any]:
+            return plot_segmentation(segmented, forms=forms.things, title=source.name)
+
+        kept = entry(source, to, "mask", by.name, [segmented.inside], segmented.score)
+        return {**kept, **forms.plain, "doubts": doubts}, picture, drawn
+
+    def several(source: ImageSource, to: Path) -> "tuple[dict[str, Any], Callable[[], Figure]]":
         image, other = source.images()
         found = segment_instances(
             image, other_band=other, method=by, prompts=given, rng=seed, condition=source.condition, values=values,
@@ -230,37 +234,47 @@ def segment(
         objects = objects_of(found, image, covered=covered)
         name = None if by is None else by.name
         write_instances(to, found, image, source, objects, method=name, values=values, support=height)
-        if drawn is not None:
+
+        def picture() -> "Figure":
             from millisight.perception import HIGH_BAND, without_sheets
-            from millisight.viz import plot_instances, save_figure
+            from millisight.viz import plot_instances
 
             shown = without_sheets(image, frequency=HIGH_BAND, covered=True) if covered else image
             things = [thing for one in objects for thing in one.forms.things]
-            save_figure(plot_instances(found, image=shown, forms=things, title=source.name), drawn)
-        masks = [mask.inside for mask in found]
-        return {**entry(source, to, "instances", name, masks, None), "objects": [one.plain for one in objects]}
+            return plot_instances(found, image=shown, forms=things, title=source.name)
+
+        kept = entry(source, to, "instances", name, [mask.inside for mask in found], None)
+        return {**kept, "objects": [one.plain for one in objects]}, picture
 
     def in_depth(
-        source: ImageSource, to: Path, drawn: Path | None, image: SarImage, segmented: Segmented, told: dict[str, Any]
-    ) -> dict[str, Any]:
+        source: ImageSource, to: Path, image: SarImage, segmented: Segmented, told: dict[str, Any]
+    ) -> "tuple[dict[str, Any], Callable[[], Figure]]":
         from millisight.perception import HIGH_BAND, without_sheets
 
         cleaned = without_sheets(image, frequency=HIGH_BAND, covered=segmented.picture.covered)
         voxels = extend_mask(segmented.mask, cleaned)
         write_volume(to, voxels, source, told)
-        if drawn is not None:
-            from millisight.viz import plot_volume, save_figure
 
-            save_figure(plot_volume(voxels, image=cleaned, title=source.name), drawn)
-        return entry(source, to, "volume", told["method"], [voxels.inside], told["score"])
+        def picture() -> "Figure":
+            from millisight.viz import plot_volume
+
+            return plot_volume(voxels, image=cleaned, title=source.name)
+
+        return entry(source, to, "volume", told["method"], [voxels.inside], told["score"]), picture
 
     entries: list[dict[str, Any]] = []
 
     def noted(source: ImageSource, to: Path) -> None:
+        before = len(entries)
         try:
-            entries.append(one(source, to))
+            told, picture, drawn = one(source, to)
+            entries.append(told)  # before the picture is drawn: if that is interrupted, the mask is there
+            if drawn is not None:
+                from millisight.viz import save_figure
+
+                save_figure(picture(), drawn)
         except (MillisightError, MemoryError, OSError) as error:
-            entries.append({"image": str(source.path), "name": source.name, "error": in_options(str(error))})
+            entries[before:] = [{"image": str(source.path), "name": source.name, "error": in_options(str(error))}]
             raise
 
     try:
