@@ -174,9 +174,15 @@ def test_real_samples_become_analytic(tmp_path):
     text += "[positions]\nraster = { step = 0.1, counts = [3, 4] }\n"
     with pytest.raises(FormatError, match="analytic; expected true"):
         read_capture(described(tmp_path, text))
-    capture = read_capture(described(tmp_path, text.replace("phase_sign", "analytic = true\nphase_sign")))
-    assert np.allclose(capture.frames, frames[..., :1] * np.exp(2j * np.pi * 5 * samples / 64), atol=1e-5)
-    assert capture.radar.waveform.slope == 1e12
+    text = text.replace("phase_sign", "analytic = true\nphase_sign")
+    waves = frames[..., :1] * np.exp(2j * np.pi * 5 * samples / 64)
+    for slope, sign, kept in (("1e12", 1, waves.conj()), ("-1e12", -1, waves)):
+        good = text.replace("1e12", slope).replace("phase_sign = -1", f"phase_sign = {sign}")
+        capture = read_capture(described(tmp_path, good))
+        assert np.allclose(capture.frames, kept, atol=1e-5)
+        assert capture.radar.waveform.slope == float(slope)
+        with pytest.raises(FormatError, match=f"phase_sign; expected {sign}: the positive half"):
+            read_capture(described(tmp_path, good.replace(f"phase_sign = {sign}", f"phase_sign = {-sign}")))
 
 
 def test_rasters_of_frames_in_the_order_of_time(tmp_path):

@@ -23,6 +23,7 @@ from millisight.core import (
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.data import AntennaArray, Capture, Radar
 
+_SECOND = 0.85  # of the brightest offset's brightness, that of another at most
 _PARTS = 8  # of the poses, each of which gives an estimate of its own
 _DIVISORS = 1e-15, 1e15  # amplitudes by which frames may be divided: far from where float32 ends
 _SAME_PLACE = 1 / 32  # of a wavelength: by so much may two poses differ that count as one
@@ -81,7 +82,8 @@ def estimate_path_offset(
     Raises
     ------
     InputError
-        The band is a single frequency, or repeats within the search: offsets c / frequency step apart look alike.
+        The band is a single frequency, or repeats within the search: offsets c / frequency step apart look alike; or
+        no offset within the search stands out, as where the true one lies beyond it.
     """
     from scipy.optimize import minimize_scalar
 
@@ -100,18 +102,34 @@ def estimate_path_offset(
     offsets = np.linspace(low, high, 2 + int(8 * (high - low) * waveform.bandwidth / SPEED_OF_LIGHT))
     phases = 2j * np.pi / SPEED_OF_LIGHT * (waveform.frequencies - waveform.center_frequency)
 
-    def best(sums: np.ndarray) -> float:
-        def dimness(offset: float) -> float:
-            return -float(np.abs((sums * np.exp(phases * offset)).sum()))
+    def dimness(offset: float, sums: np.ndarray) -> float:
+        return -float(np.abs((sums * np.exp(phases * offset)).sum()))
 
-        i = int(np.argmin([dimness(offset) for offset in offsets]))
+    def best(sums: np.ndarray) -> float:
+        i = int(np.argmin([dimness(offset, sums) for offset in offsets]))
         around = offsets[max(i - 1, 0)], offsets[min(i + 1, len(offsets) - 1)]
-        found: Any = minimize_scalar(dimness, bounds=around, method="bounded", options={"xatol": 1e-7})
+        found: Any = minimize_scalar(dimness, bounds=around, args=(sums,), method="bounded", options={"xatol": 1e-7})
         return float(found.x)
 
+    _check_one_stands_out(
+        offsets, -np.array([dimness(one, focused.sum(axis=0)) for one in offsets]), waveform.bandwidth
+    )
     parts = [best(focused[i::_PARTS].sum(axis=0)) for i in range(min(_PARTS, len(focused)))]
     error = float(np.std(parts, ddof=1) / np.sqrt(len(parts))) if len(parts) > 1 else float("inf")
     return PathOffset(best(focused.sum(axis=0)), error)
+
+
+def _check_one_stands_out(offsets: np.ndarray, brightness: np.ndarray, bandwidth: float) -> None:
+    """Refuse offsets [m] of which the brightest is hardly brighter than another beside its lobe, as sidelobes are."""
+    best = int(brightness.argmax())
+    beside = abs(offsets - offsets[best]) > 1.5 * SPEED_OF_LIGHT / bandwidth
+    if beside.any() and brightness[beside].max() > _SECOND * brightness[best]:
+        other = float(offsets[beside][brightness[beside].argmax()])
+        raise InputError(
+            f"no offset from {offsets[0]:g} to {offsets[-1]:g} m stands out: at {offsets[best]:.3f} m the target is "
+            f"hardly brighter than at {other:.3f} m; check where the target is, or search farther: search=(-2, 4), for "
+            "example"
+        )
 
 
 def divide_gains(capture: Capture, gains: np.ndarray) -> Capture:
@@ -222,8 +240,15 @@ def subtract_mean(capture: Capture) -> Capture:
     """Subtract the mean over all poses from each channel and sample.
 
     What is the same everywhere, the antennas' own echo and leakage, goes; so does a little of the scene.
+
+    Raises
+    ------
+    InputError
+        There is one pose.
     """
     checked_record(capture, Capture, name="capture")
+    if len(capture.trajectory) < 2:
+        raise InputError("the capture has one pose, and nothing would be left; expected at least two")
     frames = capture.frames_of(slice(None))
     mean = frames.mean(axis=0, dtype=np.complex128).astype(np.complex64)
     return remade(capture, "subtract_mean", {}, frames=frames - mean)

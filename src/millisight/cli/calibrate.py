@@ -170,7 +170,11 @@ def radar(
         str, typer.Option(metavar="LENGTH", help="How far either way of the radar's path offset to look.")
     ] = "30cm",
     background: Annotated[
-        Path | None, typer.Option(help="Scan without the target; its first frame is subtracted from every frame.")
+        Path | None,
+        typer.Option(
+            help="Scan without the target: subtracted pose by pose where it has the same poses, else its first frame "
+            "from every frame."
+        ),
     ] = None,
     clock: Annotated[
         str, typer.Option(help="given: use the recorded times. apply: correct the clocks of robot and radar first.")

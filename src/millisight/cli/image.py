@@ -87,7 +87,10 @@ def image(
     radar: RadarChoice = None,
     background: Annotated[
         Path | None,
-        typer.Option(help="Capture of the empty scene; its first frame is subtracted from every frame."),
+        typer.Option(
+            help="Capture of the empty scene: subtracted pose by pose where it has the same poses, else its first "
+            "frame from every frame."
+        ),
     ] = None,
     calibration: Annotated[
         list[Path] | None,

@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from millisight.calibration import RadarCalibration
 
 
+_LOOKED_AT = 200  # poses, of which it is told how much a background took
 _BORDER = 0.12  # of the scan's, that a lid which ends within it may reach, by its corners too
 
 
@@ -264,7 +265,7 @@ def _stated_settings(capture: Capture, settings: ImageSettings) -> tuple[str, An
 def without_background(
     capture: Capture, source: Source, empties: Sequence[Source], data: Path | None, *, as_published: bool = False
 ) -> Capture:
-    """The capture less the first frame of the empty scene's, where one is given for its radar."""
+    """The capture less the empty scene's, where one is given for its radar: pose by pose, or its first frame."""
     if not empties:
         return capture
     from millisight.calibration import subtract_background
@@ -272,9 +273,23 @@ def without_background(
     for empty in empties:
         if empty.radar == source.radar:
             with empty.opened(data, "read background", as_published=as_published) as opened:
-                return subtract_background(capture, opened.capture, frame="first")
+                cleaned, what = None, "its first frame is taken off all"
+                if not as_published:
+                    with suppress(InputError):  # other poses; another radar is refused below
+                        cleaned = subtract_background(capture, opened.capture, frame="same")
+                        what = "it has the same poses, and each frame is taken off its own"
+                cleaned = cleaned or subtract_background(capture, opened.capture, frame="first")
+                say(f"background: {what}; {_left_db(capture, cleaned):.1f} dB of the power are left")
+                return cleaned
     say(f"background: no capture of the {source.radar} radar; nothing is subtracted")
     return capture
+
+
+def _left_db(before: Capture, after: Capture) -> float:
+    """The power of some frames after over that before [dB]."""
+    some = slice(0, min(_LOOKED_AT, len(before.trajectory)))
+    had, left = (float((np.abs(one.frames_of(some)) ** 2).sum()) for one in (before, after))
+    return 10 * float(np.log10(max(left, 1e-30) / max(had, 1e-30)))
 
 
 def _calibrated(capture: Capture, calibrations: "Sequence[RadarCalibration]") -> Capture:

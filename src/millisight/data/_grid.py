@@ -1,6 +1,7 @@
 """Where an image is wanted: voxel grids and pixel grids."""
 
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 
@@ -156,3 +157,11 @@ class VoxelGrid:
     def xy(self) -> PixelGrid:
         """The grid seen along z."""
         return PixelGrid(x=self.x, y=self.y)
+
+    def side_of(self, place: Sequence[float] | np.ndarray) -> Literal["above", "below", "beside"] | None:
+        """On which side of the grid a place (3,) [m] lies: along z, or beside it; None: about its middle."""
+        away = np.asarray(place, dtype=float) - self.bounds.mean(axis=0)
+        aside, half = float(np.hypot(*away[:2])), float(np.hypot(*np.ptp(self.bounds, axis=0)[:2])) / 2
+        if abs(away[2]) >= aside:
+            return None if away[2] == 0 else "above" if away[2] > 0 else "below"
+        return "beside" if aside > half else None

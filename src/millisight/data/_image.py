@@ -18,11 +18,13 @@ from millisight.core import (
     late,
     put,
     record,
+    with_step,
 )
 from millisight.core.errors import InputError
 from millisight.data._attributes import flat, unflat
 from millisight.data._grid import VoxelGrid
 
+_METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 _LARGEST = 1e15  # the sum of the squares of as many voxels as fit any memory is finite in float32
 
 
@@ -178,6 +180,24 @@ class SarImage:
                 return x, y, z
         return None
 
+    @property
+    def seen_from(self) -> Literal["above", "below", "beside"] | None:
+        """On which side of the image the antennas were, along z or beside it; None where that is not told.
+
+        Sheets, masks, balls, cylinders and flat tops are looked for along z: of an image that was seen from beside,
+        turn the frame so that the radar looks along z.
+        """
+        return None if self.antennas is None else self.grid.side_of(self.antennas)
+
+    @property
+    def turned_over(self) -> "SarImage":
+        """Mirrored in z, with what it tells of its antennas."""
+        grid, metadata = VoxelGrid(x=self.grid.x, y=self.grid.y, z=-self.grid.z[::-1]), dict(self.metadata)
+        if self.antennas is not None:
+            x, y, z = self.antennas
+            metadata = with_step(metadata, "turned_over", antennas=[x, y, -z])
+        return SarImage(grid=grid, values=self.values[..., ::-1], metadata=metadata)
+
     def to_xarray(self, *, parts: bool = False) -> Any:
         """The image for xarray, with coordinates in metres; `from_xarray` reads it back.
 
@@ -219,7 +239,8 @@ class SarImage:
 
         Parameters
         ----------
-        data : xarray.DataArray (X, Y, Z) with coordinates x, y, z [m], or xarray.Dataset with such "real" and "imag"
+        data : xarray.DataArray (X, Y, Z) with coordinates x, y, z, or xarray.Dataset with such "real" and "imag";
+            coordinates in metres, or in what their attribute `units` says: m, cm, mm
 
         Raises
         ------
@@ -236,7 +257,7 @@ class SarImage:
             missing = [name for name in "xyz" if name not in data.coords]  # for which xarray would count instead
             if missing:
                 raise ValueError(f"it has no coordinates {' and '.join(missing)}")
-            x, y, z = (data.coords[name].values for name in "xyz")
+            x, y, z = (_metres(data.coords[name]) for name in "xyz")
             if hasattr(data, "data_vars"):
                 real, imag = (data[name].transpose(*"xyz").values for name in ("real", "imag"))
                 values = real + 1j * imag
@@ -249,3 +270,11 @@ class SarImage:
             ) from error
         metadata = {str(name): unflat(value) for name, value in data.attrs.items()}
         return cls(grid=VoxelGrid(x=x, y=y, z=z), values=values, metadata=metadata)
+
+
+def _metres(coordinate: Any) -> np.ndarray:
+    """The values of a coordinate of xarray's, in metres."""
+    unit = str(coordinate.attrs.get("units", "m"))
+    if unit not in _METRES:
+        raise ValueError(f"its coordinate {coordinate.name} has the units {unit!r}, not {', '.join(_METRES)}")
+    return np.asarray(coordinate.values) * _METRES[unit] if _METRES[unit] != 1 else coordinate.values

@@ -20,6 +20,11 @@ def moments_of_image(image: SarImage, frequency: float | None) -> Moments:
     InputError
         The image is real, has fewer than 3 voxels along an axis, or its frequency is not known.
     """
+    if image.seen_from == "beside":
+        raise InputError(
+            "the antennas lie beside the image, and surfaces are looked for along z: turn the frame so that the radar "
+            "looks along z, or pass the capture"
+        )
     centre = image.frequency if frequency is None else checked_number(frequency, name="frequency", unit="Hz", above=0)
     if centre is None:
         raise InputError("this image does not state its frequency; pass frequency=79e9, for example [Hz]")

@@ -21,6 +21,7 @@ from millisight.imaging._exact import image_at
 from millisight.imaging._fast import fast
 from millisight.imaging._refraction import check_behind
 from millisight.imaging._sampling import steps_of
+from millisight.imaging._sides import antennas_of
 from millisight.imaging._windows import Window, range_weights, window_pair
 
 logger = logging.getLogger(__name__)
@@ -134,12 +135,6 @@ def form_image(
     settings["antennas"] = [float(one) for one in antennas_of(capture)]
     values.flags.writeable = False
     return SarImage(grid=grid, values=values, metadata=with_step(capture.metadata, "form_image", **settings))
-
-
-def antennas_of(capture: Capture) -> np.ndarray:
-    """(3,) the middle of all positions of a capture's antennas [m]. Images keep it as `SarImage.antennas`."""
-    tx, rx = capture.tx_positions, capture.rx_positions
-    return (tx.mean(axis=(0, 1)) + rx.mean(axis=(0, 1))) / 2
 
 
 def check_tolerance(tolerance: float) -> float:

@@ -5,7 +5,8 @@ import numpy as np
 from millisight.core import checked_record, with_step
 from millisight.core.errors import InputError
 from millisight.data import Capture, Radar, SarImage, VoxelGrid
-from millisight.imaging._form import TOLERANCE, antennas_of, form_image
+from millisight.imaging._form import TOLERANCE, form_image
+from millisight.imaging._sides import antennas_of
 from millisight.imaging._windows import window_pair
 
 

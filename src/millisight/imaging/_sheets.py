@@ -20,6 +20,7 @@ from millisight.core import (
 from millisight.core.errors import InputError
 from millisight.data import Capture, PixelGrid, SarImage, VoxelGrid
 from millisight.imaging._scale import at_usual_scale, scaled
+from millisight.imaging._sides import NOT_LOOKED_AT, mirrored, side_of
 
 if TYPE_CHECKING:
     from millisight.imaging._sheet_fit import Cells, SheetFit  # needs SciPy: not for --help
@@ -228,10 +229,11 @@ def remove_sheets(
         raise InputError(f"remove_sheets got {type(scene).__name__}; expected an image or a capture")
     if clutter == "none":
         return SheetRemoval(result=scene, sheets=(), left=(), reason="nothing was asked for")
-    if isinstance(scene, Capture) and not any(
-        np.ptp(places, axis=0).any() for places in (scene.tx_positions, scene.rx_positions)
-    ):
-        return SheetRemoval(result=scene, sheets=(), left=(), reason="the radar did not move")
+    side = side_of(scene, grid)
+    if side == "below":
+        return mirrored(remove_sheets, scene, grid, clutter=clutter, frequency=frequency, most=most)
+    if side in NOT_LOOKED_AT:
+        return SheetRemoval(result=scene, sheets=(), left=(), reason=NOT_LOOKED_AT[side])
     usual, scale = at_usual_scale(scene)
     echoes, wave_number = _echoes_of(usual, lowest, clutter), 2 * np.pi * centre / SPEED_OF_LIGHT
     sheets, left = _search(echoes, wave_number, most, clutter, lowest)

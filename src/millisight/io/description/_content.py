@@ -77,10 +77,18 @@ class Description:
     def radar(self, shape: tuple[int, ...], placed: dict[str, np.ndarray] | None = None) -> Radar:
         """The radar of frames (F, T, R, N) of `shape`; `placed`: its antennas, where [positions] says them."""
         reader = self._reader
-        return _radar.read_radar(
+        radar = _radar.read_radar(
             self._tables["radar"], self._config, shape, self._title,
             receivers=reader.receivers, recorded=reader.recorded, frequencies=reader.frequencies, placed=placed,
         )  # fmt: skip
+        frames, rising = self._tables["frames"], radar.waveform.frequency_step > 0
+        if frames.flag("analytic") and reader.phase_sign != (sign := 1 if rising else -1):
+            raise frames.error(
+                "phase_sign",
+                f"{sign}: the positive half of the spectrum of real samples is kept, and their frequency "
+                f"{'rises' if rising else 'falls'}; with another sign the image is out of focus",
+            )
+        return radar
 
     def frames(self) -> np.ndarray:
         """(F, T, R, N) complex64 frames of all files, of the phase sign inside millisight, not calibrated."""

@@ -22,6 +22,10 @@ def doubts_of(mask: Mask, image: SarImage, *, covered: bool = False) -> tuple[st
     if not inside.any() or 1 in inside.shape:
         return ()
     doubts = []
+    if image.seen_from == "beside":
+        doubts.append(
+            "the antennas lie beside the picture, which is seen along z; turn the frame so that they look along z"
+        )
     padded = np.pad(inside, 1)
     neighbours = [padded[1 + i : padded.shape[0] - 1 + i, 1 + j : padded.shape[1] - 1 + j] for i, j in _BESIDE]
     outline = inside & ~np.logical_and.reduce(neighbours)

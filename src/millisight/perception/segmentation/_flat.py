@@ -18,8 +18,6 @@ from millisight.perception.segmentation._phases import (
     parts_to_look_at,
     phase_sign,
     reaches_edge,
-    seen_from_below,
-    turned_over,
     wavenumber_of,
     why_no_forms,
 )
@@ -180,8 +178,8 @@ def flat_things(mask: np.ndarray, image: SarImage) -> list[Flat]:
     """
     if why_no_forms(image):
         return []
-    if seen_from_below(image):
-        return [one.turned_over for one in flat_things(mask, turned_over(image))]
+    if image.seen_from == "below":
+        return [one.turned_over for one in flat_things(mask, image.turned_over)]
     found = (_flat(part, image) for part in parts_to_look_at(mask, image))
     return [one for one in found if one is not None]
 

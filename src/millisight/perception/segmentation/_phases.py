@@ -4,9 +4,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from millisight.core import SPEED_OF_LIGHT, checked_record, with_step
+from millisight.core import SPEED_OF_LIGHT, checked_record
 from millisight.core.errors import InputError
-from millisight.data import Instances, Mask, SarImage, VoxelGrid
+from millisight.data import Instances, Mask, SarImage
 from millisight.perception import HIGH_BAND, check_mask_of, without_sheets
 from millisight.perception.segmentation._heights import pixel_sides, tells_height
 from millisight.perception.segmentation._parts import parts_of
@@ -48,23 +48,12 @@ def why_no_forms(image: SarImage) -> str:
         return "it has magnitudes alone, and no phases"
     if min(image.values.shape) < 2:
         return "it has a single slice or row"
+    if image.seen_from == "beside":
+        return "its antennas lie beside it; turn the frame so that the radar looks along z"
     widest, half_turn = max(pixel_sides(image)), np.pi / (wavenumber_of(image) * _SEEN)
     if widest > half_turn:
         return f"its pixels of {1e3 * widest:.2g} mm are too coarse; form it with {1e3 * half_turn:.2g} mm or less"
     return ""
-
-
-def seen_from_below(image: SarImage) -> bool:
-    """Whether the antennas of an image lie below it."""
-    return image.antennas is not None and image.antennas[2] < image.grid.z.mean()
-
-
-def turned_over(image: SarImage) -> SarImage:
-    """An image that was seen from below, mirrored in z: as if its antennas lay above it."""
-    grid = VoxelGrid(x=image.grid.x, y=image.grid.y, z=-image.grid.z[::-1])
-    x, y, z = image.antennas or (0.0, 0.0, 0.0)
-    metadata = with_step(image.metadata, "turned_over", antennas=[x, y, -z])
-    return SarImage(grid=grid, values=image.values[..., ::-1], metadata=metadata)
 
 
 def reaches_edge(inside: np.ndarray) -> bool:

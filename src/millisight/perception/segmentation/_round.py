@@ -27,8 +27,6 @@ from millisight.perception.segmentation._phases import (
     parts_to_look_at,
     phase_sign,
     reaches_edge,
-    seen_from_below,
-    turned_over,
     wavenumber_of,
     why_no_forms,
 )
@@ -191,8 +189,8 @@ def round_things(mask: np.ndarray, image: SarImage, *, covered: bool = False) ->
     """
     if why_no_forms(image):
         return []
-    if seen_from_below(image):
-        return [one.turned_over for one in round_things(mask, turned_over(image), covered=covered)]
+    if image.seen_from == "below":
+        return [one.turned_over for one in round_things(mask, image.turned_over, covered=covered)]
     level, sides = image.magnitude.mean(axis=2), pixel_sides(image)
     delay = _LID if covered else 0.0
     found = (_round(np.where(part, level, 0), image, sides, delay) for part in parts_to_look_at(mask, image))
