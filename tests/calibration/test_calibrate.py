@@ -70,6 +70,15 @@ def test_offsets_that_look_alike_are_refused():
         calibrate.estimate_path_offset(single, TARGET)
 
 
+@pytest.mark.parametrize("offset", [1.2, 1.5, -0.9])
+def test_an_offset_beyond_the_search_is_not_guessed(offset):
+    capture = capture_of(TARGET, np.array([1]), offset=offset)
+    with pytest.raises(InputError, match=r"no offset from -0\.5 to 1 m stands out"):
+        calibrate.estimate_path_offset(capture, TARGET)
+    search = (min(-0.5, offset - 0.3), max(1.0, offset + 0.3))
+    assert calibrate.estimate_path_offset(capture, TARGET, search=search).value == pytest.approx(offset, abs=1e-5)
+
+
 def test_gains_are_found_and_undone():
     gains = np.array([[0.7 * np.exp(0.4j), 1.3 * np.exp(-1.1j)]])
     crooked = capture_of(TARGET, np.array([0.5]), gains=gains[:, :, None], offset=0.15, stated=0.15)
@@ -150,6 +159,9 @@ def test_the_mean_over_poses_goes():
     less = calibrate.subtract_mean(lit)
     assert np.abs(less.frames.mean(axis=0)).max() < 1e-5
     assert np.abs(less.frames - (scene.frames - scene.frames.mean(axis=0))).max() < 1e-5
+    path = ms.Trajectory(times=TRAJECTORY.times[:1], positions=TRAJECTORY.positions[:1])
+    with pytest.raises(InputError, match="one pose, and nothing would be left"):
+        calibrate.subtract_mean(ms.Capture(radar=scene.radar, trajectory=path, frames=scene.frames[:1]))
 
 
 def test_samples_are_cropped_with_their_frequencies():

@@ -238,6 +238,35 @@ def test_axes_of_xarray_may_be_in_any_order():
     assert np.array_equal(ms.SarImage.from_xarray(data).values, image(4).values)
 
 
+def test_units_of_coordinates_in_xarray_count():
+    pytest.importorskip("xarray", reason="xarray is an extra")
+    data = image(4).to_xarray()
+    coarse = data.assign_coords({name: 1000 * data[name] for name in "xyz"})
+    for name in "xyz":
+        coarse[name].attrs["units"] = "mm"
+    read = ms.SarImage.from_xarray(coarse)
+    for name in "xyz":
+        np.testing.assert_allclose(getattr(read.grid, name), getattr(GRID, name), atol=1e-12)
+    coarse["y"].attrs["units"] = "inch"
+    with pytest.raises(InputError, match="its coordinate y has the units 'inch', not m, cm, mm"):
+        ms.SarImage.from_xarray(coarse)
+
+
+@pytest.mark.parametrize(
+    ("place", "side"),
+    [((0, 0, 0.3), "above"), ((0.1, 0, -0.3), "below"), ((0.5, 0.1, 0.1), "beside"), ((0.01, 0, 0), None)],
+)
+def test_from_where_an_image_was_seen(place, side):
+    antennas = [a + b for a, b in zip(GRID.bounds.mean(axis=0), place, strict=True)]
+    seen = ms.SarImage(grid=GRID, values=image(4).values, metadata={"history": [{"antennas": antennas}]})
+    assert seen.seen_from == side
+    assert image(4).seen_from is None
+    over = seen.turned_over
+    assert over.seen_from == {"above": "below", "below": "above"}.get(side, side)
+    np.testing.assert_array_equal(over.turned_over.values, seen.values)
+    np.testing.assert_allclose(over.turned_over.antennas, antennas)
+
+
 def test_what_is_no_image_in_xarray_is_refused():
     xarray = pytest.importorskip("xarray", reason="xarray is an extra")
     whole = image(4).to_xarray(parts=True)

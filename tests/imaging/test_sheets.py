@@ -65,6 +65,39 @@ def test_a_sheet_is_found_and_only_its_echo_taken(name, path, spots):
     assert left_of(found.result.frames, spots, sheet) < (0.06 if "sides" in SHEETS[name] else 0.02)
 
 
+OVER = np.array([1, 1, -1])
+
+
+def test_from_below_it_is_the_mirror_image(path, spots):
+    """Frames do not change where antennas and scene are mirrored."""
+    below = ms.Trajectory(times=path.times, positions=path.positions * OVER)
+    grid = ms.VoxelGrid(x=GRID.x, y=GRID.y, z=-GRID.z[::-1])
+    frames = spots + mirror(RADAR, path, **SHEETS["tilted"])
+    one, other = (capture_of(RADAR, poses, frames) for poses in (path, below))
+    for down, up, on in ((one, other, {"grid": GRID}), (ms.form_image(one, GRID), ms.form_image(other, grid), {})):
+        found = remove_sheets(down, **on)
+        again = remove_sheets(up, **({"grid": grid} if on else {}))
+        (sheet,), (mirrored,) = found.sheets, again.sheets
+        assert mirrored.height == pytest.approx(-sheet.height, abs=1e-4)
+        np.testing.assert_allclose(mirrored.tilt_deg, np.negative(sheet.tilt_deg), atol=0.01)
+        kept = again.result.frames if on else again.result.values[..., ::-1]
+        truth = found.result.frames if on else found.result.values
+        assert np.linalg.norm(kept - truth) < 0.02 * np.linalg.norm(frames if on else down.values)
+        assert again.result.metadata["history"][-1]["sheets"][0]["height"] == mirrored.height
+    assert ms.form_image(other, grid).seen_from == "below"
+
+
+def test_from_beside_none_are_looked_for(path, spots):
+    turned = ms.Trajectory(times=path.times, positions=path.positions[:, [2, 0, 1]])
+    grid = ms.VoxelGrid(x=GRID.z, y=GRID.x, z=GRID.y)
+    capture = capture_of(RADAR, turned, spots + mirror(RADAR, path, **SHEETS["level"]))
+    image = ms.form_image(capture, grid)
+    assert image.seen_from == "beside"
+    for found in (remove_sheets(capture, grid=grid), remove_sheets(image, clutter="lid")):
+        assert found.sheets == ()
+        assert found.reason == "the antennas lie beside the scene, and sheets are looked for along z: turn the frame"
+
+
 @pytest.mark.parametrize("name", ["level", "steep", "bowed", "half"])
 def test_in_images_too(name, path, spots):
     sheet, truth = image_of(mirror(RADAR, path, **SHEETS[name]), path), image_of(spots, path)

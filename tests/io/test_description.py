@@ -181,7 +181,7 @@ def test_real_samples_become_analytic(tmp_path):
         capture = read_capture(described(tmp_path, good))
         assert np.allclose(capture.frames, kept, atol=1e-5)
         assert capture.radar.waveform.slope == float(slope)
-        with pytest.raises(FormatError, match=f"phase_sign; expected {sign}: the positive half"):
+        with pytest.raises(FormatError, match=f"expected {sign}: the positive half"):
             read_capture(described(tmp_path, good.replace(f"phase_sign = {sign}", f"phase_sign = {-sign}")))
 
 

@@ -23,7 +23,7 @@ from millisight.core import (
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.data import AntennaArray, Capture, Radar
 
-_SECOND = 0.85  # of the brightest offset's brightness, that of another at most
+_SECOND = 0.5  # of the brightest offset's brightness, that of another at most
 _PARTS = 8  # of the poses, each of which gives an estimate of its own
 _DIVISORS = 1e-15, 1e15  # amplitudes by which frames may be divided: far from where float32 ends
 _SAME_PLACE = 1 / 32  # of a wavelength: by so much may two poses differ that count as one
@@ -120,15 +120,15 @@ def estimate_path_offset(
 
 
 def _check_one_stands_out(offsets: np.ndarray, brightness: np.ndarray, bandwidth: float) -> None:
-    """Refuse offsets [m] of which the brightest is hardly brighter than another beside its lobe, as sidelobes are."""
+    """Refuse offsets [m] of which none is twice as bright as all beside its lobe, as sidelobes are not."""
     best = int(brightness.argmax())
     beside = abs(offsets - offsets[best]) > 1.5 * SPEED_OF_LIGHT / bandwidth
     if beside.any() and brightness[beside].max() > _SECOND * brightness[best]:
         other = float(offsets[beside][brightness[beside].argmax()])
         raise InputError(
-            f"no offset from {offsets[0]:g} to {offsets[-1]:g} m stands out: at {offsets[best]:.3f} m the target is "
-            f"hardly brighter than at {other:.3f} m; check where the target is, or search farther: search=(-2, 4), for "
-            "example"
+            f"no offset from {offsets[0]:g} to {offsets[-1]:g} m stands out: at {offsets[best]:.3f} m the target is less "
+            f"than twice as bright as at {other:.3f} m; check where the target is, or search farther: search=(-2, 4), "
+            "for example"
         )
 
 
