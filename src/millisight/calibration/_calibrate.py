@@ -126,9 +126,9 @@ def _check_one_stands_out(offsets: np.ndarray, brightness: np.ndarray, bandwidth
     if beside.any() and brightness[beside].max() > _SECOND * brightness[best]:
         other = float(offsets[beside][brightness[beside].argmax()])
         raise InputError(
-            f"no offset from {offsets[0]:g} to {offsets[-1]:g} m stands out: at {offsets[best]:.3f} m the target is less "
-            f"than twice as bright as at {other:.3f} m; check where the target is, or search farther: search=(-2, 4), "
-            "for example"
+            f"no offset from {offsets[0]:g} to {offsets[-1]:g} m stands out: at {offsets[best]:.3f} m the target is "
+            f"less than twice as bright as at {other:.3f} m; check where the target is, or search farther: "
+            "search=(-2, 4), for example"
         )
 
 
