@@ -15,6 +15,7 @@ from millisight.data import Capture, RawScan, Trajectory
 CAPTURE_SUFFIX = ".capture.h5"
 # Read with a description: the user's own, or a shipped one that fits the arrays.
 _DESCRIBED = (".toml", ".npz", ".npy", ".mat")
+_LEAST_KEPT = 0.5  # of the frames; where fewer have a pose, times are rarely right
 _LOG_GAP = 5  # times as long as usual between two poses of a log
 
 
@@ -196,7 +197,9 @@ def _placed(scan: RawScan, label: str, *, poses: str = "cubic") -> Opened:
     }
     reasons = ", ".join(f"{count} {why}" for why, count in left_out.items() if count)
     kept = f"kept {placing['kept']} of {placing['frames']} frames" + (f": {reasons}" if reasons else "")
-    return Opened(capture, scan.log, (kept, *_log_gaps(scan.log, capture), *_notes(scan)))
+    few = placing["kept"] < _LEAST_KEPT * placing["frames"]
+    lost = ("warning: most frames were left out; check the unit and the zero of [times] and of the log",) if few else ()
+    return Opened(capture, scan.log, (kept, *lost, *_log_gaps(scan.log, capture), *_notes(scan)))
 
 
 def _log_gaps(log: Trajectory, capture: Capture) -> tuple[str, ...]:
