@@ -35,7 +35,7 @@ _AS_LONG = 0.9  # of an ellipse's longer diameter, the other of a disc
 _STEP, _TELLING = 0.005, 0.1  # between heights of a top's halves, which are two tops; of a top as wide as this [m]
 _LEAST_UPRIGHT = 0.01  # square of a normal's z
 _CLOSE = 0.045  # slices whose waves tell a top's height, to that in which the wave was found [m]
-_HOLE = 0.5  # of a top's echo, that the image must have had before sheets were taken off
+_HOLE = 0.25  # of a top's power, that the image had there before sheets were taken off, at most
 _BENT_DEG = 3.0  # from edge to edge, from which on a top is called bent
 
 
@@ -168,7 +168,7 @@ def _is_hole(top: Flat, image: SarImage, cleaned: SarImage) -> bool:
     """
     slice_ = int(abs(image.grid.z - top.centre[2]).argmin())
     before, after = (one.values[..., slice_][top.inside] for one in (image, cleaned))
-    return bool(np.vdot(after, before).real < _HOLE * np.vdot(after, after).real)
+    return bool(np.vdot(before, before).real < _HOLE * np.vdot(after, after).real)
 
 
 def flat_things(mask: np.ndarray, image: SarImage) -> list[Flat]:
