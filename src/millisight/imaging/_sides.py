@@ -2,15 +2,12 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from millisight.core import with_step
 from millisight.data import Capture, SarImage, Trajectory, VoxelGrid
-
-if TYPE_CHECKING:
-    from millisight.imaging._sheets import DetectedSheet
 
 NOT_LOOKED_AT: Mapping[Any, str] = {
     "still": "the radar did not move",
@@ -58,6 +55,7 @@ def mirrored(search: Callable[..., Any], scene: Any, grid: VoxelGrid | None, **s
     return replace(found, result=replace(scene, metadata=metadata, **data), sheets=sheets, left=left)
 
 
-def _turned_back(sheet: "DetectedSheet") -> "DetectedSheet":
+def _turned_back(sheet: Any) -> Any:
+    """A `DetectedSheet` at its height in the scene as it is."""
     along_x, along_y = sheet.tilt_deg
     return replace(sheet, height=-sheet.height, tilt_deg=(-along_x, -along_y))
