@@ -141,6 +141,19 @@ def test_what_encloses_another_keeps_it_apart():
     assert labels[30, 39] == 1  # a hole of the ring is the ring's
 
 
+def test_a_face_in_what_is_left_of_a_lid_is_found():
+    """Down to a glint's flanks it would cover the picture."""
+    rng = np.random.default_rng(0)
+    values = 0.1 * np.abs(rng.normal(size=(80, 80, 4)))
+    values[20:40, 30:60] = 1.0
+    values[:20] *= 1e-2
+    image = ms.SarImage.from_array(values, STEP)
+    found = ms.segment_instances(image)
+    truth = np.zeros((80, 80), bool)
+    truth[20:40, 30:60] = True
+    assert [iou(mask.inside, truth) > 0.8 for mask in found] == [True]
+
+
 def test_one_of_them_by_its_number():
     found = ms.segment_instances(image_of((20, 20, 9, 1.0), (58, 40, 10, 0.5)))
     assert np.array_equal(found[1].inside, found.masks[1].inside)

@@ -252,15 +252,21 @@ def segment_instances(
         )
         shown = np.where(found.inside, levels, -np.inf)
     area = float(np.prod([np.ptp(axis) / max(len(axis) - 1, 1) for axis in (image.grid.x, image.grid.y)]))
-    labels, peaks = split_instances(
-        shown,
-        lowest=dark + settings.contrast_db,
-        prominence=settings.prominence_db,
-        drops=(settings.face_db, settings.glint_db),
-        flat=settings.flat,
-        smallest=max(1, round(settings.smallest / area)) if area else 1,
-    )
     limit = largest_share(picture) if largest is None else largest
+    how: dict[str, Any] = {
+        "lowest": dark + settings.contrast_db,
+        "prominence": settings.prominence_db,
+        "flat": settings.flat,
+        "smallest": max(1, round(settings.smallest / area)) if area else 1,
+    }
+    labels, peaks = split_instances(shown, drops=(settings.face_db, settings.glint_db), **how)
+    # Down to a glint's flanks a face may reach into what is left of a lid all around it.
+    large = [number for number in range(1, len(peaks) + 1) if (labels == number).mean() > limit]
+    faces = split_instances(shown, drops=(settings.face_db, settings.face_db), **how)[0] if large else labels
+    for number in large:
+        whole = labels == number
+        face = faces.flat[np.where(whole, shown, -np.inf).argmax()]
+        labels[whole & (faces != face)] = 0
     taken, lid = lid_over(image, cleaned) if covered else (None, None)
     likely = [
         number
