@@ -100,7 +100,8 @@ def beneath(
 
 def tells_height(inside: np.ndarray, image: SarImage) -> bool:
     """Whether the power of what a mask (X, Y) covers falls to a fifth above and below its maximum, as at 77 GHz."""
-    return _height_under(inside, image) is not None
+    power = _power_under(inside, image)
+    return bool(power.any()) and _height(power, image.grid.z) is not None
 
 
 def height_of(mask: Mask, image: SarImage, *, covered: bool = False) -> float | None:
@@ -125,9 +126,9 @@ def height_of(mask: Mask, image: SarImage, *, covered: bool = False) -> float | 
     """
     check_mask_of(checked_record(mask, Mask, name="mask"), checked_record(image, SarImage, name="image"))
     cleaned, z = without_sheets(image, frequency=HIGH_BAND, covered=covered), image.grid.z
-    if _height_under(mask.inside, cleaned) is None:
+    power = _power_under(mask.inside, cleaned)
+    if not power.any() or _height(power, z) is None:
         return None
-    power = np.square(cleaned.magnitude[mask.inside], dtype=float).sum(axis=0)
     about = float(z[power.argmax()])
     return echo_height(power / growth_with_distance(z, about, distance_of(cleaned, about)), z)
 
@@ -225,10 +226,9 @@ def growth_with_distance(z: np.ndarray, about: float, distance: float = _DISTANC
     return np.square(np.maximum(1 - (z - about) / distance, _LEAST_SHARE))
 
 
-def _height_under(inside: np.ndarray, image: SarImage) -> float | None:
-    """z of the strongest echo under a mask (X, Y), as `height_of`; of an image without sheets."""
-    power = np.square(image.magnitude[inside], dtype=float).sum(axis=0)
-    return _height(power, image.grid.z) if power.any() else None
+def _power_under(inside: np.ndarray, image: SarImage) -> np.ndarray:
+    """(Z,) power of what a mask (X, Y) covers."""
+    return np.square(image.magnitude[inside], dtype=float).sum(axis=0)
 
 
 def _lowered(power: np.ndarray, z: np.ndarray) -> float:
