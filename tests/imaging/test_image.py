@@ -258,13 +258,28 @@ def test_units_of_coordinates_in_xarray_count():
 )
 def test_from_where_an_image_was_seen(place, side):
     antennas = [a + b for a, b in zip(GRID.bounds.mean(axis=0), place, strict=True)]
-    seen = ms.SarImage(grid=GRID, values=image(4).values, metadata={"history": [{"antennas": antennas}]})
+    seen = ms.SarImage(grid=GRID, values=image(4).values, metadata={"history": [{"antennas": [antennas, antennas]}]})
     assert seen.seen_from == side
     assert image(4).seen_from is None
     over = seen.turned_over
     assert over.seen_from == {"above": "below", "below": "above"}.get(side, side)
     np.testing.assert_array_equal(over.turned_over.values, seen.values)
-    np.testing.assert_allclose(over.turned_over.antennas, antennas)
+    np.testing.assert_allclose(over.turned_over.antennas, [antennas, antennas])
+
+
+def test_a_wide_aperture_is_above_what_lies_under_its_corner():
+    radar, wide = (
+        ms.Radar.preset("mito-sim-24ghz"),
+        ms.Trajectory.raster(size=(0.8, 0.8), step=0.1, center=(0.4, 0.4, 0.3)),
+    )
+    grid = ms.VoxelGrid.regular((0, 0, 0), (0.04, 0.04, 0.02), 0.02)
+    capture = ms.simulate(ms.Scene.from_mesh("golf_ball", vertices=100), radar, wide)
+    seen = ms.form_image(capture, grid)
+    assert seen.seen_from == "above"
+    np.testing.assert_allclose(seen.antennas, [wide.positions.min(axis=0), wide.positions.max(axis=0)], atol=0.05)
+    for odd in ([1, 2, 3], "above", [[0, 0, None], [0, 0, 1]]):
+        told = {"history": [{"antennas": odd}]}
+        assert ms.SarImage(grid=grid, values=seen.values, metadata=told).antennas is None
 
 
 def test_what_is_no_image_in_xarray_is_refused():

@@ -211,7 +211,7 @@ def test_magnitudes_tell_nothing_although_their_history_says_how_they_were_made(
 
 def seen(image, above=None, below=None):
     """The same image by antennas so far above or below its middle [m]; from below it is mirrored in z."""
-    metadata = {"history": [{"step": "form_image", "frequency": 79e9, "antennas": [0.0, 0.0, above or -below]}]}
+    metadata = {"history": [{"step": "form_image", "frequency": 79e9, "antennas": 2 * [[0.0, 0.0, above or -below]]}]}
     if above is not None:
         return ms.SarImage(grid=image.grid, values=image.values, metadata=metadata)
     grid = ms.VoxelGrid(x=image.grid.x, y=image.grid.y, z=-image.grid.z[::-1])

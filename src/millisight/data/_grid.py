@@ -158,9 +158,17 @@ class VoxelGrid:
         """The grid seen along z."""
         return PixelGrid(x=self.x, y=self.y)
 
-    def side_of(self, place: Sequence[float] | np.ndarray) -> Literal["above", "below", "beside"] | None:
-        """On which side of the grid a place (3,) [m] lies: along z, or beside it; None: about its middle."""
-        away = np.asarray(place, dtype=float) - self.bounds.mean(axis=0)
+    def side_of(self, box: np.ndarray) -> Literal["above", "below", "beside"] | None:
+        """On which side of the grid a box lies: along z, or beside it; None: about it.
+
+        What counts is the place in the box that is nearest to the middle of the grid.
+
+        Parameters
+        ----------
+        box : (2, 3) lower and upper corner [m]
+        """
+        middle = self.bounds.mean(axis=0)
+        away = np.clip(middle, *np.asarray(box, dtype=float)) - middle
         aside, half = float(np.hypot(*away[:2])), float(np.hypot(*np.ptp(self.bounds, axis=0)[:2])) / 2
         if abs(away[2]) >= aside:
             return None if away[2] == 0 else "above" if away[2] > 0 else "below"

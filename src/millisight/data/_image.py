@@ -171,13 +171,16 @@ class SarImage:
         return ()
 
     @property
-    def antennas(self) -> tuple[float, float, float] | None:
-        """The middle of the antennas' positions [m], as `form_image` notes it; None where the history does not tell."""
+    def antennas(self) -> np.ndarray | None:
+        """(2, 3) smallest and largest coordinates of the antennas [m], as `form_image` notes them; None: not told."""
         for step in reversed(self.metadata.get("history", ())):
-            held = cast(Sequence[Any], step.get("antennas", ()))
-            if isinstance(held, list | tuple) and len(held) == 3 and all(isinstance(one, float) for one in held):
-                x, y, z = held
-                return x, y, z
+            if "antennas" in step:
+                try:
+                    held = np.array(step["antennas"], dtype=float)
+                except (TypeError, ValueError):  # written by another program
+                    continue
+                if held.shape == (2, 3) and np.isfinite(held).all():
+                    return held
         return None
 
     @property
@@ -194,8 +197,8 @@ class SarImage:
         """Mirrored in z, with what it tells of its antennas."""
         grid, metadata = VoxelGrid(x=self.grid.x, y=self.grid.y, z=-self.grid.z[::-1]), dict(self.metadata)
         if self.antennas is not None:
-            x, y, z = self.antennas
-            metadata = with_step(metadata, "turned_over", antennas=[x, y, -z])
+            (x, y, z), (x_end, y_end, z_end) = self.antennas.tolist()
+            metadata = with_step(metadata, "turned_over", antennas=[[x, y, -z_end], [x_end, y_end, -z]])
         return SarImage(grid=grid, values=self.values[..., ::-1], metadata=metadata)
 
     def to_xarray(self, *, parts: bool = False) -> Any:

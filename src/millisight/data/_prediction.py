@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from millisight.core import check_known, checked_array, checked_items, checked_number, put, record
+from millisight.core import check_known, checked_array, checked_items, checked_number, checked_record, put, record
 from millisight.core.errors import InputError
 
 NOT_SURE = "not sure"
@@ -51,6 +51,7 @@ class Prediction:
             if share > 1:
                 raise InputError(f"{name} is {share:g}; expected a probability, 0 to 1")
         reasons = checked_items(self.reasons, str, name="a reason")
+        checked_record(self.unproven, str, name="unproven")
         put(self, probabilities=probabilities, class_names=names, threshold=threshold, reasons=reasons, **shares)
 
     def __repr__(self) -> str:

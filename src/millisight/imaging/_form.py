@@ -132,7 +132,7 @@ def form_image(
     steps = () if method == "sparse" else steps_of(capture)  # "sparse" leaves no ghosts to tell of
     if steps:
         settings["steps"] = list(steps)
-    settings["antennas"] = [float(one) for one in antennas_of(capture)]
+    settings["antennas"] = antennas_of(capture).tolist()
     values.flags.writeable = False
     return SarImage(grid=grid, values=values, metadata=with_step(capture.metadata, "form_image", **settings))
 

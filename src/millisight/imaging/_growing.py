@@ -47,7 +47,7 @@ class GrowingImage:
         self._window, self._tolerance = window_pair((window, None)), tolerance
         self._sum = np.zeros(grid.shape, dtype=np.complex128)
         self._channels = 0
-        self._antennas = np.zeros(3)  # their sum over channels
+        self._antennas = np.multiply.outer([np.inf, -np.inf], np.ones(3))
         self._radar: Radar | None = None
         self.poses: int = 0
         self.change: float = float("inf")
@@ -74,7 +74,8 @@ class GrowingImage:
         old = self._sum / max(self._channels, 1)
         self._sum += capture.channels * part.values.astype(np.complex128)
         self._radar, self._channels = radar, self._channels + capture.channels
-        self._antennas += capture.channels * antennas_of(capture)
+        (lower, upper), (low, high) = self._antennas, antennas_of(capture)
+        self._antennas = np.stack([np.minimum(lower, low), np.maximum(upper, high)])
         self.poses += len(capture.trajectory)
         new = self._sum / self._channels
         size = float(np.linalg.norm(new))
@@ -98,6 +99,6 @@ class GrowingImage:
             window=list(self._window),
             frequency=float(self._radar.waveform.center_frequency),
             tolerance=TOLERANCE if self._tolerance is None else self._tolerance,
-            antennas=(self._antennas / self._channels).tolist(),
+            antennas=self._antennas.tolist(),
         )
         return SarImage(grid=self.grid, values=(self._sum / self._channels).astype(np.complex64), metadata=metadata)

@@ -19,9 +19,10 @@ _OVER = np.array([1.0, 1.0, -1.0])
 
 
 def antennas_of(capture: Capture) -> np.ndarray:
-    """(3,) the middle of all positions of a capture's antennas [m]. Images keep it as `SarImage.antennas`."""
+    """(2, 3) smallest and largest coordinates of a capture's antennas [m]. Images keep them as `SarImage.antennas`."""
     tx, rx = capture.tx_positions, capture.rx_positions
-    return (tx.mean(axis=(0, 1)) + rx.mean(axis=(0, 1))) / 2
+    lower = np.minimum(tx.min(axis=(0, 1)), rx.min(axis=(0, 1)))
+    return np.stack([lower, np.maximum(tx.max(axis=(0, 1)), rx.max(axis=(0, 1)))])
 
 
 def side_of(scene: SarImage | Capture, grid: VoxelGrid | None) -> str | None:

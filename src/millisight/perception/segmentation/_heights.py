@@ -214,7 +214,7 @@ def echo_height(power: np.ndarray, z: np.ndarray) -> float:
 
 def distance_of(image: SarImage, height: float) -> float:
     """From the antennas of an image, above it, down to a height [m]."""
-    return _DISTANCE if image.antennas is None else max(image.antennas[2] - height, _NEAREST)
+    return _DISTANCE if image.antennas is None else max(float(image.antennas[:, 2].mean()) - height, _NEAREST)
 
 
 def growth_with_distance(z: np.ndarray, about: float, distance: float = _DISTANCE) -> np.ndarray:
