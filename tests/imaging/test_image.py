@@ -267,6 +267,12 @@ def test_from_where_an_image_was_seen(place, side):
     np.testing.assert_allclose(over.turned_over.antennas, [antennas, antennas])
 
 
+@pytest.mark.parametrize("box", ["x", [0, 0, 1], [[0, 0, np.nan], [0, 0, 1]]])
+def test_a_box_is_two_corners(box):
+    with pytest.raises(InputError, match="box"):
+        GRID.side_of(box)
+
+
 def test_a_wide_aperture_is_above_what_lies_under_its_corner():
     radar, wide = (
         ms.Radar.preset("mito-sim-24ghz"),

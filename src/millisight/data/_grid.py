@@ -166,9 +166,14 @@ class VoxelGrid:
         Parameters
         ----------
         box : (2, 3) lower and upper corner [m]
+
+        Raises
+        ------
+        InputError
+            It is no array of two corners.
         """
-        middle = self.bounds.mean(axis=0)
-        away = np.clip(middle, *np.asarray(box, dtype=float)) - middle
+        middle, corners = self.bounds.mean(axis=0), checked_array(box, name="box", shape=(2, 3), unit="m")
+        away = np.clip(middle, *corners) - middle
         aside, half = float(np.hypot(*away[:2])), float(np.hypot(*np.ptp(self.bounds, axis=0)[:2])) / 2
         if abs(away[2]) >= aside:
             return None if away[2] == 0 else "above" if away[2] > 0 else "below"
