@@ -6,15 +6,24 @@ import numpy as np
 import pytest
 
 import millisight as ms
-from helpers.form_images import ball, cylinder, flat, lit
+from helpers.form_images import GRID, ball, cylinder, flat, lit
 from millisight.perception.classification import FORM_SHARES, form_odds, form_of
 from millisight.perception.segmentation import find_flat, find_round
 
+ABOVE = [[-0.1, -0.1, 0.25], [0.1, 0.1, 0.25]]  # the corners of an aperture
 NAMES = ("can", "handle", "box", "sphere", "cup", "clamp", "other")
 PAIRS = {
     "ball": (ball(0.03, (0, 0, -0.06)), "sphere", "can"),
     "cylinder": (cylinder(0.03, -0.06, 0.12), "can", "sphere"),
 }
+
+
+def vessel(depth):
+    """An image of a round floor and, so far above it, a rim around it; and the mask of both."""
+    floor = flat((0.07, 0.07), (0, 0, -0.06), kind="ellipse")
+    rim = flat((0.09, 0.09), (0, 0, depth - 0.06), kind="ellipse").values
+    rim = rim - flat((0.08, 0.08), (0, 0, depth - 0.06), kind="ellipse").values
+    return ms.SarImage(grid=GRID, values=floor.values + rim), lit(floor, -6)
 
 
 @pytest.mark.parametrize("kind", PAIRS)
@@ -26,7 +35,6 @@ def test_what_is_round_speaks_for_the_classes_that_are(kind):
     odds = dict(zip(NAMES, form_odds(mask, image, NAMES), strict=True))
     assert max(odds, key=odds.__getitem__) == likely
     assert odds[likely] - odds[unlikely] > np.log(10)
-    assert odds["cup"] == odds["clamp"] == odds["other"]
 
 
 @pytest.mark.parametrize(("kind", "likely"), [("rectangle", "box"), ("ellipse", "can")])
@@ -36,9 +44,45 @@ def test_a_flat_top_speaks_for_the_classes_that_have_one(kind, likely):
     assert form_of(mask.inside, find_flat(mask, image)) == kind
     odds = dict(zip(NAMES, form_odds(mask, image, NAMES), strict=True))
     assert max(odds, key=odds.__getitem__) == likely
-    assert odds[likely] - odds["sphere"] > np.log(10)
-    assert odds["clamp"] == odds["other"]
-    assert odds["cup"] == odds["can" if kind == "ellipse" else "other"]
+    assert odds[likely] - odds["sphere"] > np.log(5)
+
+
+@pytest.mark.parametrize("upside_down", [False, True])
+def test_a_floor_under_a_rim_speaks_for_a_cup(upside_down):
+    image, mask = vessel(0.06)
+    if upside_down:
+        image = replace(image, metadata={"history": [{"step": "form_image", "antennas": ABOVE}]}).turned_over
+    (floor,) = find_flat(mask, image)
+    assert floor.kind == "ellipse"
+    assert floor.rim == pytest.approx(0.06, abs=0.004)
+    assert f"about {1e3 * floor.rim:.0f} mm below a rim" in str(floor)
+    assert floor.plain["rim"] == floor.rim
+    assert form_of(mask.inside, [floor]) == "vessel"
+    odds = dict(zip(NAMES, form_odds(mask, image, NAMES), strict=True))
+    assert max(odds, key=odds.__getitem__) == "cup"
+    assert odds["cup"] - odds["can"] > np.log(5)
+
+
+def test_what_is_left_of_a_lid_is_no_rim():
+    top = flat((0.07, 0.07), (0, 0, -0.06), kind="ellipse")
+    rest = 0.8 * flat((0.13, 0.16), (0.01, 0.02, 0), kind="ellipse").values
+    (top,) = find_flat(lit(top, -6), ms.SarImage(grid=GRID, values=top.values + rest))
+    assert top.rim is None
+    assert form_of(top.inside, [top]) == "ellipse"
+
+
+def test_a_tower_beside_a_top_is_no_rim():
+    image, mask = vessel(0.06)
+    low = flat((0.07, 0.07), (0, 0, -0.06), kind="ellipse")
+    tower = flat((0.02, 0.02), (0.045, 0, 0), kind="ellipse").values
+    (top,) = find_flat(mask, ms.SarImage(grid=GRID, values=low.values + tower))
+    assert top.rim is None
+
+
+def test_the_lip_of_a_can_is_no_rim():
+    image, mask = vessel(0.004)
+    (top,) = find_flat(mask, image)
+    assert form_of(mask.inside, [top]) == "ellipse"
 
 
 def test_what_is_not_round_thin_or_little_of_the_mask_says_nothing():

@@ -88,7 +88,8 @@ def objects_of(found: Instances, image: SarImage, *, covered: bool) -> list[Foun
 
 def say_no_forms(image: SarImage, mask: Mask) -> None:
     """Why nothing is told of what is round or flat in a mask, where the image is to blame."""
-    if mask.inside.any() and (reason := why_no_forms(image)):
+    # Doubts tell of antennas beside the picture.
+    if mask.inside.any() and image.seen_from != "beside" and (reason := why_no_forms(image)):
         say(f"  what is round or flat cannot be told of this image: {reason}")
 
 

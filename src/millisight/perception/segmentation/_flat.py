@@ -22,6 +22,7 @@ from millisight.perception.segmentation._phases import (
     why_no_forms,
 )
 from millisight.perception.segmentation._round import CORNERS, CUT
+from millisight.perception.segmentation._rims import rim_above
 from millisight.perception.segmentation._top_wave import AGREEING, TopWave, top_wave
 
 _EDGE = 0.5  # of the amplitude on the plane, where it ends
@@ -53,6 +54,8 @@ class Flat:
     curvatures : (2, 2) symmetric, along the longer side and across [1/m]: above 0 on the diagonal where it bulges up,
         below where it is hollow; beside the diagonal its twist
     share : of the mask's part that it covers
+    rim : how far above it a rim echoes that goes around it, as of an open vessel, to about a centimetre [m]; None:
+        there is none within 4 to 15 cm
     cut : whether its outline reaches the picture's edge, beyond which it may go on: sides and kind are of what is seen
     inside : (A, B) bool, its pixels
     """
@@ -66,6 +69,7 @@ class Flat:
     share: float
     cut: bool
     inside: np.ndarray
+    rim: float | None = None
 
     def __post_init__(self) -> None:
         for name in ("centre", "normal", "axis", "sides", "curvatures"):
@@ -86,7 +90,8 @@ class Flat:
         words.append((self.twist_deg, f"twisted by {abs(self.twist_deg):.0f} degrees"))
         told = [f", {text}" for turned, text in words if abs(turned) >= _BENT_DEG]
         form = f"{'bent' if told else 'flat'} {self.kind} of {size}, {self.tilt_deg:.1f} degrees from level"
-        return f"{form}{''.join(told)}{CUT if self.cut else ''}"
+        rim = "" if self.rim is None else f", about {1e3 * self.rim:.0f} mm below a rim"
+        return f"{form}{''.join(told)}{rim}{CUT if self.cut else ''}"
 
     @property
     def tilt_deg(self) -> float:
@@ -120,7 +125,7 @@ class Flat:
     def plain(self) -> dict[str, Any]:
         """All but the pixels, as JSON has it."""
         vectors = {name: getattr(self, name).tolist() for name in ("centre", "normal", "axis", "sides", "curvatures")}
-        return {"kind": self.kind, **vectors, "share": self.share, "cut": self.cut}
+        return {"kind": self.kind, **vectors, "share": self.share, "cut": self.cut, "rim": self.rim}
 
     @property
     def turned_over(self) -> "Flat":
@@ -180,8 +185,12 @@ def flat_things(mask: np.ndarray, image: SarImage) -> list[Flat]:
         return []
     if image.seen_from == "below":
         return [one.turned_over for one in flat_things(mask, image.turned_over)]
-    found = (_flat(part, image) for part in parts_to_look_at(mask, image))
-    return [one for one in found if one is not None]
+    tops = []
+    for part in parts_to_look_at(mask, image):
+        if (top := _flat(part, image)) is not None:
+            rim = rim_above(top.inside, float(top.centre[2]), part=part, mask=mask, image=image)
+            tops.append(replace(top, rim=rim))
+    return tops
 
 
 def _flat(whole: np.ndarray, image: SarImage) -> Flat | None:
