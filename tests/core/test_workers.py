@@ -87,3 +87,13 @@ def test_generating_here_imports_no_distributed(tmp_path):
     command = [sys.executable, "-c", GENERATE, str(tmp_path)]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=240)
     assert (done.returncode, done.stdout) == (0, "threads [[], []] []\nprocesses [[], []] []\n"), done.stderr
+
+
+@pytest.mark.slow
+def test_where_every_process_dies_it_is_tried_a_few_times(tmp_path):
+    notes = tmp_path / "notes"
+    died = f"open({str(notes)!r}, 'a').write('x') and __import__('os')._exit(7)"
+    found = sorted(each(eval, [died] * 30, workers=2))
+    assert [number for number, _, _ in found] == list(range(30))
+    assert all("__main__" in failure for _, _, failure in found)
+    assert 3 <= len(notes.read_text()) <= 8

@@ -21,6 +21,8 @@ _DIED = (
     '`if __name__ == "__main__":`; workers=1 starts no processes'
 )
 
+_HOPELESS = 3  # things whose own processes died, before any process has done anything
+
 
 class Outcome(NamedTuple):
     """What came of one thing: its number, and the function's result or why there is none."""
@@ -73,12 +75,19 @@ def each(
             yield Outcome(number, *attempt(function, thing))
         return
     unsure: list[tuple[int, T]] = []
-    yield from _pooled(function, numbered, workers, unsure)
-    for item in unsure:  # a process died; each thing that may have been the cause has one of its own
-        died: list[tuple[int, T]] = []
-        yield from _pooled(function, [item], 1, died)
-        for number, _ in died:
-            yield Outcome(number, None, _DIED)
+    done = 0
+    for outcome in _pooled(function, numbered, workers, unsure):
+        done += 1
+        yield outcome
+    # A process died. Each thing that may have been the cause has one of its own, as long as any process lives: where a
+    # script's fault ends them all, each would tell of it.
+    died: list[tuple[int, T]] = []
+    while unsure and (done or len(died) < _HOPELESS):
+        for outcome in _pooled(function, [unsure.pop(0)], 1, died):
+            done += 1
+            yield outcome
+    for number, _ in [*died, *unsure]:
+        yield Outcome(number, None, _DIED)
 
 
 def _pooled(
