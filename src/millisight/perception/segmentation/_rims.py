@@ -13,9 +13,7 @@ _SECTORS, _AROUND = 8, 6  # of directions from the middle, and in how many of th
 _DIM = 10**-1.5  # of the brightest of a rim, that echoes count in a sector
 
 
-def rim_above(
-    floor: np.ndarray, height: float, *, part: np.ndarray, mask: np.ndarray, image: SarImage
-) -> float | None:
+def rim_above(floor: np.ndarray, height: float, *, part: np.ndarray, mask: np.ndarray, image: SarImage) -> float | None:
     """How far above a flat top a rim echoes that goes around it [m]; None: there is none.
 
     Parameters
