@@ -72,7 +72,7 @@ def test_what_is_left_of_a_lid_is_no_rim():
 
 
 def test_a_tower_beside_a_top_is_no_rim():
-    image, mask = vessel(0.06)
+    _, mask = vessel(0.06)
     low = flat((0.07, 0.07), (0, 0, -0.06), kind="ellipse")
     tower = flat((0.02, 0.02), (0.045, 0, 0), kind="ellipse").values
     (top,) = find_flat(mask, ms.SarImage(grid=GRID, values=low.values + tower))

@@ -21,8 +21,8 @@ from millisight.perception.segmentation._phases import (
     wavenumber_of,
     why_no_forms,
 )
-from millisight.perception.segmentation._round import CORNERS, CUT
 from millisight.perception.segmentation._rims import rim_above
+from millisight.perception.segmentation._round import CORNERS, CUT
 from millisight.perception.segmentation._top_wave import AGREEING, TopWave, top_wave
 
 _EDGE = 0.5  # of the amplitude on the plane, where it ends
