@@ -26,24 +26,26 @@ def rim_above(floor: np.ndarray, height: float, *, part: np.ndarray, mask: np.nd
     """
     from scipy.ndimage import distance_transform_edt
 
-    sides = pixel_sides(image)
+    sides, values = pixel_sides(image), image.values
     around = (distance_transform_edt(~(part | floor), sampling=sides) <= _NEAR) & ~floor
-    beside = np.asarray(distance_transform_edt(~(mask | floor), sampling=sides)) > _BESIDE
     over = image.grid.z - height
     slices = np.flatnonzero((over > 0) & (over <= _ABOVE[1]))
     if len(slices) < 3 or not around.any():
         return None
-    power = np.square(image.magnitude[..., slices])
+    power = np.square(np.abs(values[around][:, slices]))
     # The brightest pixels of a rim, each at another height, know it worse than many do.
-    echo, peaks = np.quantile(power[around], 0.9, axis=0), power[around].max(axis=0)
-    rest = np.quantile(power[beside], 0.99, axis=0) if beside.any() else np.zeros(len(slices))
-    level = np.square(image.magnitude[floor, abs(over).argmin()]).mean()
-    rims = (over[slices] >= _ABOVE[0]) & (peaks > np.maximum(_BRIGHT * level, _STANDS_OUT * rest))
+    echo, peaks = np.quantile(power, 0.9, axis=0), power.max(axis=0)
+    level = np.square(np.abs(values[floor, abs(over).argmin()])).mean()
+    rims = (over[slices] >= _ABOVE[0]) & (peaks > _BRIGHT * level)
     rims[1:] &= echo[1:] > echo[:-1]  # else it is the floor's own echo, which ends there
+    beside = np.asarray(distance_transform_edt(~(mask | floor), sampling=sides)) > _BESIDE
+    if rims.any() and beside.any():
+        rest = np.quantile(np.abs(values[beside][:, slices[rims]]), 0.99, axis=0)
+        rims[rims] = peaks[rims] > _STANDS_OUT * np.square(rest)
     if not rims[1:].any():
         return None
     best = 1 + int(np.where(rims, echo, 0)[1:].argmax())
-    places, bright = np.argwhere(around), power[..., best][around]
+    places, bright = np.argwhere(around), power[:, best]
     x, y = ((places - np.argwhere(floor).mean(axis=0)) * sides).T
     sectors = np.floor(np.arctan2(y, x) / (2 * np.pi) * _SECTORS).astype(int) % _SECTORS
     if len(set(sectors[bright > _DIM * bright.max()])) < _AROUND:
