@@ -68,7 +68,7 @@ def main() -> None:
     print()
     for shape_class, found in counts.items():
         total = found.total() + len(FORM_SHARES) + 1
-        told = ", ".join(f"{kind}: {found[kind]}, {(found[kind] + 1) / total:.2f}" for kind in FORM_SHARES)
+        told = ", ".join(f"{kind}: {found[kind]}, {(found[kind] + 1) / total:.3f}" for kind in FORM_SHARES)
         print(f"{shape_class:8} {found.total():3} {told}")
 
 

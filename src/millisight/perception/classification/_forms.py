@@ -9,10 +9,10 @@ from millisight.perception.segmentation import Flat, Round, find_flat, find_roun
 
 FORM_SHARES: Mapping[str, Mapping[str, float]] = {
     "ball": {"can": 0.02, "handle": 0.02, "box": 0.02, "sphere": 0.88, "cup": 0.02, "clamp": 0.02, "other": 0.05},
-    "cylinder": {"can": 0.48, "handle": 0.02, "box": 0.02, "sphere": 0.02, "cup": 0.19, "clamp": 0.02, "other": 0.01},
-    "rectangle": {"can": 0.04, "handle": 0.08, "box": 0.45, "sphere": 0.02, "cup": 0.02, "clamp": 0.02, "other": 0.08},
-    "ellipse": {"can": 0.19, "handle": 0.02, "box": 0.05, "sphere": 0.02, "cup": 0.02, "clamp": 0.02, "other": 0.12},
-    "vessel": {"can": 0.02, "handle": 0.02, "box": 0.02, "sphere": 0.02, "cup": 0.54, "clamp": 0.02, "other": 0.01},
+    "cylinder": {"can": 0.48, "handle": 0.02, "box": 0.02, "sphere": 0.016, "cup": 0.19, "clamp": 0.02, "other": 0.01},
+    "rectangle": {"can": 0.04, "handle": 0.08, "box": 0.45, "sphere": 0.016, "cup": 0.02, "clamp": 0.02, "other": 0.08},
+    "ellipse": {"can": 0.19, "handle": 0.02, "box": 0.05, "sphere": 0.016, "cup": 0.02, "clamp": 0.02, "other": 0.12},
+    "vessel": {"can": 0.02, "handle": 0.02, "box": 0.02, "sphere": 0.016, "cup": 0.54, "clamp": 0.02, "other": 0.01},
 }
 """How often most of an object is a ball, or a cylinder of 20 mm radius at least, by `find_round`; or a flat rectangle
 or ellipse, by `find_flat`; or a "vessel": a flat ellipse below a rim (`Flat.rim`).
