@@ -13,6 +13,7 @@ import numpy as np
 
 from millisight.core import check_known
 from millisight.data import TriangleMesh
+from millisight.meshes._household import HOUSEHOLD
 from millisight.meshes._odd_shapes import odd_shape
 from millisight.meshes._shapes import (
     FLAT,
@@ -21,6 +22,7 @@ from millisight.meshes._shapes import (
     cylinder,
     disc,
     fillet,
+    log_uniform,
     mesh_of,
     outline,
     plate,
@@ -40,31 +42,40 @@ _LIES = 0.7  # of the cans that could stand as well
 _TALLEST_STANDING = 130.0  # can [mm]
 _FLATTEST, _THICKEST = 10.0, 110.0  # box [mm]
 _NEARLY_A_CUBE = 0.25  # of the boxes
+_FINE = 0.04  # off the surface at most [mm]
 
 
-def random_shape(shape_class: str, rng: np.random.Generator) -> TriangleMesh:
+def random_shape(shape_class: str, rng: np.random.Generator, *, household: bool = False) -> TriangleMesh:
     """A shape of a class of `PUBLISHED_CLASSES`, or an "odd" one, as it would lie on a table; its middle at the origin.
+
+    Parameters
+    ----------
+    shape_class : of `RANDOM_SHAPES`
+    rng : draws the kind and the proportions; equal generators give equal shapes
+    household : a thing as households have them: tins with beads, pans, pliers, jugs and 57 kinds more, rather than a
+        plain shape; there are no odd ones
 
     Raises
     ------
     UnknownNameError
         No such class.
     """
-    check_known("class of random shapes", shape_class, RANDOM_SHAPES)
-    solid = RANDOM_SHAPES[shape_class](rng)
+    if household:
+        check_known("class of household things", shape_class, HOUSEHOLD)
+        kinds = HOUSEHOLD[shape_class]
+        # Beads and grooves leave more facets than a hundredth of a wavelength is worth.
+        solid = kinds[rng.integers(len(kinds))](rng).simplify(_FINE)
+    else:
+        check_known("class of random shapes", shape_class, RANDOM_SHAPES)
+        solid = RANDOM_SHAPES[shape_class](rng)
     # Where two parts nearly coincide, a crumb may be left beside the whole.
     pieces = solid.simplify(1e-3).decompose()
     return mesh_of(max(pieces, key=lambda piece: piece.volume()) if len(pieces) > 1 else solid)
 
 
-def _between(rng: np.random.Generator, lowest: float, highest: float) -> float:
-    """Evenly drawn in its logarithm."""
-    return float(np.exp(rng.uniform(np.log(lowest), np.log(highest))))
-
-
 def _can(rng: np.random.Generator) -> "Manifold":
     """A cylinder on its side or its base, with the lips of a tin can, or with plain ends."""
-    width, height = _between(rng, 45, 120), _between(rng, 30, 260)
+    width, height = log_uniform(rng, 45, 120), log_uniform(rng, 30, 260)
     lies = height > _TALLEST_STANDING or rng.random() < _LIES
     if rng.random() < 0.5:
         return cylinder(width / 2, height, axis="x" if lies else "z")
@@ -74,16 +85,16 @@ def _can(rng: np.random.Generator) -> "Manifold":
 def _box(rng: np.random.Generator) -> "Manifold":
     """A box on its largest face, now and then nearly a cube, its edges crisp or round."""
     if rng.random() < _NEARLY_A_CUBE:
-        sizes = _between(rng, 30, _THICKEST) * rng.uniform(0.85, 1.15, 3)
+        sizes = log_uniform(rng, 30, _THICKEST) * rng.uniform(0.85, 1.15, 3)
     else:
-        sizes = np.array([_between(rng, 30, 240), _between(rng, 25, 170), _between(rng, _FLATTEST, _THICKEST)])
+        sizes = np.array([log_uniform(rng, 30, 240), log_uniform(rng, 25, 170), log_uniform(rng, _FLATTEST, _THICKEST)])
     x, y, z = -np.sort(-sizes)
     return box(x, y, z) if rng.random() < 0.6 else rounded_block((x, y, z), rng.uniform(0.05, 0.25) * z)
 
 
 def _ball(rng: np.random.Generator) -> "Manifold":
     """A ball, an egg or a fruit: a circle whose radius swells and tapers, turned about its axis."""
-    radius = _between(rng, 32, 140) / 2
+    radius = log_uniform(rng, 32, 140) / 2
     tapers, swells = (0.0, 0.0) if rng.random() < 0.4 else rng.uniform((-0.2, -0.05), (0.2, 0.12))
     angle = np.linspace(0, np.pi, 60)
     distance = radius * (1 + tapers * np.cos(angle) + swells * np.cos(2 * angle))
@@ -94,7 +105,7 @@ def _ball(rng: np.random.Generator) -> "Manifold":
 
 def _tool(rng: np.random.Generator) -> "Manifold":
     """A grip along x, a shaft, and a head."""
-    length = _between(rng, 110, 340)
+    length = log_uniform(rng, 110, 340)
     grip = length * rng.uniform(0.35, 0.65)
     half_width = rng.uniform(5, 17)
     half_height = half_width * rng.uniform(0.35, 1)
@@ -156,7 +167,7 @@ _HEADS = (_no_head, _blade, _bowl, _block_across, _rings)
 
 def _cup(rng: np.random.Generator) -> "Manifold":
     """An open vessel with a wall and a floor, straight or wider at the top, with a handle now and then."""
-    height, radius = _between(rng, 45, 130), _between(rng, 45, 110) / 2
+    height, radius = log_uniform(rng, 45, 130), log_uniform(rng, 45, 110) / 2
     wall, foot = rng.uniform(1.5, 4), radius * rng.uniform(0.65, 1)
     corner = rng.uniform(0.05, 0.3) * foot
     side = [(0, wall / 2), (foot - corner, wall / 2), (foot, corner + wall / 2), (radius, height)]
@@ -174,7 +185,7 @@ def _cup(rng: np.random.Generator) -> "Manifold":
 
 def _clamp(rng: np.random.Generator) -> "Manifold":
     """Two levers that cross at a pivot, jaws on one side and spread handles on the other; or a frame with a screw."""
-    length, high = _between(rng, 70, 240), rng.uniform(12, 40)
+    length, high = log_uniform(rng, 70, 240), rng.uniform(12, 40)
     if rng.random() < 0.7:
         jaw, grip, spread = 0.4 * length, 0.6 * length, length * rng.uniform(0.18, 0.38)
         wide = length * rng.uniform(0.07, 0.13)
@@ -200,7 +211,7 @@ def _other(rng: np.random.Generator) -> "Manifold":
 
 def _bottle(rng: np.random.Generator) -> "Manifold":
     """On its side: a body of oval section, shoulders, and a neck."""
-    length, half = _between(rng, 140, 300), rng.uniform(22, 50)
+    length, half = log_uniform(rng, 140, 300), rng.uniform(22, 50)
     flat, neck = rng.uniform(0.55, 1), rng.uniform(0.25, 0.5)
     shoulder = length * rng.uniform(0.55, 0.75)
     stations = [
@@ -213,7 +224,7 @@ def _bottle(rng: np.random.Generator) -> "Manifold":
 
 def _dish(rng: np.random.Generator) -> "Manifold":
     """A plate, a bowl or a lid: a thin sheet, wider than high, either side up."""
-    radius, height = _between(rng, 45, 130), _between(rng, 10, 70)
+    radius, height = log_uniform(rng, 45, 130), log_uniform(rng, 10, 70)
     floor = radius * rng.uniform(0.3, 0.75)
     bulge = (floor + (radius - floor) * rng.uniform(0.5, 0.9), height * rng.uniform(0.2, 0.6))
     dish = shell(curve([(0, 2), (floor / 2, 1.5), (floor, 2.5), bulge, (radius, height)], along=2), rng.uniform(1.5, 4))

@@ -27,7 +27,13 @@ Triple = tuple[float, float, float]
 CHORD = 2.0  # longest side of a facet across a curve [mm]: about half a wavelength at 77 GHz
 FEWEST = 40  # sides of the smallest circle: 9° a side
 FLAT = (0.0, 0.0, 1.0)  # the normal of the table: a rod bent within the page
+UPRIGHT = (0.0, 1.0, 0.0)  # a rod bent up from it, in the x-z plane
 MOST_STRETCH = 0.10  # a drawing further from its declared size than this is a mistake, not a rounding
+
+
+def log_uniform(rng: np.random.Generator, lowest: float, highest: float) -> float:
+    """A number between two, evenly drawn in its logarithm."""
+    return float(np.exp(rng.uniform(np.log(lowest), np.log(highest))))
 
 
 def sides(radius: float) -> int:
@@ -61,6 +67,13 @@ def curve(points: ArrayLike, *, closed: bool = False, step: float = CHORD, along
             + gap * (ta * u * (1 - u) ** 2 + tb * u**2 * (u - 1))
         )
     return np.concatenate(pieces if closed else [*pieces, knots[-2:-1]])
+
+
+def ellipse(along: float, across: float, *, at: tuple[float, float] = (0, 0), exponent: float = 2.0) -> np.ndarray:
+    """(80, 2) points around an ellipse of these half axes; nearly a rectangle with an exponent of 4."""
+    turn = np.linspace(0, 2 * np.pi, 80, endpoint=False)
+    around = np.column_stack([np.cos(turn), np.sin(turn)])
+    return np.asarray(at) + (along, across) * np.sign(around) * np.abs(around) ** (2 / exponent)
 
 
 # ---- plan views --------------------------------------------------------------------------------------------

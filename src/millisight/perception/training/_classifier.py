@@ -14,7 +14,12 @@ from millisight.meshes import CATALOGUE, NO_SHAPE_CLASS, ODD, PAPER_CLASSES, PUB
 from millisight.perception.classification import prior_shares
 from millisight.perception.training._classifier_lesson import EMPTY, NETWORK_BANDS, SPARSE, ClassifierLesson
 from millisight.perception.training._loop import Schedule
-from millisight.perception.training._scenes import RANDOM_OBJECTS, SceneSettings
+from millisight.perception.training._scenes import (
+    DRAWN_OBJECTS,
+    HOUSEHOLD_OBJECTS,
+    RANDOM_OBJECTS,
+    SceneSettings,
+)
 from millisight.perception.training._sources import check_classes, meshes_in, simulations_in
 from millisight.perception.training._training import (
     NORMALISATIONS,
@@ -25,6 +30,7 @@ from millisight.perception.training._training import (
 from millisight.perception.training._whole import ECHOES, WholeSettings
 
 _RANDOM = {shape: name for name, shape in RANDOM_OBJECTS.items()}  # names of scenes of a class's random shapes
+_HOUSEHOLD = {shape: name for name, shape in HOUSEHOLD_OBJECTS.items()}  # and of its household things
 _STRETCH = 0.25
 _HELD_EVERY = 6  # scene of each object is for validation
 _SPARSE = 1500, 1000, 500, 250  # positions over an object: two to five times too few at 77 GHz
@@ -46,9 +52,10 @@ class ClassifierRecipe:
     scenes : of each class; its objects share them evenly. Every sixth of an object's is for validation. 0: none, only
         those of a dataset
     drawn : of each class besides, scenes of shapes drawn at random (`meshes.random_shape`), every sixth for validation
+    household : of each class besides, scenes of household things drawn at random, every sixth for validation
     odd : of the class "other" besides, scenes of odd shapes drawn at random, every sixth for validation
-    judged : of each class besides, scenes of shapes drawn at random that are for validation only, and of odd shapes as
-        many: what the thresholds come from
+    judged : of each class besides, scenes of shapes drawn at random that are for validation only, and as many of
+        household things and of odd shapes: what the thresholds come from
     vertices, positions, widest, meshes, published : of the scenes, see SceneSettings; `classes` may name meshes of the
         folder, and objects of the dataset, of whose simulated images every sixth of a class is for validation
     prior : how often each class occurs where the weights will be used, in any unit; none: each as often. Answers and
@@ -77,6 +84,7 @@ class ClassifierRecipe:
     tests: tuple[str, ...] = ()
     scenes: int = 96
     drawn: int = 0
+    household: int = 0
     odd: int = 0
     judged: int = 0
     vertices: int = 3000
@@ -118,6 +126,7 @@ class ClassifierRecipe:
             classes=own,
             scenes=checked_integer(self.scenes, name="scenes", minimum=0 if self.published else 1),
             drawn=checked_integer(self.drawn, name="drawn", minimum=0),
+            household=checked_integer(self.household, name="household", minimum=0),
             odd=checked_integer(self.odd, name="odd", minimum=0),
             judged=checked_integer(self.judged, name="judged", minimum=0),
             stretch={
@@ -133,14 +142,15 @@ class ClassifierRecipe:
             novel=checked_integer(self.novel, name="novel", minimum=0),
             whole=dataclasses.replace(self.whole, empty=0.0, several=0.0, parts=self.parts),
         )
-        check_classes(self.objects, self.drawn)
+        check_classes(self.objects, self.drawn or self.household)
         prior_shares(self.prior, self.objects)
-        for shape in self.objects if self.drawn else ():
-            if shape not in PUBLISHED_CLASSES:
-                raise InputError(
-                    f"drawn is {self.drawn}, and {shape!r} is none of the classes whose shapes can be drawn at random, "
-                    f"{', '.join(PUBLISHED_CLASSES)}; name these only, or set drawn to 0"
-                )
+        for name, count in (("drawn", self.drawn), ("household", self.household)):
+            for shape in self.objects if count else ():
+                if shape not in PUBLISHED_CLASSES:
+                    raise InputError(
+                        f"{name} is {count}, and {shape!r} is none of the classes whose shapes can be drawn at random, "
+                        f"{', '.join(PUBLISHED_CLASSES)}; name these only, or set {name} to 0"
+                    )
         if self.odd and NO_SHAPE_CLASS not in self.objects:
             raise InputError(
                 f"odd is {self.odd}, and odd shapes are of the class {NO_SHAPE_CLASS!r}, which classes lacks; add it"
@@ -187,6 +197,8 @@ class ClassifierRecipe:
         made = dict.fromkeys(objects, every)
         if self.drawn:
             made[_RANDOM[shape]] = dataclasses.replace(every, poses=self.drawn, stretch=0.0)
+        if self.household:
+            made[_HOUSEHOLD[shape]] = dataclasses.replace(every, poses=self.household, stretch=0.0)
         if self.odd and shape == NO_SHAPE_CLASS:
             made[_RANDOM[ODD]] = dataclasses.replace(every, poses=self.odd, stretch=0.0)
         return made
@@ -209,7 +221,7 @@ class ClassifierRecipe:
 
     def _sides(self, name: str, poses: int) -> list[str]:
         """Of so many scenes of an object, and of those that validate only: shapes drawn at random."""
-        return [*map(_side, range(poses)), *["validation"] * (self.judged if name in RANDOM_OBJECTS else 0)]
+        return [*map(_side, range(poses)), *["validation"] * (self.judged if name in DRAWN_OBJECTS else 0)]
 
     def _novel_request(self, number: int) -> SceneRequest:
         """Scenes of what is of no class, of random shapes: in turn without the shape, and too sparsely scanned."""

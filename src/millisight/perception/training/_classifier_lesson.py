@@ -33,7 +33,7 @@ from millisight.perception.training._classifier_examples import (
     examples_in_use,
     held_example,
 )
-from millisight.perception.training._scenes import RANDOM_OBJECTS
+from millisight.perception.training._scenes import DRAWN_OBJECTS
 from millisight.perception.training._training import TrainingScene, TrainingScenes, held_back, poses_of
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ _HELD_VIEWS = 3  # examples of each scene of validation
 _POOL_SEED = 1 << 21  # apart from any epoch's, and from validation's
 _SMOOTHING = 0.05  # of the labels
 _ASIDE = 1 / 3  # of what is of no class are masks beside the object of another scene
-_NO_OBJECTS = {*RANDOM_OBJECTS, EMPTY, SPARSE}
+_NO_OBJECTS = {*DRAWN_OBJECTS, EMPTY, SPARSE}
 
 
 class ClassifierLesson:
@@ -171,7 +171,7 @@ class ClassifierLesson:
             "objects": {side: sorted({one.name for one in some} - _NO_OBJECTS) for side, some in scenes.items()},
             "poses": poses_of(scenes, but=_NO_OBJECTS),
             "scenes": {side: len(some) for side, some in scenes.items()},
-            "drawn": {side: sum(one.name in RANDOM_OBJECTS for one in some) for side, some in scenes.items()},
+            "drawn": {side: sum(one.name in DRAWN_OBJECTS for one in some) for side, some in scenes.items()},
             "novel": {side: sum(one.label == self.classes for one in some) for side, some in scenes.items()},
             "seed": self.seed,
         }

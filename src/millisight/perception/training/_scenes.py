@@ -28,7 +28,15 @@ from millisight.core import (
 from millisight.core.errors import DamagedFileError
 from millisight.data import Capture, Material, Scene, Trajectory, TriangleMesh, VoxelGrid
 from millisight.imaging import combine, form_image
-from millisight.meshes import CATALOGUE, RANDOM_SHAPES, build_object, load_mesh, object_name, random_shape
+from millisight.meshes import (
+    CATALOGUE,
+    PUBLISHED_CLASSES,
+    RANDOM_SHAPES,
+    build_object,
+    load_mesh,
+    object_name,
+    random_shape,
+)
 from millisight.perception import SPACING
 from millisight.perception.training._bands import (
     BANDS,
@@ -53,6 +61,12 @@ _UNSEEN = Material(name="unseen", reflection=1e-9)  # what shadows and does not 
 
 RANDOM_OBJECTS = {f"any_{shape_class}": shape_class for shape_class in RANDOM_SHAPES}
 """Names that scenes take for an object's, and the class of the shapes that they show, or "odd": each scene another."""
+
+HOUSEHOLD_OBJECTS = {f"household_{shape_class}": shape_class for shape_class in PUBLISHED_CLASSES}
+"""Such names for household things."""
+
+DRAWN_OBJECTS = RANDOM_OBJECTS | HOUSEHOLD_OBJECTS
+"""Such names for all that is drawn at random."""
 
 
 @record
@@ -203,8 +217,8 @@ def footprint(mesh: TriangleMesh, x: np.ndarray, y: np.ndarray) -> np.ndarray:
 def _object(name: str, settings: SceneSettings, rng: np.random.Generator) -> tuple[Scene, tuple[float, float, float]]:
     """The object, mostly as it lies in the catalogue and a little tilted, sometimes on another side; and its angles."""
     source: str | TriangleMesh = name
-    if name in RANDOM_OBJECTS:
-        source = random_shape(RANDOM_OBJECTS[name], rng)
+    if name in DRAWN_OBJECTS:
+        source = random_shape(DRAWN_OBJECTS[name], rng, household=name in HOUSEHOLD_OBJECTS)
     elif settings.stretch or name in meshes_in(settings.meshes):
         held = meshes_in(settings.meshes).get(name)
         mesh = build_object(name) if held is None else load_mesh(held)

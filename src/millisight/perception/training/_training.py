@@ -38,7 +38,7 @@ class SceneRequest(NamedTuple):
     Attributes
     ----------
     side : "training" or "validation"
-    name : of its object in the catalogue, or of `RANDOM_OBJECTS`
+    name : of its object in the catalogue, or of `DRAWN_OBJECTS`
     number : among those of its object, from 0 on
     label : index of its class; 0 where there are no classes
     settings : how it is simulated
