@@ -1,14 +1,16 @@
 """Shapes that a classifier's training draws at random beside the catalogue's objects: a picture.
 
 python examples/random_shapes.py shapes.png
+python examples/random_shapes.py things.png --household
 """
 
-import sys
+import argparse
 
 from millisight.viz import plot_random_shapes, save_figure
 
 if __name__ == "__main__":
-    if len(sys.argv) != 2:
-        print("usage: python examples/random_shapes.py PICTURE", file=sys.stderr)
-        sys.exit(2)
-    save_figure(plot_random_shapes(count=10), sys.argv[1])
+    parser = argparse.ArgumentParser(description="A picture of shapes drawn at random.")
+    parser.add_argument("picture", help="file, such as shapes.png")
+    parser.add_argument("--household", action="store_true", help="household things rather than plain shapes")
+    options = parser.parse_args()
+    save_figure(plot_random_shapes(count=10, household=options.household), options.picture)

@@ -44,9 +44,31 @@ def test_cups_are_hollow_and_clamps_are_open():
     assert filled("can") > 0.9
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("shape_class", PUBLISHED_CLASSES)
+def test_household_things_are_closed_centred_and_fit_under_a_lid(shape_class):
+    meshes = [random_shape(shape_class, np.random.default_rng(seed), household=True) for seed in range(2 * SEEDS)]
+    for mesh in meshes:
+        solid = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+        assert solid.is_watertight
+        assert solid.volume > 0
+        np.testing.assert_allclose(mesh.bounds.sum(axis=0), 0, atol=1e-9)
+        assert 0.003 < mesh.extent.min()
+        assert mesh.extent.max() < 0.35
+        assert mesh.extent[2] < 0.131
+    kinds = {len(mesh.faces) for mesh in meshes}
+    assert len(kinds) > SEEDS  # others every time
+    slender = [mesh.extent.max() / np.sort(mesh.extent)[1] for mesh in meshes]
+    bounds = {"can": (1, 6), "handle": (1.2, np.inf), "sphere": (1, 1.6), "cup": (1, 3), "clamp": (1, 6)}
+    least, most = bounds.get(shape_class, (1, np.inf))
+    assert least <= min(slender)
+    assert max(slender) < most
+
+
 def test_a_shape_follows_from_its_generator():
-    first, second = (random_shape("handle", np.random.default_rng(5)) for _ in range(2))
-    np.testing.assert_array_equal(first.vertices, second.vertices)
+    for household in (False, True):
+        first, second = (random_shape("handle", np.random.default_rng(5), household=household) for _ in range(2))
+        np.testing.assert_array_equal(first.vertices, second.vertices)
 
 
 def test_there_are_shapes_of_the_published_classes_and_no_other():
@@ -55,3 +77,5 @@ def test_there_are_shapes_of_the_published_classes_and_no_other():
     assert set(PAPER_CLASSES) < set(PUBLISHED_CLASSES)
     with pytest.raises(UnknownNameError, match="fruit"):
         random_shape("fruit", np.random.default_rng(0))
+    with pytest.raises(UnknownNameError, match="odd"):
+        random_shape("odd", np.random.default_rng(0), household=True)

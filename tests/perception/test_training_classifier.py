@@ -81,6 +81,9 @@ def test_classes_are_the_papers_four_without_what_is_left_out():
     drawn = ClassifierRecipe(without=("dice", "apple"), drawn=7).scene_settings("can")
     assert set(drawn) - set(scenes) == {"any_can"}
     assert (drawn["any_can"].poses, drawn["any_can"].stretch) == (7, 0)
+    things = ClassifierRecipe(without=("dice", "apple"), household=9).scene_settings("can")
+    assert set(things) - set(scenes) == {"household_can"}
+    assert (things["household_can"].poses, things["household_can"].stretch) == (9, 0)
 
 
 def test_the_page_names_every_key_of_a_recipe():
@@ -100,6 +103,12 @@ def test_shapes_that_judge_are_for_validation_alone():
         ("validation", name, number) for name in ("any_sphere", "any_other", "any_odd") for number in (6, 7, 8)
     ]
     assert [one for one in asked(recipe) if one in without] == without
+    things = dataclasses.replace(recipe, drawn=0, odd=0, household=4)
+    assert [one for one in asked(things) if one[1].startswith("household")] == [
+        (side, name, number)
+        for name in ("household_sphere", "household_other")
+        for number, side in enumerate(["training", "validation", "training", "training", *["validation"] * 3])
+    ]
 
 
 def test_odd_shapes_are_further_scenes_of_the_class_other():
@@ -126,6 +135,7 @@ def test_odd_shapes_are_further_scenes_of_the_class_other():
         ({"network": "large"}, UnknownNameError, "large"),
         ({"scenes": 0}, InputError, "scenes is 0"),
         ({"drawn": -1}, InputError, "drawn is -1"),
+        ({"household": -1}, InputError, "household is -1"),
         ({"odd": -1}, InputError, "odd is -1"),
         ({"normalisation": "layer"}, UnknownNameError, "layer"),
         ({"renewed": 1}, InputError, "renewed is of type int; expected bool"),

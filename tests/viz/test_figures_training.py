@@ -5,7 +5,7 @@ import pytest
 
 from helpers.whole_scenes import object_parts
 from millisight.core.errors import InputError
-from millisight.meshes import RANDOM_SHAPES
+from millisight.meshes import PUBLISHED_CLASSES, RANDOM_SHAPES
 from millisight.perception.classification import CLASSIFIER_CHANNELS as CHANNELS
 from millisight.viz import plot_augmentations, plot_examples, plot_random_shapes
 
@@ -44,6 +44,8 @@ def test_random_shapes_are_shown_class_by_class():
     figure = plot_random_shapes(count=3, seed=2)
     assert len(figure.axes) == 3 * len(RANDOM_SHAPES)
     assert tuple(text.get_text() for axes in figure.axes for text in axes.texts) == tuple(RANDOM_SHAPES)
+    things = plot_random_shapes(count=1, seed=2, household=True)
+    assert tuple(text.get_text() for axes in things.axes for text in axes.texts) == PUBLISHED_CLASSES
     drawn = [axes.collections[0].get_paths() for axes in figure.axes]
     assert min(map(len, drawn)) >= 2
     with pytest.raises(InputError, match="count is 0"):

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from millisight.core import checked_integer
 from millisight.core.errors import InputError
-from millisight.meshes import RANDOM_SHAPES, random_shape
+from millisight.meshes import PUBLISHED_CLASSES, RANDOM_SHAPES, random_shape
 from millisight.perception import projected_levels, training
 from millisight.perception.classification import CLASSIFIER_CHANNELS, masked_channels
 from millisight.perception.training import DEPTH, SceneParts
@@ -57,20 +57,22 @@ def plot_augmentations(scene: SceneParts, *, band: str = "77_ghz", seed: int = 0
 
 
 @styled
-def plot_random_shapes(*, count: int = 10, seed: int = 0) -> Figure:
+def plot_random_shapes(*, count: int = 10, seed: int = 0, household: bool = False) -> Figure:
     """Random shapes for training, seen from above: a class in each row, all on one scale.
 
     Parameters
     ----------
     count : of each class
     seed : random seed
+    household : household things rather than plain shapes
     """
     count, rng = checked_integer(count, name="count"), np.random.default_rng(seed)
-    figure = Figure(figsize=(0.85 * count, 0.9 * len(RANDOM_SHAPES)))
-    axes = figure.subplots(len(RANDOM_SHAPES), count, squeeze=False)
-    for row, shape_class in zip(axes, RANDOM_SHAPES, strict=True):
+    classes = PUBLISHED_CLASSES if household else tuple(RANDOM_SHAPES)
+    figure = Figure(figsize=(0.85 * count, 0.9 * len(classes)))
+    axes = figure.subplots(len(classes), count, squeeze=False)
+    for row, shape_class in zip(axes, classes, strict=True):
         for place in row:
-            draw_mesh(place, random_shape(shape_class, rng), "z")
+            draw_mesh(place, random_shape(shape_class, rng, household=household), "z")
             place.set(xlim=(-_REACH, _REACH), ylim=(-_REACH, _REACH), aspect="equal")
             place.set_axis_off()
         row[0].text(-0.05, 0.5, shape_class, ha="right", va="center", rotation=90, transform=row[0].transAxes)
