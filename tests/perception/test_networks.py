@@ -294,13 +294,13 @@ def test_numbers_in_a_file_of_the_working_directory_are_not_read(written, tmp_pa
         np.testing.assert_array_equal(run_network(session, np.ones((1, 1024), np.float32)), [[1024, 1024]])
 
 
-def long_network(onnx):
-    """Products of large matrices, which take minutes."""
+def long_network(onnx, steps=2000):
+    """So many products of large matrices; all of them take minutes."""
     helper, node, kind = onnx.helper, onnx.helper.make_node, onnx.TensorProto.FLOAT
     shape = onnx.numpy_helper.from_array(np.array([1500, 1500]), "shape")
     nodes = [node("ReduceMean", ["x"], ["mean"], keepdims=0), node("Expand", ["mean", "shape"], ["m0"])]
-    nodes += [node("MatMul", [f"m{i}", "m0"], [f"m{i + 1}"]) for i in range(2000)]
-    nodes += [node("ReduceMean", ["m2000"], ["end"], keepdims=0), node("Add", ["x", "end"], ["y"])]
+    nodes += [node("MatMul", [f"m{i}", "m0"], [f"m{i + 1}"]) for i in range(steps)]
+    nodes += [node("ReduceMean", [f"m{steps}"], ["end"], keepdims=0), node("Add", ["x", "end"], ["y"])]
     values = [helper.make_tensor_value_info(name, kind, ["n", 3]) for name in "xy"]
     graph = helper.make_graph(nodes, "long", values[:1], values[1:], [shape])
     opset = [helper.make_opsetid("", 17)]
@@ -316,6 +316,15 @@ def test_a_network_that_takes_too_long_is_ended(written, monkeypatch):
     with pytest.raises(FormatError, match=r"the network takes over 1 s for \(1, 3\)"):
         run_network(session, np.zeros((1, 3), np.float32))
     assert time.monotonic() - began < 20  # all of it takes minutes
+
+
+@pytest.mark.slow
+def test_a_network_on_a_machine_that_sleeps_is_waited_for(written, monkeypatch):
+    onnx = pytest.importorskip("onnx")
+    session = open_network(*written(long_network(onnx, steps=4)), needed_by="this")
+    monkeypatch.setattr(networks, "_SECONDS", -0.999)
+    monkeypatch.setattr(networks, "process_time", lambda: 0.0)
+    assert run_network(session, np.ones((1, 3), np.float32)).shape == (1, 3)
 
 
 def test_onnx_runtime_sends_and_stores_nothing_of_its_own(tmp_path, written):

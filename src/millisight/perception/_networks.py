@@ -11,6 +11,7 @@ from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
+from time import process_time
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -167,9 +168,15 @@ def run_network(session: Any, channels: np.ndarray) -> np.ndarray:
     seconds = _SECONDS + len(channels)
     # In a thread of its own it ends, between two operators, when time is over or the user does not wait.
     with ThreadPoolExecutor(1) as pool:
-        running = pool.submit(session.run, None, {session.get_inputs()[0].name: channels}, options)
+        running, used = (
+            pool.submit(session.run, None, {session.get_inputs()[0].name: channels}, options),
+            process_time(),
+        )
         try:
             wait([running], seconds)
+            # On a busy or a sleeping machine the clock goes on without the network.
+            while not running.done() and process_time() - used < seconds:
+                wait([running], 1)
         finally:
             options.terminate = late = not running.done()
     if late:
