@@ -1,6 +1,6 @@
 """How sure a classifier may be of its answers: the temperature and the threshold that suit the validation scenes."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -152,6 +152,6 @@ def _answers(logits: np.ndarray, labels: np.ndarray) -> tuple[np.ndarray, np.nda
     return logits.argmax(axis=1) == labels, probabilities.max(axis=1)
 
 
-def logits_of(network: "nn.Module", inputs: Sequence[np.ndarray]) -> np.ndarray:
+def logits_of(network: "nn.Module", inputs: Iterable[np.ndarray]) -> np.ndarray:
     """(N, classes) float64 logits of N inputs (K, C, S, S), each the mean over its K views."""
-    return np.stack([run(network, one).mean(dim=0).double().cpu().numpy() for one in inputs])
+    return np.stack([run(network, one.astype(np.float32)).mean(dim=0).double().cpu().numpy() for one in inputs])

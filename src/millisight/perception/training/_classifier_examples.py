@@ -36,7 +36,7 @@ class HeldExample(NamedTuple):
 
     Attributes
     ----------
-    channels : (C, S, S)
+    channels : (C, S, S) as float16, of which thousands fit into memory
     label : index of the class
     shown : name of what is shown
     covered : whether the brightest of the image was a sheet's
@@ -145,7 +145,7 @@ def examples_in_use(scenes: Sequence[TrainingScene], by: FoundMasks, *, views: i
 def held_example(scene: TrainingScene, channels: np.ndarray, number: int) -> HeldExample:
     """An example of a scene of validation."""
     covered = sheet_was_brightest(scene.whole.taken_db[BANDS[0]])
-    return HeldExample(channels, scene.label, scene.name, covered, number)
+    return HeldExample(channels.astype(np.float16), scene.label, scene.name, covered, number)
 
 
 def _channels(scene: WholeScene, inside: np.ndarray, rng: np.random.Generator, *, both: bool) -> np.ndarray:

@@ -76,7 +76,7 @@ class ClassifierLesson:
             self.held += held_back(
                 {"validation": [one for one in held if one.label < self.classes]},
                 lambda one, rng: HeldExample(
-                    example_aside(one.whole, rng), self.classes, ASIDE, False, number[id(one)]
+                    example_aside(one.whole, rng).astype(np.float16), self.classes, ASIDE, False, number[id(one)]
                 ),
                 views=1,
                 seed=self.seed,
@@ -136,13 +136,13 @@ class ClassifierLesson:
 
     def score(self, network: "nn.Module") -> float:
         """Less the mean cross-entropy."""
-        logits = logits_of(network, [one.channels[None] for one in self.held])
+        logits = logits_of(network, (one.channels[None] for one in self.held))
         return -float(cross_entropy(logits, np.array([one.label for one in self.held])).mean())
 
     def describe(self, network: "nn.Module") -> dict[str, Any]:
         """Classes, calibration, and what `evaluation` needs to know of the scenes to find leaks."""
         recipe, scenes = self.recipe, self.scenes
-        every = logits_of(network, [square_symmetries(one.channels) for one in self.used])
+        every = logits_of(network, (square_symmetries(one.channels) for one in self.used))
         labels, covered, numbers = (
             np.array([getattr(one, name) for one in self.used]) for name in ("label", "covered", "number")
         )
