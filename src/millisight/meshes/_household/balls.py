@@ -32,7 +32,7 @@ def _stem(start: float, length: float, thickness: float, rng: np.random.Generato
 
 def _rolled(solid: "Manifold", rng: np.random.Generator) -> "Manifold":
     """Half of them upright, half tipped over."""
-    return solid.rotate((0, rng.uniform(0, 110) * rng.integers(2), 0))
+    return solid.rotate((0, rng.uniform(0, 110) * int(rng.integers(2)), 0))
 
 
 def _fruit(rng: np.random.Generator) -> "Manifold":

@@ -197,7 +197,8 @@ def _scoop(rng: np.random.Generator) -> "Manifold":
     neck = 0.6 * half_width * rng.uniform(0.6, 1)
     wall = rng.uniform(1.5, 3)
     inside = sphere(radius - wall)
-    ball = sphere(radius) - inside - block((4 * radius,) * 3, at=(0, 0, 2 * radius + brim))
+    wide = 4 * radius
+    ball = sphere(radius) - inside - block((wide, wide, wide), at=(0, 0, wide / 2 + brim))
     reach = centre - radius + wall
     shaft = cylinder(neck, reach + 5, axis="x", at=(reach / 2 - 2.5, 0, 0))
     cup = ball.rotate((rng.choice([0, 90]) + rng.uniform(-20, 20), 0, 0)).translate((centre, 0, 0))
