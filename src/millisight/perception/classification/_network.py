@@ -42,6 +42,7 @@ CLASSIFIER_CHANNELS = ("mask", "magnitude", "level", *(f"slice {i}" for i in ran
 MAGNITUDE = CLASSIFIER_CHANNELS.index("magnitude")
 """Of the paper's one channel: the mean of |I| along z, 1 from 80 % of its maximum on."""
 
+_OTHER = CLASSIFIER_CHANNELS.index("other")
 _CLIPPED = 0.8  # of the maximum
 _LEAST = 1e-30  # power above 0
 _QUARTERS = 4
@@ -235,10 +236,10 @@ class NetworkClassifier:
     def classify(self, image: SarImage, mask: Mask, *, other_band: SarImage | None = None) -> Prediction:
         """The calibrated probability of each class, the mean over the image's eight symmetries, sheets taken off.
 
-        What was under a sheet has a calibration of its own. The prediction's novelty is the score of `novelty`, of all
-        that is known of the image: that it shows what is of no class, a scan too sparse, or a lid. No answer is sure of
-        a class that was learned from random shapes alone: the threshold is then 1, since no object of that class has
-        calibrated it.
+        Of two bands, every second of the eight shows 77 GHz alone. What was under a sheet has a calibration of its own.
+        The prediction's novelty is the score of `novelty`, of all that is known of the image: that it shows what is of
+        no class, a scan too sparse, or a lid. No answer is sure of a class that was learned from random shapes alone:
+        the threshold is then 1, since no object of that class has calibrated it.
 
         Where the image's phases tell that most of the object is a ball, a thick cylinder, a flat rectangle or
         ellipse, or a floor below a rim, classes count with how often they are so (`FORM_SHARES`). No answer becomes
@@ -263,8 +264,10 @@ class NetworkClassifier:
             other_band = without_sheets(other_band, frequency=LOW_BAND) if len(self.bands) > 1 else None
         cleaned = without_sheets(image, frequency=HIGH_BAND)
         channels = classifier_input(cleaned, mask, other_band=other_band)
-        views = run_network(self._session, square_symmetries(channels))
-        logits = views.mean(axis=0, dtype=np.float64)
+        views = square_symmetries(channels)
+        # The other band is blurred, and misleads as often as it helps: every second view is without it.
+        views[1::2, _OTHER:] = 0
+        logits = run_network(self._session, views).mean(axis=0, dtype=np.float64)
         covered = sheet_was_brightest(taken_db(cleaned))
         how = self.description.get("calibration", {}).get("covered" if covered else "open", self.description)
         scaled = logits[: len(self.class_names)] / how["temperature"] + self._added
