@@ -6,9 +6,11 @@ import pytest
 import millisight as ms
 from millisight.core.errors import InputError
 from millisight.data import PixelGrid
+from millisight.perception import run_network
 from millisight.perception.classification import (
     CLASSIFIER_CHANNELS,
     CLASSIFIER_SIDE,
+    _network,
     classifier_input,
     square_symmetries,
 )
@@ -66,6 +68,24 @@ def test_the_other_band_is_masked_too():
     np.testing.assert_array_equal(channels[-1], channels[0])
     assert channels[-2].max() == 1
     assert not channels[-2][channels[0] == 0].any()
+
+
+def test_every_second_view_is_without_the_other_band(monkeypatch):
+    pytest.importorskip("onnxruntime")
+    image, mask = blob()
+    other = ms.SarImage(grid=image.grid, values=np.ones(image.grid.shape))
+    seen = []
+
+    def looked(session, views):
+        seen.append(views)
+        return run_network(session, views)
+
+    monkeypatch.setattr(_network, "run_network", looked)
+    both = ms.classify(image, mask, other_band=other)
+    alone = ms.classify(image, mask)
+    assert [one[:, -2:].any(axis=(1, 2, 3)).tolist() for one in seen] == [4 * [True, False], 8 * [False]]
+    np.testing.assert_array_equal(seen[0][:, :-2], seen[1][:, :-2])
+    assert (both.probabilities != alone.probabilities).any()
 
 
 def test_an_object_beyond_the_pixels_is_seen_in_part():
