@@ -14,6 +14,7 @@ import numpy as np
 from millisight.core import check_known
 from millisight.data import TriangleMesh
 from millisight.meshes._household import HOUSEHOLD
+from millisight.meshes._household.cans import TALLEST_STANDING
 from millisight.meshes._odd_shapes import odd_shape
 from millisight.meshes._shapes import (
     FLAT,
@@ -21,6 +22,7 @@ from millisight.meshes._shapes import (
     curve,
     cylinder,
     disc,
+    ellipse,
     fillet,
     log_uniform,
     mesh_of,
@@ -39,7 +41,6 @@ if TYPE_CHECKING:
     from manifold3d import Manifold
 
 _LIES = 0.7  # of the cans that could stand as well
-_TALLEST_STANDING = 130.0  # can [mm]
 _FLATTEST, _THICKEST = 10.0, 110.0  # box [mm]
 _NEARLY_A_CUBE = 0.25  # of the boxes
 _FINE = 0.04  # off the surface at most [mm]
@@ -76,7 +77,7 @@ def random_shape(shape_class: str, rng: np.random.Generator, *, household: bool 
 def _can(rng: np.random.Generator) -> "Manifold":
     """A cylinder on its side or its base, with the lips of a tin can, or with plain ends."""
     width, height = log_uniform(rng, 45, 120), log_uniform(rng, 30, 260)
-    lies = height > _TALLEST_STANDING or rng.random() < _LIES
+    lies = height > TALLEST_STANDING or rng.random() < _LIES
     if rng.random() < 0.5:
         return cylinder(width / 2, height, axis="x" if lies else "z")
     return can(height, width, width) if lies else standing_can(width, width, height)
@@ -142,9 +143,8 @@ def _blade(reach: float, thickness: float, rng: np.random.Generator) -> "list[Ma
 
 def _bowl(reach: float, thickness: float, rng: np.random.Generator) -> "list[Manifold]":
     half_length, half_width = rng.uniform(15, 40), rng.uniform(9, 28)
-    turn = np.linspace(0, 2 * np.pi, 60, endpoint=False)
-    ellipse = np.column_stack([reach - half_length + half_length * np.cos(turn), half_width * np.sin(turn)])
-    return [plate(outline(ellipse), rng.uniform(1.5, 8))]
+    area = outline(ellipse(half_length, half_width, at=(reach - half_length, 0), count=60))
+    return [plate(area, rng.uniform(1.5, 8))]
 
 
 def _block_across(reach: float, thickness: float, rng: np.random.Generator) -> "list[Manifold]":
@@ -156,8 +156,7 @@ def _block_across(reach: float, thickness: float, rng: np.random.Generator) -> "
 def _rings(reach: float, thickness: float, rng: np.random.Generator) -> "list[Manifold]":
     """One about the axis, as a wrench's; or two beside it, as the bows of scissors."""
     rod, along, across = rng.uniform(3, 6), rng.uniform(14, 30), rng.uniform(12, 22)
-    turn = np.linspace(0, 2 * np.pi, 60, endpoint=False)
-    ring = np.column_stack([reach - along + along * np.cos(turn), across * np.sin(turn), np.zeros(len(turn))])
+    ring = np.pad(ellipse(along, across, at=(reach - along, 0), count=60), ((0, 0), (0, 1)))
     aside = [0.0] if rng.random() < 0.5 else [-across, across]
     return [tube(ring + np.array([0, offset, 0]), rod, normal=FLAT, closed=True) for offset in aside]
 

@@ -69,11 +69,13 @@ def curve(points: ArrayLike, *, closed: bool = False, step: float = CHORD, along
     return np.concatenate(pieces if closed else [*pieces, knots[-2:-1]])
 
 
-def ellipse(along: float, across: float, *, at: tuple[float, float] = (0, 0), exponent: float = 2.0) -> np.ndarray:
-    """(80, 2) points around an ellipse of these half axes; nearly a rectangle with an exponent of 4."""
-    turn = np.linspace(0, 2 * np.pi, 80, endpoint=False)
-    around = np.column_stack([np.cos(turn), np.sin(turn)])
-    return np.asarray(at) + (along, across) * np.sign(around) * np.abs(around) ** (2 / exponent)
+def ellipse(
+    along: float, across: float, *, at: tuple[float, float] = (0, 0), exponent: float = 2.0, count: int = 80
+) -> np.ndarray:
+    """(count, 2) points around an ellipse of these half axes; nearly a rectangle with an exponent of 4."""
+    turn = np.linspace(0, 2 * np.pi, count, endpoint=False)
+    around = np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    return np.asarray(at) + (along, across) * (np.sign(around) * np.abs(around) ** (2 / exponent))
 
 
 # ---- plan views --------------------------------------------------------------------------------------------
@@ -237,9 +239,7 @@ def body(stations: ArrayLike, *, exponent: float = 2.0, rounding: tuple[float, f
         if radius:
             lost = 1 - np.sqrt(1 - np.clip(1 - depth / radius, 0, 1) ** 2)
             half = half - np.minimum(radius, half - 0.05) * lost[:, None]
-    angle = np.linspace(0, 2 * np.pi, sides(half.max()), endpoint=False)
-    around = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    around = np.sign(around) * np.abs(around) ** (2 / exponent)
+    around = ellipse(1, 1, exponent=exponent, count=sides(half.max()))
     rings = rows[:, None, 1:3] + half[:, None] * around
     return loft(np.concatenate([np.broadcast_to(places[:, None, None], (*rings.shape[:2], 1)), rings], axis=2))
 

@@ -168,10 +168,8 @@ def run_network(session: Any, channels: np.ndarray) -> np.ndarray:
     seconds = _SECONDS + len(channels)
     # In a thread of its own it ends, between two operators, when time is over or the user does not wait.
     with ThreadPoolExecutor(1) as pool:
-        running, used = (
-            pool.submit(session.run, None, {session.get_inputs()[0].name: channels}, options),
-            process_time(),
-        )
+        used = process_time()
+        running = pool.submit(session.run, None, {session.get_inputs()[0].name: channels}, options)
         try:
             wait([running], seconds)
             # On a busy or a sleeping machine the clock goes on without the network.

@@ -21,7 +21,7 @@ from millisight.meshes._shapes import (
 if TYPE_CHECKING:
     from manifold3d import CrossSection, Manifold
 
-_TALLEST_STANDING = 130.0  # can [mm]
+TALLEST_STANDING = 130.0  # can [mm]
 _LIES = 0.3  # of the cans that could stand as well: with the long ones, half of all lie
 
 
@@ -35,7 +35,7 @@ def _turned(profile: ArrayLike, rounding: float = 0.5) -> "Manifold":
 def _set_down(can: "Manifold", rng: np.random.Generator) -> "Manifold":
     """The can on its base, or on its side, rolled by any angle."""
     _, _, lowest, _, _, highest = can.bounding_box()
-    lies = highest - lowest > _TALLEST_STANDING or rng.random() < _LIES
+    lies = highest - lowest > TALLEST_STANDING or rng.random() < _LIES
     return can.rotate((0, 0, rng.uniform(0, 360))).rotate((0, 90 if lies else 0, 0))
 
 

@@ -12,6 +12,7 @@ from millisight.meshes._shapes import (
     body,
     curve,
     cylinder,
+    ellipse,
     fillet,
     log_uniform,
     outline,
@@ -268,8 +269,7 @@ def _key(rng: np.random.Generator) -> "Manifold":
     """An old door's key: a ring to turn it by, a collar, a round shaft, and a notched bit beside its end."""
     length = log_uniform(rng, 110, 180)
     along, across, rod = length * rng.uniform(0.1, 0.15), length * rng.uniform(0.1, 0.19), rng.uniform(2.5, 4.5)
-    turn = np.linspace(0, 2 * np.pi, 60, endpoint=False)
-    bow = tube(np.outer(np.cos(turn), (along, 0, 0)) + np.outer(np.sin(turn), (0, across, 0)), rod, normal=FLAT,
+    bow = tube(np.pad(ellipse(along, across, count=60), ((0, 0), (0, 1))), rod, normal=FLAT,
                closed=True)  # fmt: skip
     reach = length - along - rod
     shaft = cylinder(rod, reach - along, axis="x", at=((reach + along) / 2, 0, 0))

@@ -15,6 +15,7 @@ from ._network import novelty_of as novelty_of
 from ._network import prior_shares as prior_shares
 from ._network import sheet_was_brightest as sheet_was_brightest
 from ._network import square_symmetries as square_symmetries
+from ._network import views_of as views_of
 from ._novelty import beside_db as beside_db
 from ._novelty import lid_likeness as lid_likeness
 from ._novelty import novelty as novelty

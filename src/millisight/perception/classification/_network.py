@@ -92,6 +92,16 @@ def square_symmetries(channels: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(np.stack(turned + [one[:, ::-1] for one in turned]))
 
 
+def views_of(channels: np.ndarray) -> np.ndarray:
+    """(8, C, S, S) what a classifier's network sees of channels (C, S, S): `square_symmetries`, half of 77 GHz alone.
+
+    The other band is blurred, and misleads as often as it helps: every second view is without it.
+    """
+    views = square_symmetries(channels)
+    views[1::2, _OTHER:] = 0
+    return views
+
+
 def masked_channels(
     power: np.ndarray, z: np.ndarray, inside: np.ndarray, other: np.ndarray | None = None
 ) -> np.ndarray:
@@ -264,10 +274,7 @@ class NetworkClassifier:
             other_band = without_sheets(other_band, frequency=LOW_BAND) if len(self.bands) > 1 else None
         cleaned = without_sheets(image, frequency=HIGH_BAND)
         channels = classifier_input(cleaned, mask, other_band=other_band)
-        views = square_symmetries(channels)
-        # The other band is blurred, and misleads as often as it helps: every second view is without it.
-        views[1::2, _OTHER:] = 0
-        logits = run_network(self._session, views).mean(axis=0, dtype=np.float64)
+        logits = run_network(self._session, views_of(channels)).mean(axis=0, dtype=np.float64)
         covered = sheet_was_brightest(taken_db(cleaned))
         how = self.description.get("calibration", {}).get("covered" if covered else "open", self.description)
         scaled = logits[: len(self.class_names)] / how["temperature"] + self._added

@@ -9,7 +9,7 @@ from millisight.perception.classification import (
     CLASSIFIER_CHANNELS,
     CLASSIFIER_SIDE,
     novelty_of,
-    square_symmetries,
+    views_of,
 )
 from millisight.perception.training import _augmentation as augmentation
 from millisight.perception.training._calibration import (
@@ -142,7 +142,7 @@ class ClassifierLesson:
     def describe(self, network: "nn.Module") -> dict[str, Any]:
         """Classes, calibration, and what `evaluation` needs to know of the scenes to find leaks."""
         recipe, scenes = self.recipe, self.scenes
-        every = logits_of(network, (square_symmetries(one.channels) for one in self.used))
+        every = logits_of(network, (views_of(one.channels) for one in self.used))
         labels, covered, numbers = (
             np.array([getattr(one, name) for one in self.used]) for name in ("label", "covered", "number")
         )
