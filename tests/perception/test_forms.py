@@ -91,11 +91,18 @@ def test_what_is_not_round_thin_or_little_of_the_mask_says_nothing():
     whole = np.ones(image.grid.shape[:2], bool)
     assert form_of(whole, [thing]) is None
     assert form_of(thing.inside, []) is None
-    rod = replace(thing, kind="cylinder", radius=0.012)
+    rod = replace(thing, kind="cylinder", radius=0.012, length=0.08)
     assert form_of(thing.inside, [rod]) is None
     real = ms.SarImage(grid=image.grid, values=image.magnitude)
     mask = ms.Mask(grid_xy=image.grid.xy, inside=thing.inside)
     np.testing.assert_array_equal(form_odds(mask, real, NAMES), np.zeros(len(NAMES)))
+
+
+@pytest.mark.parametrize(("radius", "length"), [(0.012, 0.06), (0.03, 0.2)])
+def test_a_short_or_a_thick_cylinder_is_no_rod(radius, length):
+    image = ball(0.03, (0, 0, -0.06))
+    (thing,) = find_round(lit(image), image)
+    assert form_of(thing.inside, [replace(thing, kind="cylinder", radius=radius, length=length)]) == "cylinder"
 
 
 @pytest.mark.parametrize("kind", PAIRS)

@@ -312,10 +312,10 @@ def test_a_network_that_takes_too_long_is_ended(written, monkeypatch):
     onnx = pytest.importorskip("onnx")
     session = open_network(*written(long_network(onnx)), needed_by="this")
     monkeypatch.setattr(networks, "_SECONDS", 0)
-    began = time.monotonic()
+    began = time.process_time()  # on a busy machine the clock goes on without the network
     with pytest.raises(FormatError, match=r"the network takes over 1 s for \(1, 3\)"):
         run_network(session, np.zeros((1, 3), np.float32))
-    assert time.monotonic() - began < 20  # all of it takes minutes
+    assert time.process_time() - began < 20  # all of it takes minutes
 
 
 @pytest.mark.slow

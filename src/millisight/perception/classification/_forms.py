@@ -14,7 +14,7 @@ FORM_SHARES: Mapping[str, Mapping[str, float]] = {
     "ellipse": {"can": 0.19, "handle": 0.02, "box": 0.05, "sphere": 0.016, "cup": 0.02, "clamp": 0.02, "other": 0.12},
     "vessel": {"can": 0.02, "handle": 0.02, "box": 0.02, "sphere": 0.016, "cup": 0.54, "clamp": 0.02, "other": 0.01},
 }
-"""How often most of an object is a ball, or a cylinder of 20 mm radius at least, by `find_round`; or a flat rectangle
+"""How often most of an object is a ball, or a cylinder, either thick or short, by `find_round`; or a flat rectangle
 or ellipse, by `find_flat`; or a "vessel": a flat ellipse below a rim (`Flat.rim`).
 
 Counted on simulated images of shapes drawn at random and of training objects, one of each answer added, by
@@ -24,21 +24,22 @@ as vessels. A class that is not named counts like what is of no class.
 
 _MOST_OF_IT = 0.5  # of a mask, that the outline fills
 _FLOOR = 0.25  # of a mask, that the floor of a vessel fills, whose rim and handle are marked, too
-_THICK = 0.02  # a cylinder's radius, below which it may be a rod or a handle [m]
+_THICK = 0.02  # a cylinder's radius, below which a long one may be a rod or a handle [m]
+_LONG = 3.0  # times as long as thick: screwdrivers' handles are 3.2 to 9 times, batteries and small tins 1.5 to 2.7
 
 
 def form_of(mask: np.ndarray, things: Sequence[Round | Flat]) -> str | None:
     """The form of most of a mask (A, B), of what `find_round` and `find_flat` see in it; None: none of `FORM_SHARES`.
 
-    "ball", a thick "cylinder", a flat "rectangle" or "ellipse", or "vessel".
+    "ball", a "cylinder" that is no rod, a flat "rectangle" or "ellipse", or "vessel".
     """
     for thing in things:
         filled = (thing.inside & mask).sum() / max(mask.sum(), 1)
         if isinstance(thing, Flat) and thing.kind == "ellipse" and thing.rim is not None and filled > _FLOOR:
             return "vessel"
         if filled > _MOST_OF_IT:
-            thin = isinstance(thing, Round) and thing.kind == "cylinder" and thing.radius < _THICK
-            return None if thin else thing.kind
+            rod = isinstance(thing, Round) and thing.kind == "cylinder" and thing.radius < _THICK
+            return None if rod and thing.length > _LONG * 2 * thing.radius else thing.kind
     return None
 
 
