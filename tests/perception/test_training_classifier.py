@@ -394,6 +394,32 @@ def test_an_image_whose_lid_was_brightest_has_the_calibration_of_such(monkeypatc
 
 
 @pytest.mark.slow
+def test_members_learn_from_shares_of_a_batch_and_answer_by_their_mean(examples, recipe, tmp_path):
+    torch = pytest.importorskip("torch")
+    ort = pytest.importorskip("onnxruntime")
+    from safetensors.torch import load_file
+
+    several = dataclasses.replace(recipe, members=2)
+    trained = train(several, examples, tmp_path)
+    assert trained.description["members"] == 2
+    network = several.lesson(examples).network()
+    network.load_state_dict(load_file(trained.weights.with_suffix(".safetensors")))
+    rng = np.random.default_rng(4)
+    channels = torch.from_numpy(np.stack([example_of(one.whole, rng) for one in 2 * examples["training"]]))
+    with torch.no_grad():
+        network.eval()
+        first, second = (one(channels).numpy() for one in network.members)
+        for one in network.members:
+            one.dropout.p = 0.0
+        dealt = network.train()(channels).numpy()
+    assert abs(first - second).max() > 1e-3
+    np.testing.assert_allclose(dealt, [*first[: len(first) // 2], *second[len(first) // 2 :]], atol=1e-5)
+    session = ort.InferenceSession(trained.weights)
+    (answered,) = session.run(None, {session.get_inputs()[0].name: channels.numpy()})
+    np.testing.assert_allclose(answered, (first + second) / 2, atol=1e-5)
+
+
+@pytest.mark.slow
 def test_weights_are_the_same_again_and_resumed_and_run_without_torch(examples, recipe, tmp_path):
     pytest.importorskip("torch")
     pytest.importorskip("onnxruntime")

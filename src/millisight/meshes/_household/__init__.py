@@ -13,19 +13,21 @@ import numpy as np
 from millisight.meshes._household.balls import BALLS
 from millisight.meshes._household.boxes import BOXES
 from millisight.meshes._household.cans import CANS
+from millisight.meshes._household.cases import CASES
 from millisight.meshes._household.clamps import CLAMPS
 from millisight.meshes._household.cups import CUPS
 from millisight.meshes._household.others import OTHERS
 from millisight.meshes._household.tools import TOOLS
+from millisight.meshes._household.tubes import TUBES
 
 if TYPE_CHECKING:
     from manifold3d import Manifold
 
 HOUSEHOLD: "Mapping[str, tuple[Callable[[np.random.Generator], Manifold], ...]]" = MappingProxyType(
     {
-        "can": CANS,
+        "can": (*CANS, *TUBES),
         "handle": TOOLS,
-        "box": BOXES,
+        "box": (*BOXES, *CASES),
         "sphere": BALLS,
         "cup": CUPS,
         "clamp": CLAMPS,

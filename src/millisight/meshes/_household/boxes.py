@@ -24,21 +24,21 @@ if TYPE_CHECKING:
 _OVERLAP = 0.5  # of parts that touch [mm]
 
 
-def _rectangle(long: float, wide: float, corner: float = 0.0) -> "CrossSection":
+def rectangle(long: float, wide: float, corner: float = 0.0) -> "CrossSection":
     """A rectangle about the origin, its corners rounded now and then."""
     x, y = long / 2, wide / 2
     area = outline([(-x, -y), (x, -y), (x, y), (-x, y)])
     return fillet(area, corner) if corner else area
 
 
-def _tapered(lower: "CrossSection", upper: "CrossSection", high: float) -> "Manifold":
+def tapered(lower: "CrossSection", upper: "CrossSection", high: float) -> "Manifold":
     """What spans two convex areas, the upper one `high` above the lower one, which lies at z = 0."""
     from manifold3d import Manifold
 
     return Manifold.batch_hull([plate(lower, 0.1, z=0.05), plate(upper, 0.1, z=high - 0.05)])
 
 
-def _bevelled(area: "CrossSection", high: float, bevel: float) -> "Manifold":
+def bevelled(area: "CrossSection", high: float, bevel: float) -> "Manifold":
     """A convex area, made `high` thick about z = 0, its upper and lower edges bevelled."""
     core = plate(area, high - 2 * bevel)
     return core.batch_hull([core, plate(area.offset(-bevel), high)])
@@ -50,7 +50,7 @@ def _carton(rng: np.random.Generator) -> "Manifold":
     wide, high = long * rng.uniform(0.4, 1), min(long * log_uniform(rng, 0.25, 1.2), 80)
     carton = block((long, wide, high))
     if rng.random() < 0.4:
-        window = _rectangle(long * rng.uniform(0.4, 0.8), wide * rng.uniform(0.4, 0.75), rng.uniform(0, 0.1) * wide)
+        window = rectangle(long * rng.uniform(0.4, 0.8), wide * rng.uniform(0.4, 0.75), rng.uniform(0, 0.1) * wide)
         return carton - plate(window, rng.uniform(0.08, 0.5) * high, z=high / 2)
     carton = carton - block((long - 2 * wall, wide - 2 * wall, high), at=(0, 0, wall))
     deep = wide * rng.uniform(0.25, 0.5)
@@ -80,16 +80,16 @@ def _case(rng: np.random.Generator) -> "Manifold":
     long = log_uniform(rng, 45, 240)
     wide, low = long * rng.uniform(0.4, 0.9), min(long * rng.uniform(0.1, 0.35), 60)
     arch, corner = min(wide * rng.uniform(0.15, 0.5), 60), rng.uniform(0.03, 0.2) * wide
-    foot = _rectangle(long, wide, corner)
+    foot = rectangle(long, wide, corner)
     if rng.random() < 0.5:
         turn = np.linspace(0, np.pi, 50)
         arc = outline(np.column_stack([wide / 2 * np.cos(turn), arch * np.sin(turn)]))
         lid = plate(arc, long).rotate((90, 0, 0)).rotate((0, 0, 90)) ^ plate(foot, 4 * arch)
     else:
-        lid = _tapered(foot, foot.offset(-rng.uniform(0.08, 0.25) * wide), arch)
+        lid = tapered(foot, foot.offset(-rng.uniform(0.08, 0.25) * wide), arch)
     clasp = rounded_block((long * rng.uniform(0.08, 0.25), 6, rng.uniform(0.5, 1) * low), 1, at=(0, -wide / 2, 0))
     seam = plate(foot.offset(rng.uniform(0.8, 2.5)), rng.uniform(1.5, 4))
-    return union(_tapered(foot.offset(-0.02 * wide), foot, low).translate((0, 0, -low)), lid, clasp, seam)
+    return union(tapered(foot.offset(-0.02 * wide), foot, low).translate((0, 0, -low)), lid, clasp, seam)
 
 
 def _soap(rng: np.random.Generator) -> "Manifold":
@@ -111,7 +111,7 @@ def _phone(rng: np.random.Generator) -> "Manifold":
     long, thick = log_uniform(rng, 100, 260), rng.uniform(6, 14)
     wide = long * (rng.uniform(0.44, 0.56) if long < 175 else rng.uniform(0.6, 0.78))
     bevel = rng.uniform(0.1, 0.4) * thick
-    phone = _bevelled(_rectangle(long, wide, rng.uniform(4, 13)), thick, bevel)
+    phone = bevelled(rectangle(long, wide, rng.uniform(4, 13)), thick, bevel)
     lenses, lens, rise = int(rng.integers(1, 4)), rng.uniform(4.5, 8), rng.uniform(1, 3)
     x, y = long / 2 - lens - bevel - 5, wide / 2 - lens - bevel - 5
     row = [(x - 2.3 * lens * place, y) for place in range(lenses)]
@@ -124,7 +124,7 @@ def _device(rng: np.random.Generator) -> "Manifold":
     long = log_uniform(rng, 55, 220)
     wide, high = long * rng.uniform(0.4, 0.95), min(long * log_uniform(rng, 0.15, 0.5), 70)
     bevel, foot = rng.uniform(0.05, 0.2) * min(high, 0.5 * wide), rng.uniform((0.04 * wide, 3), (0.09 * wide, 9))
-    housing = _bevelled(_rectangle(long, wide, rng.uniform(0.02, 0.12) * wide), high, bevel)
+    housing = bevelled(rectangle(long, wide, rng.uniform(0.02, 0.12) * wide), high, bevel)
     count, pitch = int(rng.integers(4, 11)), rng.uniform(0.04, 0.08) * long
     corners = [(0.36 * long * i, 0.36 * wide * j, -high / 2) for i in (-1, 1) for j in (-1, 1)]
     feet = [cylinder(*foot, at=corner) for corner in corners]
@@ -140,8 +140,8 @@ def _lunch_box(rng: np.random.Generator) -> "Manifold":
     """A box that widens upwards, a wider lid with a raised middle, and a clip at two or four sides."""
     long = log_uniform(rng, 90, 235)
     wide, high, over = long * rng.uniform(0.5, 1), min(long * rng.uniform(0.2, 0.6), 100), rng.uniform(2, 5)
-    rim, lid = _rectangle(long, wide, rng.uniform(0.06, 0.25) * wide), rng.uniform(5, 14)
-    tub = _tapered(rim.offset(-rng.uniform(0.01, 0.09) * wide), rim, high)
+    rim, lid = rectangle(long, wide, rng.uniform(0.06, 0.25) * wide), rng.uniform(5, 14)
+    tub = tapered(rim.offset(-rng.uniform(0.01, 0.09) * wide), rim, high)
     top = union(plate(rim.offset(over), lid, z=high), plate(rim.offset(-0.08 * wide), lid + 5, z=high))
     clips, across = [], wide * rng.uniform(0.2, 0.45)
     for side in range(0, 4, int(rng.integers(1, 3))):

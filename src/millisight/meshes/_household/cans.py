@@ -25,7 +25,7 @@ TALLEST_STANDING = 130.0  # can [mm]
 _LIES = 0.3  # of the cans that could stand as well: with the long ones, half of all lie
 
 
-def _turned(profile: ArrayLike, rounding: float = 0.5) -> "Manifold":
+def turned(profile: ArrayLike, rounding: float = 0.5) -> "Manifold":
     """The area within (K, 2) points (radius, height), its corners rounded, turned about z."""
     half = outline(profile)
     area = fillet(half + half.mirror((1, 0)), rounding).simplify(0.05)
@@ -39,7 +39,7 @@ def _set_down(can: "Manifold", rng: np.random.Generator) -> "Manifold":
     return can.rotate((0, 0, rng.uniform(0, 360))).rotate((0, 90 if lies else 0, 0))
 
 
-def _grooved(radius: float, rng: np.random.Generator) -> "CrossSection":
+def grooved(radius: float, rng: np.random.Generator) -> "CrossSection":
     """A disc with grooves all around its rim, as fingers like on a screw cap."""
     area, depth, count = disc(radius), radius * rng.uniform(0.04, 0.08), int(rng.integers(12, 25))
     for angle in np.linspace(0, 2 * np.pi, count, endpoint=False):
@@ -57,7 +57,7 @@ def _drinks_can(rng: np.random.Generator) -> "Manifold":
     base = [(0, rng.uniform(3, 8)), (foot - 4, 0.5), (foot - 2, 0), (foot, 0)]
     side = curve([(radius, low), (radius, low + 5), (waist, (low + up) / 2), (radius, up - 5), (radius, up)], along=2)
     rim, lid = [(neck, high - 3), (neck + 1, high - 2), (neck + 1, high), (neck - 1, high)], high - sunk
-    can = _turned([*base, *side, *rim, (neck - 2.5, lid), (0, lid)])
+    can = turned([*base, *side, *rim, (neck - 2.5, lid), (0, lid)])
     tab = strip([(-0.1 * neck, 0), (0.45 * neck, 0)], 0.5 * neck) - disc(0.16 * neck, (0.45 * neck, 0))
     return _set_down(union(can, plate(tab, rng.uniform(2, 3.5), z=lid)), rng)
 
@@ -73,7 +73,7 @@ def _tin(rng: np.random.Generator) -> "Manifold":
     for place in radius * np.linspace(0.85, rng.uniform(0.3, 0.7), int(rng.integers(1, 5))):
         top += [(place, level), (place - 1, level + bead), (place - 2.5, level + bead), (place - 3.5, level)]
     upper = np.array([*top, (0, level)])
-    return _set_down(_turned([*(upper[::-1] * (1, -1)), *upper], 0.4), rng)
+    return _set_down(turned([*(upper[::-1] * (1, -1)), *upper], 0.4), rng)
 
 
 def _flat_tin(rng: np.random.Generator) -> "Manifold":
@@ -83,7 +83,7 @@ def _flat_tin(rng: np.random.Generator) -> "Manifold":
     seam, step, inset = high * rng.uniform(0.3, 0.75), rng.choice([-1, 1]) * rng.uniform(0.8, 2), rng.uniform(3, 8)
     crown = high - max(step, 0)
     lid = [(wide, seam), (wide, crown), (wide - inset, crown), (wide - inset - 1, crown + step), (0, crown + step)]
-    return _set_down(_turned([(0, 1), (radius - 4, 1), (radius - 3, 0), (radius, 0), (radius, seam), *lid]), rng)
+    return _set_down(turned([(0, 1), (radius - 4, 1), (radius - 3, 0), (radius, 0), (radius, seam), *lid]), rng)
 
 
 def _spray_can(rng: np.random.Generator) -> "Manifold":
@@ -98,7 +98,7 @@ def _spray_can(rng: np.random.Generator) -> "Manifold":
     base = [(0, 4), (radius - 5, 1), (radius - 2, 0), (radius + rim, 0), (radius + rim, 2.5), (radius, 3)]
     collar = [(radius, high - 3), (radius + rim, high - 2.5), (radius + rim, high)]
     top = [(cap, shoulder[-1, 1]), (cap * rng.uniform(0.8, 1), up), (0, up)]
-    return _set_down(_turned([*base, *collar, *shoulder, *top]), rng)
+    return _set_down(turned([*base, *collar, *shoulder, *top]), rng)
 
 
 def _capped_tube(rng: np.random.Generator) -> "Manifold":
@@ -113,7 +113,7 @@ def _capped_tube(rng: np.random.Generator) -> "Manifold":
         end = [(radius, high / 2 - cap), (radius + over, high / 2 - cap), (radius + over, high / 2)]
         end += [(radius - 2, high / 2), (radius - 3, high / 2 - sunk)]
     upper = np.array([*end, (0, high / 2 - sunk)])
-    return _set_down(_turned([*(upper[::-1] * (1, -1)), *upper], 0.3), rng)
+    return _set_down(turned([*(upper[::-1] * (1, -1)), *upper], 0.3), rng)
 
 
 def _corrugated_tin(rng: np.random.Generator) -> "Manifold":
@@ -126,7 +126,7 @@ def _corrugated_tin(rng: np.random.Generator) -> "Manifold":
     waves = np.column_stack([radius - deep / 2 + deep / 2 * np.cos(np.pi * count * (z / half + 1)), z])
     upper = np.array([(radius, high / 2 - 3.5), (radius + rim, high / 2 - 3), (radius + rim, high / 2),
                       (radius - 1, high / 2), (radius - 1.5, high / 2 - sunk), (0, high / 2 - sunk)])  # fmt: skip
-    return _set_down(_turned([*(upper[::-1] * (1, -1)), *waves, *upper], 0.3), rng)
+    return _set_down(turned([*(upper[::-1] * (1, -1)), *waves, *upper], 0.3), rng)
 
 
 def _jar(rng: np.random.Generator) -> "Manifold":
@@ -137,9 +137,9 @@ def _jar(rng: np.random.Generator) -> "Manifold":
     turn = np.linspace(-np.pi / 2, 0, 10)
     base = np.column_stack([radius - foot + foot * np.cos(turn), foot + foot * np.sin(turn)])
     up = high + rng.uniform(2, 6)
-    jar = _turned([(0, 0), *base, (radius, high - shoulder), (neck, high), (neck, up + 2), (0, up + 2)], 1)
+    jar = turned([(0, 0), *base, (radius, high - shoulder), (neck, high), (neck, up + 2), (0, up + 2)], 1)
     lid, thick = radius * rng.uniform(1.03, 1.14), radius * rng.uniform(0.2, 0.55)
-    area = _grooved(lid, rng) if rng.random() < 0.5 else disc(lid)
+    area = grooved(lid, rng) if rng.random() < 0.5 else disc(lid)
     return _set_down(union(jar, plate(area, thick, z=up + thick / 2)), rng)
 
 
@@ -150,7 +150,7 @@ def _battery(rng: np.random.Generator) -> "Manifold":
     step, dent, rise = radius * rng.uniform(0.7, 0.92), rng.uniform(0.5, 1.5), rng.uniform(1.5, 4)
     base = [(0, dent), (0.6 * radius, dent), (0.65 * radius, 0), (radius, 0)]
     top = [(radius, high), (step, high), (step - 0.5, high - dent), (nub + 1, high - dent)]
-    return _set_down(_turned([*base, *top, (nub, high + rise), (0, high + rise)], 0.4), rng)
+    return _set_down(turned([*base, *top, (nub, high + rise), (0, high + rise)], 0.4), rng)
 
 
 def _domed_can(rng: np.random.Generator) -> "Manifold":
@@ -161,7 +161,7 @@ def _domed_can(rng: np.random.Generator) -> "Manifold":
     arc = np.column_stack([radius * np.cos(turn), high + dome * np.sin(turn)])
     arc[-1, 0] = 0
     base = [(0, 2), (radius - 5, 2), (radius - 3, 0), (radius, 0)]
-    can = _turned([*base, (radius, high - 3), (radius + rim, high - 3), (radius + rim, high), *arc], 0.5)
+    can = turned([*base, (radius, high - 3), (radius + rim, high - 3), (radius + rim, high), *arc], 0.5)
     if rng.random() < 0.4:
         knob, rise = radius * rng.uniform(0.12, 0.25), rng.uniform(4, 10)
         can = union(can, cylinder(knob, rise + 4, at=(0, 0, high + dome + rise / 2 - 2)))

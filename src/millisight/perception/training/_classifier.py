@@ -63,7 +63,8 @@ class ClassifierRecipe:
     stretch : of the scenes of each class, see SceneSettings; 0.25 of those that are not named
     parts : "both", "edge" or "specular"
     network : "small", or the "paper"'s
-    batch : examples in a batch
+    members : networks of their own weights, to which a batch is dealt out; the mean of their logits is the answer
+    batch : examples in a batch, for each member one at least
     masks : of whom examples have masks, besides true and disturbed ones: "shipped", the shipped segmenter "wave"; a
         file of weights as of `millisight train segmenter`; "": nobody
     examples : in an epoch, of each class as many and of each of its scenes, each turned or mirrored
@@ -96,6 +97,7 @@ class ClassifierRecipe:
     stretch: Mapping[str, float] = field(default_factory=dict)
     parts: str = "both"
     network: str = "small"
+    members: int = 1
     masks: str = ""
     novel: int = 0
     batch: int = 32
@@ -137,7 +139,8 @@ class ClassifierRecipe:
                 str(shape): checked_number(share, name=f"prior of {shape}", above=0)
                 for shape, share in self.prior.items()
             },
-            batch=checked_integer(self.batch, name="batch"),
+            members=checked_integer(self.members, name="members"),
+            batch=checked_integer(self.batch, name="batch", minimum=self.members),
             examples=checked_integer(self.examples, name="examples", minimum=self.batch),
             novel=checked_integer(self.novel, name="novel", minimum=0),
             whole=dataclasses.replace(self.whole, empty=0.0, several=0.0, parts=self.parts),

@@ -110,8 +110,9 @@ class ClassifierLesson:
         """The recipe's."""
         from millisight.perception.training.networks import classifier_network
 
+        recipe = self.recipe
         return classifier_network(
-            self.recipe.network, self.classes + (self.recipe.novel > 0), self.recipe.normalisation
+            recipe.network, self.classes + (recipe.novel > 0), recipe.normalisation, recipe.members
         )
 
     def batches(self, epoch: int) -> "Iterator[tuple[Tensor, ...]]":
@@ -155,6 +156,7 @@ class ClassifierLesson:
         return {
             "physics": PHYSICS,
             "network": recipe.network,
+            "members": recipe.members,
             "parts": recipe.parts,
             "class_names": list(recipe.objects),
             "classes": {shape: list(objects) for shape, objects in recipe.every_object.items()},

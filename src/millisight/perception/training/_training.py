@@ -202,8 +202,9 @@ class _Maker:
 
     @cached_property
     def _among(self) -> str:
-        """What other objects of a scene are drawn from."""
-        return ";".join(f"{one.name}/{one.number}/{self._digest(one)}" for one in self._others)
+        """What other objects of a scene are drawn from, where there may be any."""
+        others = self._others if self._whole.several else ()
+        return ";".join(f"{one.name}/{one.number}/{self._digest(one)}" for one in others)
 
     def _parts(self, rng: np.random.Generator) -> tuple[list[SceneParts], list[Callable[[], SheetParts]]]:
         """Of the request's side: its object, perhaps one or two others; two sheets and a stand, made when needed."""

@@ -31,7 +31,7 @@ class SmallNetwork(nn.Module):
     widths : of the four sizes, in channels
     """
 
-    def __init__(self, classes: int, normalisation: str = "group", widths: Sequence[int] = (32, 64, 96, 128)):
+    def __init__(self, classes: int, normalisation: str = "group", widths: Sequence[int] = (24, 48, 64, 96)):
         super().__init__()
         steps: list[nn.Module] = []
         for inputs, outputs in zip((len(CLASSIFIER_CHANNELS), *widths[:-1]), widths, strict=True):
@@ -75,6 +75,29 @@ class PaperNetwork(nn.Module):
         return self.connected(functional.avg_pool2d(x, x.shape[-1] // _PAPER_POOLED).flatten(1))
 
 
-def classifier_network(name: str, classes: int, normalisation: str = "group") -> nn.Module:
-    """The network "small", normalised so, or "paper", with new weights from torch's generator."""
-    return SmallNetwork(classes, normalisation) if name == "small" else PaperNetwork(classes)
+class Members(nn.Module):
+    """Networks of one kind, each with weights of its own; their answers are averaged.
+
+    In training a batch is dealt out to them: each sees other examples.
+
+    Parameters
+    ----------
+    members : the networks
+    """
+
+    def __init__(self, members: Sequence[nn.Module]):
+        super().__init__()
+        self.members: nn.ModuleList = nn.ModuleList(members)
+
+    def forward(self, channels: Tensor) -> Tensor:
+        """(N, classes) the mean of the members' logits; in training the logits of each for its share of the batch."""
+        if not self.training:
+            return torch.stack([one(channels) for one in self.members]).mean(dim=0)
+        dealt = channels.tensor_split(len(self.members))
+        return torch.cat([one(some) for one, some in zip(self.members, dealt, strict=True)])
+
+
+def classifier_network(name: str, classes: int, normalisation: str = "group", members: int = 1) -> nn.Module:
+    """The network "small", normalised so, or "paper", with new weights from torch's generator; or so many of them."""
+    made = [SmallNetwork(classes, normalisation) if name == "small" else PaperNetwork(classes) for _ in range(members)]
+    return made[0] if members == 1 else Members(made)
