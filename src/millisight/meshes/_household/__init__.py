@@ -1,4 +1,4 @@
-"""Household things by class, of 61 kinds, their proportions drawn at random.
+"""Household things by class, of 107 kinds, their proportions drawn at random.
 
 A kind takes a random generator and returns a solid in millimetres, as it lies or stands on a table, z up. Each is
 drawn by eye, after common ware; none after any one object, and sizes are those of a household.
@@ -16,9 +16,12 @@ from millisight.meshes._household.cans import CANS
 from millisight.meshes._household.cases import CASES
 from millisight.meshes._household.clamps import CLAMPS
 from millisight.meshes._household.cups import CUPS
+from millisight.meshes._household.mugs import MUGS
 from millisight.meshes._household.others import OTHERS
 from millisight.meshes._household.tools import TOOLS
+from millisight.meshes._household.toys import TOYS
 from millisight.meshes._household.tubes import TUBES
+from millisight.meshes._household.utensils import UTENSILS
 
 if TYPE_CHECKING:
     from manifold3d import Manifold
@@ -26,12 +29,12 @@ if TYPE_CHECKING:
 HOUSEHOLD: "Mapping[str, tuple[Callable[[np.random.Generator], Manifold], ...]]" = MappingProxyType(
     {
         "can": (*CANS, *TUBES),
-        "handle": TOOLS,
+        "handle": (*TOOLS, *UTENSILS),
         "box": (*BOXES, *CASES),
         "sphere": BALLS,
-        "cup": CUPS,
+        "cup": (*CUPS, *MUGS),
         "clamp": CLAMPS,
-        "other": OTHERS,
+        "other": (*OTHERS, *TOYS),
     }
 )
 """What draws each kind, by class."""

@@ -33,7 +33,7 @@ _OVERLAP = 2.0  # of parts that touch
 _ROUND_WIRE = 12  # sides of a thin rod
 
 
-def _grip(rng: np.random.Generator, length: float, half_width: float, half_height: float) -> "Manifold":
+def grip_of(rng: np.random.Generator, length: float, half_width: float, half_height: float) -> "Manifold":
     """A handle from -length to 0, thicker and thinner along its way, round or nearly rectangular."""
     places, swelling = np.linspace(-length, 0, 5), rng.uniform(0.75, 1, 5)
     stations = [(x, 0, 0, half_width * s, half_height * s) for x, s in zip(places, swelling, strict=True)]
@@ -46,7 +46,9 @@ def _pan(rng: np.random.Generator, length: float, foot: float, radius: float, he
     side = [(0, wall / 2), (foot - corner, wall / 2), (foot, corner), (radius, height)]
     half_width = rng.uniform(7, 13)
     half_height = half_width * rng.uniform(0.4, 0.8)
-    handle = _grip(rng, (length - 2 * radius) / np.cos(np.radians(rise)), half_width, half_height).rotate((0, rise, 0))
+    handle = grip_of(rng, (length - 2 * radius) / np.cos(np.radians(rise)), half_width, half_height).rotate(
+        (0, rise, 0)
+    )
     level = 0.85 * height
     end = np.interp(level, (corner, height), (foot, radius)) - wall / 2
     return union(shell(side, wall), handle.translate((-end, 0, level)))
@@ -93,7 +95,7 @@ def _whisk(rng: np.random.Generator) -> "Manifold":
     points = np.concatenate([half, [(reach, 0, 0)], half[::-1] * (1, -1, 1)])
     loop = tube(curve(points), wire, normal=FLAT, around=_ROUND_WIRE)
     loops = [loop.rotate((180 * (i + 0.5) / count, 0, 0)) for i in range(count)]
-    return union(_grip(rng, length - reach, half_width, half_width), *loops)
+    return union(grip_of(rng, length - reach, half_width, half_width), *loops)
 
 
 def _pliers(rng: np.random.Generator) -> "Manifold":
@@ -124,7 +126,7 @@ def _ratchet(rng: np.random.Generator) -> "Manifold":
         socket = rng.uniform(20, 40)
         drive = cylinder(radius * rng.uniform(0.6, 0.95), socket, at=(reach, 0, (high + socket - _OVERLAP) / 2))
     head = cylinder(radius, high, at=(reach, 0, 0))
-    handle = _grip(rng, grip, half_width, half_width * rng.uniform(0.6, 1))
+    handle = grip_of(rng, grip, half_width, half_width * rng.uniform(0.6, 1))
     return union(handle, shaft, head, drive).rotate((rng.choice([0, 90]), 0, 0))
 
 
@@ -133,7 +135,7 @@ def _mallet(rng: np.random.Generator) -> "Manifold":
     length = log_uniform(rng, 180, 340)
     wide, deep = length * rng.uniform(0.28, 0.42), length * rng.uniform(0.13, 0.22)
     high, half_width = deep * rng.uniform(0.7, 1.1), rng.uniform(9, 17)
-    handle = _grip(rng, length - deep / 2, half_width, half_width * rng.uniform(0.65, 1))
+    handle = grip_of(rng, length - deep / 2, half_width, half_width * rng.uniform(0.65, 1))
     if rng.random() < 0.5:
         return union(handle, rounded_block((deep, wide, high), rng.uniform(1, 6)))
     bulge = deep / 2 * rng.uniform(0.75, 1)
@@ -171,7 +173,7 @@ def _round_brush(rng: np.random.Generator) -> "Manifold":
     line = np.concatenate([row * (1, r - core) + (x, core) for x, r in zip(starts, outer, strict=True)])
     profile = np.column_stack([line[:, 1], line[:, 0]])
     bristles = revolve([(0, -3), (core, -3), *profile, (core, reach), (0, reach)], axis="x")
-    return union(_grip(rng, grip, half_width, half_width), bristles)
+    return union(grip_of(rng, grip, half_width, half_width), bristles)
 
 
 def _trowel(rng: np.random.Generator) -> "Manifold":
@@ -186,7 +188,7 @@ def _trowel(rng: np.random.Generator) -> "Manifold":
     neck, rod = length * rng.uniform(0.12, 0.2), rng.uniform(3, 5)
     path = curve([(0.2 * blade, 0, 0.5 * rod), (0, 0, rod), (-0.5 * neck, 0, 0.7 * lift), (-neck - 5, 0, lift)])
     radius = rng.uniform(10, 17)
-    grip = _grip(rng, length - blade - neck, radius, radius).translate((-neck, 0, lift))
+    grip = grip_of(rng, length - blade - neck, radius, radius).translate((-neck, 0, lift))
     return union(sheet, tube(path, rod, normal=UPRIGHT), grip)
 
 
@@ -203,7 +205,7 @@ def _scoop(rng: np.random.Generator) -> "Manifold":
     reach = centre - radius + wall
     shaft = cylinder(neck, reach + 5, axis="x", at=(reach / 2 - 2.5, 0, 0))
     cup = ball.rotate((rng.choice([0, 90]) + rng.uniform(-20, 20), 0, 0)).translate((centre, 0, 0))
-    return union(_grip(rng, grip, half_width, half_width * rng.uniform(0.7, 1)), shaft, cup)
+    return union(grip_of(rng, grip, half_width, half_width * rng.uniform(0.7, 1)), shaft, cup)
 
 
 def _toothbrush(rng: np.random.Generator) -> "Manifold":
@@ -247,7 +249,7 @@ def _peeler(rng: np.random.Generator) -> "Manifold":
     points = [(x, -half, 0), (0.5 * x, -0.85 * half, 0), (0, 0, 0), (0.5 * x, 0.85 * half, 0), (x, half, 0)]
     fork = tube(curve(points), [(rod, rod * rng.uniform(0.7, 1.2))], normal=FLAT)
     across = rounded_block((bar, 2 * (half + rod), rng.uniform(2.5, 9)), 1, at=(x, 0, 0))
-    grip = _grip(rng, length - reach, half_width, half_width * rng.uniform(0.4, 0.8)).translate((_OVERLAP, 0, 0))
+    grip = grip_of(rng, length - reach, half_width, half_width * rng.uniform(0.4, 0.8)).translate((_OVERLAP, 0, 0))
     return union(grip, fork, across)
 
 
