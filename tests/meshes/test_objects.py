@@ -346,6 +346,12 @@ def test_fitted_weights_are_those_of_the_scene_unless_a_material_is_named():
     assert Scene.from_mesh("bowl", vertices=None).alpha == MATERIALS[CATALOGUE["bowl"].material].alpha
 
 
+def test_a_folder_of_an_objects_name_does_not_hide_the_object(tmp_path, monkeypatch):
+    (tmp_path / "dice").mkdir()
+    monkeypatch.chdir(tmp_path)
+    assert Scene.from_mesh("dice").objects[0].name == "dice"
+
+
 def test_import_stays_cheap():
     code = "import sys, millisight.meshes._catalogue; print('manifold3d' in sys.modules, 'trimesh' in sys.modules)"
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout

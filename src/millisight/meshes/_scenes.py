@@ -41,10 +41,11 @@ def _resolve(source: Any, unit: str | None) -> tuple[str, TriangleMesh, str | Ma
     """Name, mesh and default material of what the user pointed to."""
     if isinstance(source, TriangleMesh):
         return "mesh", source, "metal"
-    if isinstance(source, str) and not os.path.exists(source) and not os.path.splitext(source)[1]:
-        if source not in CATALOGUE:
-            advice = "A mesh file needs its suffix, such as .stl."
-            raise UnknownNameError("catalogue object", source, CATALOGUE, advice=advice)
+    # A folder may have an object's name: that of its scans, or of its images.
+    if isinstance(source, str) and source in CATALOGUE and not os.path.isfile(source):
         return source, build_object(source), CATALOGUE[source].material_of_whole
+    if isinstance(source, str) and not os.path.exists(source) and not os.path.splitext(source)[1]:
+        advice = "A mesh file needs its suffix, such as .stl."
+        raise UnknownNameError("catalogue object", source, CATALOGUE, advice=advice)
     name = Path(source).stem if isinstance(source, str | os.PathLike) else "mesh"
     return printable(name), load_mesh(source, unit=unit), "metal"
