@@ -2,10 +2,9 @@
 
     python benchmarks/form_classes.py [--workers 2]
 
-40 shapes of each class, 40 household things of each, and 40 odd shapes, which are of none, are drawn at random, and the
-training objects of examples/objects.toml are simulated twice each, all tilted by up to 10 degrees. Prints how many have
-which form by `form_of` in the masks of `wave`, and their shares with one of each answer added. No object that is tested
-with takes part.
+40 shapes of each class and as many odd ones, which are of none, are drawn at random, and the training objects of
+examples/objects.toml are simulated twice each, tilted by up to 10 degrees. Prints how many have which form by `form_of`
+in the masks of `wave`, and their shares with one of each answer added. No object that is tested with takes part.
 """
 
 import argparse
@@ -19,22 +18,21 @@ import numpy as np
 
 import millisight as ms
 from millisight.imaging import grid_around
-from millisight.meshes import NO_SHAPE_CLASS, ODD, PUBLISHED_CLASSES, RANDOM_SHAPES, random_shape, write_mesh
+from millisight.meshes import NO_SHAPE_CLASS, ODD, RANDOM_SHAPES, random_shape, write_mesh
 from millisight.perception.classification import FORM_SHARES, form_of
 
 ROOT = Path(__file__).parents[1]
 DRAWN, TURNS = 40, 2
-PLAIN, HOUSEHOLD = "a plain shape", "a household thing"  # in place of an object's name
 
 
-def form(job: tuple[str, str, int]) -> tuple[str, str | None]:
+def form(job: tuple[str, str | None, int]) -> tuple[str, str | None]:
     """The class and the form of one object; no form where no mask is found."""
     shape_class, name, seed = job
     rng = np.random.default_rng(seed)
     turns = float(rng.uniform(-10, 10)), float(rng.uniform(-10, 10)), float(rng.uniform(0, 360))
-    if name in (PLAIN, HOUSEHOLD):
+    if name is None:
         with tempfile.TemporaryDirectory() as folder:
-            write_mesh(Path(folder) / "shape.ply", random_shape(shape_class, rng, household=name == HOUSEHOLD))
+            write_mesh(Path(folder) / "shape.ply", random_shape(shape_class, rng))
             scene = ms.Scene.from_mesh(Path(folder) / "shape.ply", rotate_deg=turns)
     else:
         scene = ms.Scene.from_mesh(name, rotate_deg=turns)
@@ -57,10 +55,9 @@ def main() -> None:
     training = tomllib.loads((ROOT / "examples/objects.toml").read_text())["training"]
     classes = tomllib.loads((ROOT / "examples/training/classifier.toml").read_text())["classes"]
     of_object = {name: shape_class for shape_class, names in classes.items() for name in names}
-    jobs: list[tuple[str, str, int]] = []
-    for name, shape_classes, first in ((PLAIN, RANDOM_SHAPES, 0), (HOUSEHOLD, PUBLISHED_CLASSES, 20_000)):
-        for i, shape_class in enumerate(shape_classes):
-            jobs += [(shape_class, name, first + 1000 * i + j) for j in range(DRAWN)]
+    jobs: list[tuple[str, str | None, int]] = []
+    for i, shape_class in enumerate(RANDOM_SHAPES):
+        jobs += [(shape_class, None, 1000 * i + j) for j in range(DRAWN)]
     for i, name in enumerate(training):
         jobs += [(of_object.get(name, NO_SHAPE_CLASS), name, 7000 + 10 * i + j) for j in range(TURNS)]
     counts: dict[str, Counter[str | None]] = defaultdict(Counter)

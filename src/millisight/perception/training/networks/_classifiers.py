@@ -31,7 +31,7 @@ class SmallNetwork(nn.Module):
     widths : of the four sizes, in channels
     """
 
-    def __init__(self, classes: int, normalisation: str = "group", widths: Sequence[int] = (24, 48, 64, 96)):
+    def __init__(self, classes: int, normalisation: str = "group", widths: Sequence[int] = (32, 64, 96, 128)):
         super().__init__()
         steps: list[nn.Module] = []
         for inputs, outputs in zip((len(CLASSIFIER_CHANNELS), *widths[:-1]), widths, strict=True):
