@@ -100,7 +100,7 @@ def _ribs(long: float, wide: float, thick: float, rng: np.random.Generator) -> "
         return plate(frame - frame.offset(-rng.uniform(0.06, 0.25) * wide), out)
     across, along = (wide, long) if choice == 1 else (long, wide)
     bars = [block((0.8 * along, 0.4 * across / count, out), at=(0, y, 0)) for y in _grid(count, 0.85 * across / count)]
-    return union(*bars).rotate((0, 0, 90 * (choice - 1)))
+    return union(*bars).rotate((0, 0, 90.0 * int(choice - 1)))
 
 
 def _tool_case(rng: np.random.Generator) -> "Manifold":
@@ -140,7 +140,7 @@ def _drink_carton(rng: np.random.Generator) -> "Manifold":
     if rng.random() < 0.7:
         carton = union(carton, cylinder(cap, rise).rotate((slope, 0, 0)).translate(at))
     stands = carton.bounding_box()[5] < _HIGHEST and rng.random() < 0.3
-    return carton if stands else carton.rotate((0, 0, 90 * rng.integers(4))).rotate((0, 90, 0))
+    return carton if stands else carton.rotate((0, 0, 90.0 * int(rng.integers(4)))).rotate((0, 90, 0))
 
 
 def _egg_carton(rng: np.random.Generator) -> "Manifold":
@@ -214,7 +214,8 @@ def _camera(rng: np.random.Generator) -> "Manifold":
     area = rectangle(long, tall, rng.uniform(0.05, 0.25) * tall)
     parts, front = [bevelled(area, deep, rng.uniform(0.06, 0.25) * deep)], deep / 2
     lens, x, y = tall * rng.uniform(0.2, 0.42), long * rng.uniform(-0.12, 0.12), -0.04 * tall
-    radius, level, profile = lens, front - 0.05 * lens, [(0, front - 0.05 * lens)]
+    radius, level = lens, front - 0.05 * lens
+    profile: list[tuple[float, float]] = [(0.0, level)]
     for _ in range(rng.integers(1, 4)):
         rise = lens * rng.uniform(0.2, 0.6)
         profile += [(radius, level), (radius, level + rise)]
