@@ -251,7 +251,7 @@ class NetworkClassifier:
         no class, a scan too sparse, or a lid. No answer is sure of a class that was learned from random shapes alone:
         the threshold is then 1, since no object of that class has calibrated it.
 
-        Where the image's phases tell that most of the object is a ball, a thick cylinder, a flat rectangle or
+        Where the image's phases tell that most of the object is a ball, a thick or short cylinder, a flat rectangle or
         ellipse, or a floor below a rim, classes count with how often they are so (`FORM_SHARES`). No answer becomes
         sure by that: the network must be sure of it alone.
 
