@@ -81,6 +81,12 @@ def ellipse(
 # ---- plan views --------------------------------------------------------------------------------------------
 
 
+def ring(count: int, radius: float = 1.0) -> np.ndarray:
+    """(count, 2) points evenly on a circle about the origin, the first at +x."""
+    turn = 2 * np.pi * np.arange(count) / count
+    return radius * np.column_stack([np.cos(turn), np.sin(turn)])
+
+
 def outline(points: ArrayLike) -> "CrossSection":
     """The area inside a polygon of (K, 2) points, in either order."""
     from manifold3d import CrossSection, FillRule

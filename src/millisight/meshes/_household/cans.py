@@ -13,6 +13,7 @@ from millisight.meshes._shapes import (
     log_uniform,
     outline,
     plate,
+    ring,
     sides,
     strip,
     union,
@@ -42,8 +43,8 @@ def _set_down(can: "Manifold", rng: np.random.Generator) -> "Manifold":
 def grooved(radius: float, rng: np.random.Generator) -> "CrossSection":
     """A disc with grooves all around its rim, as fingers like on a screw cap."""
     area, depth, count = disc(radius), radius * rng.uniform(0.04, 0.08), int(rng.integers(12, 25))
-    for angle in np.linspace(0, 2 * np.pi, count, endpoint=False):
-        area = area - disc(depth, (radius * np.cos(angle), radius * np.sin(angle)))
+    for x, y in ring(count, radius):
+        area = area - disc(depth, (x, y))
     return area
 
 

@@ -25,9 +25,25 @@ _LAID = 0.25  # of the cups
 
 def _stood_or_laid(cup: "Manifold", foot: float, rim: float, height: float, rng: np.random.Generator) -> "Manifold":
     """The cup as it is, or lying on its foot's edge and its rim's, a handle along x turned to the side."""
-    if rng.random() >= _LAID:
-        return cup
+    return laid(cup, foot, rim, height) if rng.random() < _LAID else cup
+
+
+def laid(cup: "Manifold", foot: float, rim: float, height: float) -> "Manifold":
+    """The cup lying on its foot's edge and its rim's, a handle along x turned to the side."""
     return cup.rotate((0, 0, 90)).rotate((0, 90 - np.degrees(np.arctan2(rim - foot, height)), 0))
+
+
+def vessel(reach: np.ndarray, turn: np.ndarray, heights: np.ndarray, wall: float) -> "Manifold":
+    """An open vessel of radii (K, N) at angles `turn` (N,) and heights (K,)."""
+    levels = np.broadcast_to(heights[:, None], reach.shape)
+    outer, inner = (loft(np.stack([r * np.cos(turn), r * np.sin(turn), levels], 2)) for r in (reach, reach - wall))
+    return outer - inner.translate((0, 0, wall))
+
+
+def spout(out: float, turn: np.ndarray, share: np.ndarray, starts: float, narrow: float) -> np.ndarray:
+    """(K, N) by how much a spout at -x widens a vessel's radii, at shares (K,) of its height from `starts` on."""
+    rise = np.clip((share - starts) / (1 - starts), 0, 1) ** 1.5
+    return out * rise[:, None] * np.clip(-np.cos(turn), 0, 1) ** narrow
 
 
 def _handle_of(line: np.ndarray, rng: np.random.Generator) -> "Manifold":
@@ -90,15 +106,12 @@ def _goblet(rng: np.random.Generator) -> "Manifold":
 def _jug(rng: np.random.Generator) -> "Manifold":
     """A measuring jug: a spout pulled out of the rim, a handle across from it."""
     height, rim = log_uniform(rng, 60, 128), log_uniform(rng, 60, 115) / 2
-    foot, wall, spout = rim * rng.uniform(0.7, 1), rng.uniform(2.5, 4.5), rim * rng.uniform(0.2, 0.45)
+    foot, wall, out = rim * rng.uniform(0.7, 1), rng.uniform(2.5, 4.5), rim * rng.uniform(0.2, 0.45)
     turn, share = np.linspace(0, 2 * np.pi, 160, endpoint=False), np.linspace(0, 1, 40)
-    toward, starts = np.clip(-np.cos(turn), 0, 1) ** rng.uniform(6, 20), rng.uniform(0.4, 0.75)
-    rise = np.clip((share - starts) / (1 - starts), 0, 1) ** 1.5
-    reach = (foot + (rim - foot) * share)[:, None] + spout * rise[:, None] * toward
-    heights = np.broadcast_to(height * share[:, None], reach.shape)
-    outer, inner = (loft(np.stack([r * np.cos(turn), r * np.sin(turn), heights], 2)) for r in (reach, reach - wall))
+    narrow, starts = rng.uniform(6, 20), rng.uniform(0.4, 0.75)
+    reach = (foot + (rim - foot) * share)[:, None] + spout(out, turn, share, starts, narrow)
     line = np.array([(0, wall / 2), (foot - wall / 2, wall / 2), (rim - wall / 2, height)])
-    jug = union(outer - inner.translate((0, 0, wall)), _handle_of(line, rng))
+    jug = union(vessel(reach, turn, height * share, wall), _handle_of(line, rng))
     return _stood_or_laid(jug, foot, rim, height, rng)
 
 

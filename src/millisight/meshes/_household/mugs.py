@@ -4,13 +4,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from millisight.meshes._household.cups import laid, spout, vessel
 from millisight.meshes._shapes import (
     curve,
     cylinder,
     disc,
     ellipse,
     fillet,
-    loft,
     log_uniform,
     outline,
     plate,
@@ -33,7 +33,7 @@ def _posed(cup: "Manifold", foot: float, rim: float, height: float, rng: np.rand
         return cup.rotate((180, 0, 0))
     if draw > _TURNED + _LAID or 2 * max(foot, rim) > _HIGHEST:
         return cup
-    return cup.rotate((0, 0, 90)).rotate((0, 90 - np.degrees(np.arctan2(rim - foot, height)), 0))
+    return laid(cup, foot, rim, height)
 
 
 def _handle_area(rng: np.random.Generator, tall: float, out: float, thick: float) -> "CrossSection":
@@ -162,11 +162,8 @@ def _lab_beaker(rng: np.random.Generator) -> "Manifold":
     """A glass beaker or a cream jug: thin, straight or bellied, a flared lip, a spout, a handle now and then."""
     height, rim = log_uniform(rng, 46, _HIGHEST), log_uniform(rng, 42, 104) / 2
     wall, foot, flare = rng.uniform(1.2, 2.8), rim * rng.uniform(0.8, 1.1), rim * rng.uniform(0, 0.12)
-    corner, spout, belly = (
-        rng.uniform(0.08, 0.3) * foot,
-        rim * rng.uniform(0.1, 0.3),
-        rng.choice([0, rng.uniform(0, 0.12)]),
-    )
+    corner, out = rng.uniform(0.08, 0.3) * foot, rim * rng.uniform(0.1, 0.3)
+    belly = rng.choice([0, rng.uniform(0, 0.12)])
     share = np.concatenate([np.linspace(0, 0.1, 12), np.linspace(0.12, 1, 40)])
     lost = corner * (1 - np.sqrt(np.clip(1 - np.clip(1 - height * share / corner, 0, 1) ** 2, 0, 1)))
     along = (
@@ -177,13 +174,10 @@ def _lab_beaker(rng: np.random.Generator) -> "Manifold":
         + flare * np.clip(10 * share - 9, 0, 1) ** 2
     )
     turn, starts = np.linspace(0, 2 * np.pi, 160, endpoint=False), rng.uniform(0.7, 0.92)
-    toward = np.clip(-np.cos(turn), 0, 1) ** rng.uniform(12, 50)
-    reach = along[:, None] + spout * (np.clip((share - starts) / (1 - starts), 0, 1) ** 1.5)[:, None] * toward
-    levels = np.broadcast_to(height * share[:, None], reach.shape)
-    outer, inner = (loft(np.stack([r * np.cos(turn), r * np.sin(turn), levels], 2)) for r in (reach, reach - wall))
-    beaker = outer - inner.translate((0, 0, wall))
+    reach = along[:, None] + spout(out, turn, share, starts, rng.uniform(12, 50))
+    beaker = vessel(reach, turn, height * share, wall)
     if rng.random() < 0.35:
-        beaker = _with_handles(beaker, np.column_stack([along - 0.7 * wall, levels[:, 0]]), rng)
+        beaker = _with_handles(beaker, np.column_stack([along - 0.7 * wall, height * share]), rng)
     return _posed(beaker, foot, rim, height, rng)
 
 
@@ -205,9 +199,7 @@ def _ribbed_cup(rng: np.random.Generator) -> "Manifold":
         count = 2 * count + 4
         form = 1 - rng.uniform(0.015, 0.05) * (1 + np.cos(count * around)) * (share < rng.uniform(0.7, 1.1))[:, None]
     reach = along[:, None] * form
-    levels = np.broadcast_to(height * share[:, None], reach.shape)
-    outer, inner = (loft(np.stack([r * np.cos(turn), r * np.sin(turn), levels], 2)) for r in (reach, reach - wall))
-    cup = outer - inner.translate((0, 0, wall))
+    cup = vessel(reach, turn, height * share, wall)
     if rng.random() < 0.3:
         cup = cup - cylinder(foot * rng.uniform(0.1, 0.25), 4 * wall)
     return _posed(cup, reach[0].max(), reach[-1].max(), height, rng)

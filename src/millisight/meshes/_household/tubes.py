@@ -15,6 +15,7 @@ from millisight.meshes._shapes import (
     log_uniform,
     outline,
     plate,
+    ring,
     tube,
     union,
 )
@@ -33,12 +34,6 @@ def _set_down(can: "Manifold", rng: np.random.Generator, lies: float = 0.5) -> "
     wide, _, high = scale * size
     on_side = high > _HIGHEST or (wide < _HIGHEST and rng.random() < lies)
     return can.scale((scale,) * 3).rotate((0, 0, rng.uniform(0, 360))).rotate((0, 90 if on_side else 0, 0))
-
-
-def _ring(count: int, radius: float) -> np.ndarray:
-    """(count, 2) points evenly about the origin."""
-    turn = 2 * np.pi * np.arange(count) / count
-    return radius * np.column_stack([np.cos(turn), np.sin(turn)])
 
 
 def _pleated(radius: float, depth: float, count: int, *, exponent: float = 1.0) -> "CrossSection":
@@ -145,12 +140,12 @@ def _emblem(radius: float, rng: np.random.Generator) -> "CrossSection":
     """What a lid is embossed with: a star, a flower, or a ring of dots."""
     count, choice = int(rng.integers(3, 13)), rng.integers(3)
     if choice == 0:
-        points = _ring(2 * count, radius)
+        points = ring(2 * count, radius)
         points[1::2] *= rng.uniform(0.4, 0.75)
         return fillet(outline(points), 0.02 * radius)
     if choice == 1:
         return _pleated(radius, radius * rng.uniform(0.2, 0.6), count, exponent=0.6)
-    dots = [disc(min(0.17, 1.8 / count) * radius, at) for at in _ring(count, 0.8 * radius)]
+    dots = [disc(min(0.17, 1.8 / count) * radius, at) for at in ring(count, 0.8 * radius)]
     return sum(dots, disc(radius * rng.uniform(0.15, 0.4)))
 
 
@@ -251,7 +246,7 @@ def _shaker(rng: np.random.Generator) -> "Manifold":
     radius = log_uniform(rng, 22, 84) / 2
     high, upper = radius * log_uniform(rng, 1.4, 3.6), rng.uniform(0.75, 1.1)
     if rng.random() < 0.5:
-        area = fillet(outline(_ring(int(rng.integers(5, 13)), radius)), 0.06 * radius)
+        area = fillet(outline(ring(int(rng.integers(5, 13)), radius)), 0.06 * radius)
         body = area.extrude(high, 1, rng.choice([0, 20]), (upper, upper))
     else:
         knots = [(radius, 0.1 * high), (radius * rng.uniform(0.78, 1.1), 0.55 * high), (radius * upper, 0.9 * high)]
@@ -263,8 +258,8 @@ def _shaker(rng: np.random.Generator) -> "Manifold":
     arc = np.column_stack([inner * np.cos(turn), high + cap + dome * np.sin(turn)])[:-1]
     top = [(0, high - 2), (wide, high - 2), (wide, high + cap - 1), *arc, (0, high + cap + dome)]
     hole, rings, places = max(radius * rng.uniform(0.05, 0.09), 1.2), int(rng.integers(1, 3)), [(0, 0)]
-    for ring in range(1, rings + 1):
-        places += [*_ring(int(rng.integers(4, 5 + 3 * ring)), inner * 0.6 * ring / rings)]
+    for circle in range(1, rings + 1):
+        places += [*ring(int(rng.integers(4, 5 + 3 * circle)), inner * 0.6 * circle / rings)]
     fall = [high + cap - 3 + dome * np.sqrt(1 - (x**2 + y**2) / inner**2) for x, y in places]
     holes = [plate(disc(hole, at), radius, z=z + radius / 2) for at, z in zip(places, fall, strict=True)]
     return _set_down(union(body, turned(top, 0.5)) - union(*holes), rng)
@@ -308,9 +303,9 @@ def _filter(rng: np.random.Generator) -> "Manifold":
     base = [(0, 1.5), (0.72 * radius, 1.5), (0.74 * radius, 0), (0.9 * radius, 0), (0.92 * radius, 1.5)]
     side = [(radius + rim, 1.5), (radius + rim, 4), (radius, 5)]
     can = turned([*base, *side, *crown, (0, high)], 0.4)
-    flats = fillet(outline(_ring(int(rng.integers(6, 15)), 1.08 * radius)), 0.5)
+    flats = fillet(outline(ring(int(rng.integers(6, 15)), 1.08 * radius)), 0.5)
     can = can - plate(disc(2 * radius) - flats, 4 * radius, z=high - 0.8 * dome + 2 * radius)
-    holes = [cylinder(0.08 * radius + 0.8, 12, at=(x, y, 0)) for x, y in _ring(int(rng.integers(5, 9)), 0.55 * radius)]
+    holes = [cylinder(0.08 * radius + 0.8, 12, at=(x, y, 0)) for x, y in ring(int(rng.integers(5, 9)), 0.55 * radius)]
     can = can - union(cylinder(bore, rng.uniform(10, high), at=(0, 0, 0)), *holes)
     return _set_down(can.rotate((180 * int(rng.integers(2)), 0, 0)), rng)
 

@@ -20,6 +20,7 @@ from millisight.meshes._shapes import (
     outline,
     plate,
     revolve,
+    ring,
     rounded_block,
     shell,
     sphere,
@@ -42,8 +43,7 @@ def _shaft(radius: float, start: float, stop: float) -> "Manifold":
 def _turned_grip(rng: np.random.Generator, length: float, radius: float) -> "Manifold":
     """A handle from -length to 0: round, with flat sides, or fluted; drawn in before its end, or straight."""
     count = int(rng.integers(4, 10))
-    turn = np.linspace(0, 2 * np.pi, count, endpoint=False)
-    area, around = disc(radius), radius * np.column_stack([np.cos(turn), np.sin(turn)])
+    area, around = disc(radius), ring(count, radius)
     kind = rng.integers(3)
     if kind == 1:
         area = fillet(outline(around), 0.12 * radius)
@@ -77,8 +77,8 @@ def _jaws(rng: np.random.Generator, radius: float) -> "CrossSection":
         slot = outline([(-0.35, -gap), (2, -gap), (2, gap), (-0.35, gap), (-0.6, 0)])
         return (disc(1) - slot).rotate(rng.choice([0, 15, -15, 30])).scale((radius, radius))
     if kind == 1:
-        turn = np.linspace(0, 2 * np.pi, int(rng.choice([6, 12, 40])), endpoint=False)
-        return disc(radius) - outline(radius * rng.uniform(0.55, 0.75) * np.column_stack([np.cos(turn), np.sin(turn)]))
+        count = int(rng.choice([6, 12, 40]))
+        return disc(radius) - outline(ring(count, radius * rng.uniform(0.55, 0.75)))
     low, far = -gap, -gap + rng.uniform(0.15, 1.1)
     fixed = [(-1.1, -0.5), (-0.3, -1.1), (0.9, -1), (1.1, low), (-0.35, low), (-0.35, 0.9), (-1.1, 0.5)]
     moved = [(-0.5, far), (1.05, far), (0.9, far + 0.45), (-0.1, far + 0.75), (-0.5, far + 0.6)]
