@@ -346,10 +346,18 @@ def test_fitted_weights_are_those_of_the_scene_unless_a_material_is_named():
     assert Scene.from_mesh("bowl", vertices=None).alpha == MATERIALS[CATALOGUE["bowl"].material].alpha
 
 
-def test_a_folder_of_an_objects_name_does_not_hide_the_object(tmp_path, monkeypatch):
+def test_what_has_an_objects_name_does_not_hide_the_object(tmp_path, monkeypatch):
     (tmp_path / "dice").mkdir()
+    (tmp_path / "mug").write_text("no mesh")
     monkeypatch.chdir(tmp_path)
-    assert Scene.from_mesh("dice").objects[0].name == "dice"
+    assert [Scene.from_mesh(name).objects[0].name for name in ("dice", "mug")] == ["dice", "mug"]
+
+
+@pytest.mark.parametrize("name", ["thing", "ply"])
+def test_a_file_without_a_suffix_is_named_in_the_error(tmp_path, name):
+    (tmp_path / name).write_text("no mesh")
+    with pytest.raises(UnknownNameError, match=f"unknown mesh format '{name}'"):
+        load_mesh(tmp_path / name)
 
 
 def test_import_stays_cheap():

@@ -18,7 +18,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from millisight.core import check_known, printable
-from millisight.core.errors import FileError, MeshError
+from millisight.core.errors import FileError, MeshError, UnknownNameError
 from millisight.data import TriangleMesh, check_mesh_reach
 from millisight.meshes._glb import check_glb
 
@@ -82,7 +82,8 @@ def _read(path: Path) -> Any:
         kind = "is a folder" if os.path.isdir(path) else "does not exist"
         raise FileError(f"{printable(path)} {kind}; expected a mesh file ({', '.join(FORMATS)})")
     suffix = path.suffix.lower().removeprefix(".")
-    check_known("mesh format", suffix, FORMATS)
+    if suffix not in FORMATS:
+        raise UnknownNameError("mesh format", suffix or path.name, FORMATS)
     if (size := path.stat().st_size) > _LARGEST_FILE:
         raise MeshError(
             f"{printable(path.name)} has {size / 1e9:.1f} GB; expected a mesh of at most {_LARGEST_FILE / 1e9:.1f} GB: "

@@ -41,8 +41,8 @@ def _resolve(source: Any, unit: str | None) -> tuple[str, TriangleMesh, str | Ma
     """Name, mesh and default material of what the user pointed to."""
     if isinstance(source, TriangleMesh):
         return "mesh", source, "metal"
-    # A folder may have an object's name: that of its scans, or of its images.
-    if isinstance(source, str) and source in CATALOGUE and not os.path.isfile(source):
+    # What has an object's name in this folder, its scans or its images, is no mesh: a mesh has a suffix.
+    if isinstance(source, str) and source in CATALOGUE:
         return source, build_object(source), CATALOGUE[source].material_of_whole
     if isinstance(source, str) and not os.path.exists(source) and not os.path.splitext(source)[1]:
         advice = "A mesh file needs its suffix, such as .stl."
