@@ -1,4 +1,4 @@
-"""Household things by class, of 107 kinds, their proportions drawn at random.
+"""Household things by class, of 131 kinds, their proportions drawn at random.
 
 A kind takes a random generator and returns a solid in millimetres, as it lies or stands on a table, z up. Each is
 drawn by eye, after common ware; none after any one object, and sizes are those of a household.
@@ -16,6 +16,8 @@ from millisight.meshes._household.cans import CANS
 from millisight.meshes._household.cases import CASES
 from millisight.meshes._household.clamps import CLAMPS
 from millisight.meshes._household.cups import CUPS
+from millisight.meshes._household.fruit import FRUIT
+from millisight.meshes._household.globes import GLOBES
 from millisight.meshes._household.mugs import MUGS
 from millisight.meshes._household.others import OTHERS
 from millisight.meshes._household.tools import TOOLS
@@ -31,7 +33,7 @@ HOUSEHOLD: "Mapping[str, tuple[Callable[[np.random.Generator], Manifold], ...]]"
         "can": (*CANS, *TUBES),
         "handle": (*TOOLS, *UTENSILS),
         "box": (*BOXES, *CASES),
-        "sphere": BALLS,
+        "sphere": (*BALLS, *FRUIT, *GLOBES),
         "cup": (*CUPS, *MUGS),
         "clamp": CLAMPS,
         "other": (*OTHERS, *TOYS),

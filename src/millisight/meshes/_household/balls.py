@@ -4,35 +4,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from millisight.meshes._household.profiles import round_profile
-from millisight.meshes._shapes import (
-    FLAT,
-    UPRIGHT,
-    curve,
-    cylinder,
-    ellipse,
-    loft,
-    log_uniform,
-    revolve,
-    sphere,
-    tube,
-    union,
-)
+from millisight.meshes._household.profiles import all_over, hanger, lobed, rolled, round_profile, stem
+from millisight.meshes._shapes import FLAT, ellipse, log_uniform, revolve, sphere, tube, union
 
 if TYPE_CHECKING:
     from manifold3d import Manifold
-
-
-def _stem(start: float, length: float, thickness: float, rng: np.random.Generator) -> "Manifold":
-    """A stalk up from a height, leaning a little."""
-    lean = rng.uniform(0, 0.4) * length
-    path = curve([(0, 0, start - thickness), (0, 0, start + 0.4 * length), (lean, 0, start + length)])
-    return tube(path, thickness * np.linspace(1, rng.uniform(0.8, 1.3), len(path)), normal=UPRIGHT)
-
-
-def _rolled(solid: "Manifold", rng: np.random.Generator) -> "Manifold":
-    """Half of them upright, half tipped over."""
-    return solid.rotate((0, rng.uniform(0, 110) * int(rng.integers(2)), 0))
 
 
 def _fruit(rng: np.random.Generator) -> "Manifold":
@@ -45,11 +21,9 @@ def _fruit(rng: np.random.Generator) -> "Manifold":
     )
     fruit = revolve(profile)
     if rng.random() < 0.75:
-        stem = _stem(
-            half_height - depth, depth + radius * rng.uniform(0.05, 0.3), radius * rng.uniform(0.04, 0.09), rng
-        )
-        fruit = union(fruit, stem)
-    return _rolled(fruit, rng)
+        length, thickness = depth + radius * rng.uniform(0.05, 0.3), radius * rng.uniform(0.04, 0.09)
+        fruit = union(fruit, stem(half_height - depth, length, thickness, rng))
+    return rolled(fruit, rng)
 
 
 def _pumpkin(rng: np.random.Generator) -> "Manifold":
@@ -59,11 +33,9 @@ def _pumpkin(rng: np.random.Generator) -> "Manifold":
     profile = round_profile(radius, half_height, top=-depth, bottom=0.5 * depth, width=0.35)[3:-3]
     turn = np.linspace(0, 2 * np.pi, 16 * ribs, endpoint=False)
     around = 1 - rng.uniform(0.05, 0.18) * (1 - np.abs(np.sin(ribs * turn / 2))) ** 1.5
-    across = profile[:, :1] * around
-    height = np.broadcast_to(profile[:, 1:], across.shape)
-    fruit = loft(np.stack([across * np.cos(turn), across * np.sin(turn), height], axis=2))
+    fruit = lobed(profile, around)
     length, thickness = radius * rng.uniform(0.15, 0.45), radius * rng.uniform(0.08, 0.16)
-    return union(fruit, _stem(half_height - depth, length, thickness, rng))
+    return union(fruit, stem(half_height - depth, length, thickness, rng))
 
 
 def _onion(rng: np.random.Generator) -> "Manifold":
@@ -74,7 +46,7 @@ def _onion(rng: np.random.Generator) -> "Manifold":
     profile = round_profile(
         radius, half_height, taper=rng.uniform(-0.15, 0), top=tip, bottom=root, width=rng.uniform(0.16, 0.35)
     )
-    return _rolled(revolve(profile), rng)
+    return rolled(revolve(profile), rng)
 
 
 def _grooved_ball(rng: np.random.Generator) -> "Manifold":
@@ -100,9 +72,7 @@ def _dimpled_ball(rng: np.random.Generator) -> "Manifold":
     angle = np.linspace(0, np.arccos(1 - 2 * depth / cutter), 6)
     cap = np.column_stack([cutter * np.sin(angle), radius - depth + cutter * (1 - np.cos(angle))])
     dimple = revolve([*cap, (0, radius + depth)])
-    falls = np.degrees(np.arccos(1 - (2 * np.arange(count) + 1) / count))
-    turns = 180 * (3 - np.sqrt(5)) * np.arange(count)
-    cuts = [dimple.rotate((0, fall, turn)) for fall, turn in zip(falls, turns, strict=True)]
+    cuts = [dimple.rotate((0, fall, turn)) for fall, turn in all_over(count)]
     return (sphere(radius) - union(*cuts)).rotate(tuple(rng.uniform(0, 360, 3)))
 
 
@@ -111,13 +81,9 @@ def _ornament(rng: np.random.Generator) -> "Manifold":
     radius = log_uniform(rng, 32, 98) / 2
     half_length, taper = radius * rng.uniform(0.9, 1.15), rng.choice([0.0, rng.uniform(-0.25, 0)])
     cap, high = radius * rng.uniform(0.16, 0.3), radius * rng.uniform(0.15, 0.3)
-    loop, top = radius * rng.uniform(0.1, 0.18), half_length + 0.6 * high
-    ring = np.pad(ellipse(loop, loop, at=(top + 0.8 * loop, 0)), ((0, 0), (0, 1)))
-    return union(
-        revolve(round_profile(radius, half_length, taper=taper), axis="x"),
-        cylinder(cap, high, axis="x", at=(top - high / 2, 0, 0)),
-        tube(ring, max(0.2 * loop, 0.8), normal=FLAT, closed=True),
-    )
+    loop = radius * rng.uniform(0.1, 0.18)
+    ball = revolve(round_profile(radius, half_length, taper=taper), axis="x")
+    return union(ball, *hanger(half_length, cap, high, loop))
 
 
 def _egg(rng: np.random.Generator) -> "Manifold":
