@@ -115,7 +115,7 @@ def _pomegranate(rng: np.random.Generator) -> "Manifold":
 def _orange(rng: np.random.Generator) -> "Manifold":
     """An orange or a mandarin: flat poles, short ridges round the stem's button, a navel, and pores."""
     radius, ridges = log_uniform(rng, 42, 118) / 2, int(rng.integers(7, 13))
-    half_height, dip = radius * rng.uniform(0.75, 0.97), radius * rng.uniform(0.05, 0.14)
+    half_height, dip = radius * rng.uniform(0.75, 0.97), radius * rng.uniform(0.08, 0.2)
     profile = round_profile(radius, half_height, top=-dip, bottom=dip, width=rng.uniform(0.35, 0.6))[3:-3]
     above = np.clip(profile[:, 1:] / half_height, 0, 1) ** 3
     fruit = lobed(profile, 1 + above * (_furrows(ridges, rng.uniform(0.05, 0.2), rng) - 1))
@@ -254,7 +254,7 @@ def _coconut(rng: np.random.Generator) -> "Manifold":
     radius = log_uniform(rng, 66, 126) / 2
     half_height = radius * rng.uniform(0.95, 1.2)
     profile = round_profile(radius, half_height, taper=rng.uniform(0, 0.12), top=0.06 * radius)[3:-3]
-    rough = rng.uniform(0.01, 0.03) * _bumps(profile, 6, rng)
+    rough = rng.uniform(0.02, 0.05) * _bumps(profile, 6, rng)
     ridges = rng.uniform(0.01, 0.05) * np.cos(3 * _TURN)
     eye, aside = radius * rng.uniform((0.09, 0.2), (0.15, 0.32))
     nut = lobed(profile, 1 + rough + ridges)
@@ -271,7 +271,7 @@ def _coconut(rng: np.random.Generator) -> "Manifold":
 
 def _melon(rng: np.random.Generator) -> "Manifold":
     """A melon: a ball or an oval under a raised net, now and then in slices, and the scar of its stem."""
-    radius, lines = log_uniform(rng, 76, 124) / 2, int(rng.integers(8, 15))
+    radius, lines = log_uniform(rng, 76, 124) / 2, int(rng.integers(7, 12))
     thick, squeeze = radius * rng.uniform(0.018, 0.04), rng.uniform(0.88, 1.18)
     slices = int(rng.choice([0, 8, 10]))
     fruit = coarse_ball(radius)

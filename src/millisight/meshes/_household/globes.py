@@ -45,7 +45,7 @@ def _football(rng: np.random.Generator) -> "Manifold":
     radius, corners = log_uniform(rng, 42, 128) / 2, _corners(rng)
     apart = np.linalg.norm(corners[:, None] - corners, axis=2)
     first, second = np.nonzero(np.triu(apart < 1.05 * apart[apart > 0.01].min(), 1))
-    share = np.linspace(0, 1, 9)[:, None]
+    share = np.linspace(0, 1, 6)[:, None]
     thick, seams = radius * rng.uniform(0.02, 0.045), []
     for a, b in zip(corners[first], corners[second], strict=True):
         path = a + share * (b - a)
@@ -131,10 +131,10 @@ def _capsule(rng: np.random.Generator) -> "Manifold":
     """A toy capsule: two shells, one often the wider, that meet in a rim round the middle; now and then a lug."""
     width, out, thick, step = log_uniform(rng, 34, 126), *rng.uniform((1.04, 0.05, 0.95), (1.16, 0.2, 1))
     groove, lower = rng.uniform(0.01, 0.03), rng.uniform(0.8, 1)
-    upper = round_profile(1, rng.uniform(0.85, 1.05))
+    upper = rng.uniform(0.85, 1.05)
     parts = [
-        revolve(40 * upper).trim_by_plane((0, 0, 1), 0),
-        revolve(40 * step * round_profile(1, lower)).trim_by_plane((0, 0, -1), 0),
+        coarse_ball(40).scale((1, 1, upper)).trim_by_plane((0, 0, 1), 0),
+        coarse_ball(40).scale((step, step, lower)).trim_by_plane((0, 0, -1), 0),
         cylinder(40 * out, 40 * thick) - (cylinder(50, 80 * groove) - cylinder(39, 80 * groove)),
     ]
     if rng.random() < 0.5:
@@ -164,20 +164,18 @@ def _reflector(rng: np.random.Generator) -> "Manifold":
 
 def _yarn(rng: np.random.Generator) -> "Manifold":
     """A ball of yarn or string: bands of strands side by side, wound one over another."""
-    radius, bands, strands = log_uniform(rng, 42, 118) / 2, int(rng.integers(4, 8)), int(rng.integers(3, 7))
-    thick, turn = radius * rng.uniform(0.05, 0.08), np.linspace(0, 2 * np.pi, 64, endpoint=False)
+    radius, bands, strands = log_uniform(rng, 42, 118) / 2, int(rng.integers(4, 7)), int(rng.integers(3, 6))
+    thick, turn = radius * rng.uniform(0.06, 0.1), np.linspace(0, 2 * np.pi, 44, endpoint=False)
     parts = [coarse_ball(0.97 * radius)]
     for i in range(bands):
         out, middle = radius * (0.97 + 0.09 * i / bands), rng.uniform(-0.2, 0.2) * radius
         profile = [(0.7 * radius, middle - strands * thick)]
         for j in range(strands):
             high = middle + 2 * thick * (j - (strands - 1) / 2)
-            profile.extend(
-                ellipse(thick, thick, at=(np.sqrt(out**2 - high**2), high), count=12)[[9, 10, 11, 0, 1, 2, 3]]
-            )
+            profile.extend(ellipse(thick, thick, at=(np.sqrt(out**2 - high**2), high), count=12)[[10, 11, 0, 1, 2]])
         profile.append((0.7 * radius, middle + strands * thick))
         wave = thick * np.sin(2 * turn + rng.uniform(0, 6.3))
-        band = lobed(np.array(profile), np.ones(64), lift=wave, closed=True)
+        band = lobed(np.array(profile), np.ones(44), lift=wave, closed=True)
         parts.append(band.rotate((rng.uniform(0, 180), 0, rng.uniform(0, 360))))
     return as_wide(union(*parts), 2 * radius)
 
