@@ -113,7 +113,7 @@ def _pomegranate(rng: np.random.Generator) -> "Manifold":
 
 
 def _orange(rng: np.random.Generator) -> "Manifold":
-    """An orange or a mandarin: flat poles, short ridges round the stem's button, a navel, and pores."""
+    """An orange or a mandarin: flat poles, short ridges round the stem's button; now and then a navel."""
     radius, ridges = log_uniform(rng, 42, 118) / 2, int(rng.integers(7, 13))
     half_height, dip = radius * rng.uniform(0.75, 0.97), radius * rng.uniform(0.08, 0.2)
     profile = round_profile(radius, half_height, top=-dip, bottom=dip, width=rng.uniform(0.35, 0.6))[3:-3]
@@ -200,16 +200,16 @@ def _garlic(rng: np.random.Generator) -> "Manifold":
 
 
 def _beetroot(rng: np.random.Generator) -> "Manifold":
-    """A beetroot, a turnip or a radish on its side: a round root with rings, a bent tail, and stubs of leaves."""
+    """A beetroot, a turnip or a radish on its side: a round root, a bent tail, and stubs of leaves."""
     radius = log_uniform(rng, 36, 104) / 2
-    half_height, tip, tail = radius * rng.uniform((0.8, 0.2, 0.2), (1, 0.4, 0.45))
+    half_height, tip, tail = radius * rng.uniform((0.8, 0.2, 0.15), (0.95, 0.35, 0.35))
     profile = round_profile(radius, half_height, taper=rng.uniform(0, 0.25), bottom=-tip, width=rng.uniform(0.18, 0.35))
     profile = profile[3:-3]
     root = lobed(profile, 1 + 0.035 * _bumps(profile, 4, rng))
     low = -half_height - tip
     path = curve([(0, 0, low + 0.15 * radius), (0, 0, low), (rng.uniform(-0.3, 0.3) * radius, 0, low - tail)])
     parts = [root, tube(path, 0.07 * radius * np.linspace(1, 0.3, len(path)), normal=UPRIGHT, around=16)]
-    count, length, thick = int(rng.integers(3, 8)), radius * rng.uniform(0.1, 0.45), radius * rng.uniform(0.05, 0.09)
+    count, length, thick = int(rng.integers(3, 8)), radius * rng.uniform(0.1, 0.35), radius * rng.uniform(0.05, 0.09)
     for i in range(count):
         stub = stem(0.9 * half_height, length + 0.1 * half_height, thick, rng)
         parts.append(stub.translate((1.8 * thick, 0, 0)).rotate((0, 0, (i + rng.uniform(-0.3, 0.3)) * 360 / count)))
@@ -271,7 +271,7 @@ def _coconut(rng: np.random.Generator) -> "Manifold":
 
 def _melon(rng: np.random.Generator) -> "Manifold":
     """A melon: a ball or an oval under a raised net, now and then in slices, and the scar of its stem."""
-    radius, lines = log_uniform(rng, 76, 124) / 2, int(rng.integers(7, 12))
+    radius, lines = log_uniform(rng, 76, 124) / 2, int(rng.integers(7, 11))
     thick, squeeze = radius * rng.uniform(0.018, 0.04), rng.uniform(0.88, 1.18)
     slices = int(rng.choice([0, 8, 10]))
     fruit = coarse_ball(radius)

@@ -45,11 +45,11 @@ def _football(rng: np.random.Generator) -> "Manifold":
     radius, corners = log_uniform(rng, 42, 128) / 2, _corners(rng)
     apart = np.linalg.norm(corners[:, None] - corners, axis=2)
     first, second = np.nonzero(np.triu(apart < 1.05 * apart[apart > 0.01].min(), 1))
-    share = np.linspace(0, 1, 6)[:, None]
+    share = np.linspace(0, 1, 5)[:, None]
     thick, seams = radius * rng.uniform(0.02, 0.045), []
     for a, b in zip(corners[first], corners[second], strict=True):
         path = a + share * (b - a)
-        seams.append(on_ball(radius * path / np.linalg.norm(path, axis=1, keepdims=True), thick, around=6))
+        seams.append(on_ball(radius * path / np.linalg.norm(path, axis=1, keepdims=True), thick, around=5))
     if rng.random() < 0.3:
         return as_wide(anyhow(union(coarse_ball(radius), *seams), rng), 2 * radius)
     return anyhow(coarse_ball(radius) - union(*seams), rng)
@@ -164,7 +164,7 @@ def _reflector(rng: np.random.Generator) -> "Manifold":
 
 def _yarn(rng: np.random.Generator) -> "Manifold":
     """A ball of yarn or string: bands of strands side by side, wound one over another."""
-    radius, bands, strands = log_uniform(rng, 42, 118) / 2, int(rng.integers(4, 7)), int(rng.integers(3, 6))
+    radius, bands, strands = log_uniform(rng, 42, 118) / 2, int(rng.integers(4, 6)), int(rng.integers(3, 6))
     thick, turn = radius * rng.uniform(0.06, 0.1), np.linspace(0, 2 * np.pi, 44, endpoint=False)
     parts = [coarse_ball(0.97 * radius)]
     for i in range(bands):
