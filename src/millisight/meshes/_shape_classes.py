@@ -53,7 +53,7 @@ def random_shape(shape_class: str, rng: np.random.Generator, *, household: bool 
     ----------
     shape_class : of `RANDOM_SHAPES`
     rng : draws the kind and the proportions; equal generators give equal shapes
-    household : a thing as households have them: tins with beads, pans, pliers, jugs and 57 kinds more, rather than a
+    household : a thing as households have them: tins with beads, pans, pliers, jugs and many kinds more, rather than a
         plain shape; there are no odd ones
 
     Raises

@@ -217,18 +217,9 @@ def _beetroot(rng: np.random.Generator) -> "Manifold":
 
 
 def _half_fruit(rng: np.random.Generator) -> "Manifold":
-    """A fruit cut in two, a lemon, a kiwi, an onion: flat side down. Or an avocado, its stone or a hollow above."""
+    """A fruit cut in two, a lemon, a kiwi, an onion: flat side down."""
     radius = log_uniform(rng, 44, 122) / 2
     half_height, tip = radius * rng.uniform((0.85, 0), (1.2, 0.2))
-    if rng.random() < 0.35:
-        radius *= 0.8
-        fruit = revolve(
-            round_profile(radius, radius * rng.uniform(1.15, 1.45), taper=rng.uniform(-0.3, -0.1)), axis="x"
-        )
-        fruit = fruit.trim_by_plane((0, 0, -1), -radius * rng.uniform(0, 0.15))
-        stone, place = radius * rng.uniform(0.4, 0.55), (-0.2 * radius, 0, radius * rng.uniform(-0.05, 0.1))
-        ball = sphere(stone, at=place)
-        return union(fruit, ball) if rng.random() < 0.6 else fruit - ball
     profile = round_profile(radius, half_height, taper=rng.uniform(-0.15, 0), top=tip, bottom=-tip, width=0.22)[3:-3]
     lobes = int(rng.choice([0, 5, 8, 10]))
     fruit = lobed(profile, _furrows(lobes, rng.uniform(0.03, 0.12), rng) if lobes else np.ones(len(_TURN)))

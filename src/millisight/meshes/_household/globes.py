@@ -97,7 +97,7 @@ def _knob_ball(rng: np.random.Generator) -> "Manifold":
 def _soft_ball(rng: np.random.Generator) -> "Manifold":
     """A ball half flat: a deep round dent with a blunt rim, a valve, and a flat base where it lies."""
     width, rim = log_uniform(rng, 48, 138), rng.uniform(0.03, 0.12)
-    dents = [(rng.uniform(0.5, 0.85), rng.uniform(0, 75), rng.uniform(0, 360))]
+    dents = [(rng.uniform(0.68, 0.88), rng.uniform(0, 75), rng.uniform(0, 360))]
     if rng.random() < 0.35:
         dents.append((rng.uniform(0.75, 0.88), rng.uniform(60, 100), dents[0][2] + rng.uniform(100, 260)))
     ball = coarse_ball(50).scale([1 / 50] * 3)
