@@ -1,5 +1,7 @@
 """What speaks against a mask: it is told where it holds, and not elsewhere."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -39,6 +41,17 @@ def test_a_mask_at_the_edge_of_the_picture_may_be_a_part(carton):
     (doubt,) = doubts_of(mask_of(carton.grid, (edge - 0.02, -0.02), (edge, 0.02)), carton)
     assert "runs to the edge" in doubt
     assert doubts_of(mask_of(carton.grid, (edge - 0.02, -0.02), (edge - 0.004, 0.02)), carton) == ()
+
+
+def test_a_carton_at_24_ghz_alone_may_be_empty(carton):
+    some = mask_of(carton.grid, (-0.02, -0.02), (0.02, 0.02))
+    # Echoes as long along z as the picture is deep.
+    flat = dataclasses.replace(
+        carton, values=np.repeat(carton.values.max(axis=2, keepdims=True), len(carton.grid.z), axis=2)
+    )
+    (doubt,) = doubts_of(some, flat, covered=True)
+    assert "an empty carton from a full one" in doubt
+    assert doubts_of(some, flat) == ()
 
 
 def test_nothing_and_one_row_are_not_doubted(carton):

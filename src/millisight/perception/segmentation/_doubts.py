@@ -1,9 +1,10 @@
-"""What speaks against a mask: it may be a lid's, or a part of something that goes on beyond the picture."""
+"""What speaks against a mask: it may be a lid's, a part of something larger, or of nothing at all."""
 
 import numpy as np
 
 from millisight.data import Mask, SarImage
-from millisight.perception import HIGH_BAND, sheets_in
+from millisight.perception import HIGH_BAND, sheets_in, without_sheets
+from millisight.perception.segmentation._heights import tells_depths
 
 _ALIKE = 0.6  # intersection over union of a mask with what is flat
 _AT_EDGE = 0.1  # of a mask's outline that lies on the picture's edge
@@ -33,6 +34,11 @@ def doubts_of(mask: Mask, image: SarImage, *, covered: bool = False) -> tuple[st
     edge[1:-1, 1:-1] = False
     if (outline & edge).sum() > _AT_EDGE * outline.sum():
         doubts.append("the mask runs to the edge of the picture: what it marks may go on beyond; image a larger area")
+    if covered and not tells_depths(image, without_sheets(image, frequency=HIGH_BAND, covered=True)):
+        doubts.append(
+            "the echoes are too long along z to tell an empty carton from a full one, as at 24 GHz alone: image 77 GHz "
+            "as well"
+        )
     if not covered and not sheets_in(image, frequency=HIGH_BAND).sheets:
         # What would be taken off as a lid if one were known to be there.
         for flat in sheets_in(image, frequency=HIGH_BAND, covered=True).sheets:

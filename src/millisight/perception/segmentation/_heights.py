@@ -104,6 +104,12 @@ def tells_height(inside: np.ndarray, image: SarImage) -> bool:
     return bool(power.any()) and _height(power, image.grid.z) is not None
 
 
+def tells_depths(image: SarImage, cleaned: SarImage) -> bool:
+    """Whether the power of a whole image, with its sheets or without them, tells how high what it shows lies."""
+    everywhere = np.ones(image.grid.xy.shape, bool)
+    return any(tells_height(everywhere, one) for one in (image, cleaned))  # of the lid, most of the time
+
+
 def height_of(mask: Mask, image: SarImage, *, covered: bool = False) -> float | None:
     """How high the strongest echo under a mask lies.
 

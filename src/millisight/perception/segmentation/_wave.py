@@ -36,7 +36,14 @@ from millisight.perception import (
 from millisight.perception.segmentation._borders import with_borders
 from millisight.perception.segmentation._edges import shining
 from millisight.perception.segmentation._ghosts import without_ghosts
-from millisight.perception.segmentation._heights import beneath, between, lid_over, pixel_sides, tells_height
+from millisight.perception.segmentation._heights import (
+    beneath,
+    between,
+    lid_over,
+    pixel_sides,
+    tells_depths,
+    tells_height,
+)
 from millisight.perception.segmentation._parts import judged_apart, parts_of
 from millisight.perception.segmentation._segmentation import SEGMENTERS, Candidates
 
@@ -181,8 +188,7 @@ class WaveSegmenter:
         if self._judge is None or not picture.covered or picture.image is None:
             return False
         cleaned = without_sheets(picture.image, frequency=HIGH_BAND, covered=True)
-        everywhere = np.ones(picture.shape, bool)
-        if not any(tells_height(everywhere, one) for one in (picture.image, cleaned)):  # of the lid, most of the time
+        if not tells_depths(picture.image, cleaned):
             return False
         # Where the other band takes a flat top for a sheet, the image alone may show it.
         alone = dataclasses.replace(picture, other_band=None)
