@@ -62,7 +62,7 @@ def _shoe_polish_tin_standing() -> Manifold:
     )  # fmt: skip
     key = stroke([(47.5, -7), (49.5, 0), (47.5, 7)], 4.5).extrude(2).translate((0, 0, 11))
     axle = cylinder(2, 6, (44, 0, 8), 20)
-    return union(base, lid, key, standing_block(9, 3, 1.6, (44, 0, 11.2)), axle)
+    return union(base, lid, key, standing_block(9, 3, 1.6, (44, 0, 11.1)), axle)
 
 
 def _pesto_jar_standing() -> Manifold:
@@ -172,7 +172,7 @@ def _lab_beaker() -> Manifold:
         for z in range(height, 81, 20)
     ]
     field = rectangle(0.9, 18, 0.4, (34.6, 60)).revolve(110, 26).rotate((0, 0, 205))
-    return union(glass.refine_to_length(6).warp_batch(with_spout), field, *marks)
+    return union(glass.refine_to_length(6).warp_batch(with_spout).simplify(0.02), field, *marks)
 
 
 def _faceted_tumbler() -> Manifold:
