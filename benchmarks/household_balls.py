@@ -3,9 +3,9 @@
 from collections.abc import Callable
 
 import numpy as np
-from household_drawing import bulged, cylinder, disc, polygon, rectangle, ring
+from household_drawing import bulged, cylinder, polygon, rectangle, ring
 from manifold3d import Manifold
-from odd_shapes import around, ellipsoid, hull, plate, profile_turned, union
+from odd_shapes import around, hull, plate, profile_turned, union
 
 
 def directions(polar: np.ndarray, turn: np.ndarray) -> np.ndarray:
@@ -115,7 +115,7 @@ def _spiky_massage_ball() -> Manifold:
     spike = hull(cylinder(4.4, 1, (0, 0, 38.5), 14), Manifold.sphere(1.5, 10).translate((0, 0, 44)))
     spikes = [spike.rotate((0, polar, turn)) for polar, turn in np.degrees(spread(92)).T.tolist()]
     seam = rectangle(2, 1.2, 0.4, (40, 0)).revolve(96)
-    return union(Manifold.sphere(40, 80), seam, *spikes)
+    return union(Manifold.sphere(40, 84), seam, *spikes)
 
 
 SPHERES: dict[str, Callable[[], Manifold]] = {

@@ -9,7 +9,6 @@ from household_drawing import (
     bevelled,
     bulged,
     cylinder,
-    disc,
     laid,
     polygon,
     rectangle,
@@ -19,7 +18,7 @@ from household_drawing import (
     standing_block,
 )
 from manifold3d import Manifold
-from odd_shapes import ellipsoid, hull, union
+from odd_shapes import hull, union
 
 SIDES = (-1, 1)
 
@@ -38,13 +37,13 @@ def _matchbox_open() -> Manifold:
     parts.append(rounded_block(109, 62, 17.6, 0.8, (27, 0, 0.7)) - standing_block(106.4, 59.4, 30, (27, 0, 2.8)))
     for y in range(-27, 28, 3):
         parts.append(standing_block(95, 2.1, 2.1, (27 + rng.uniform(-3, 3), y, 2.6)))
-        parts.append(ellipsoid(3.2, 1.7, 1.7, (74, y, 3.9)))
+        parts.append(Manifold.sphere(1, 12).scale((3.2, 1.7, 1.7)).translate((74, y, 3.9)))
     return union(*parts)
 
 
 def _paperback_book() -> Manifold:
     """A round back, covers, and grooves between the pages on three sides."""
-    turn = np.linspace(-np.pi / 2, np.pi / 2, 17)
+    turn = np.linspace(-np.pi / 2, np.pi / 2, 16)
     edge = np.column_stack([53.5 - 1.2 * np.cos(turn), 11.52 * np.sin(turn)])
     pages = bar(polygon([(-55, -11.5), *edge, (-55, 11.5)]), 176).translate((0, 0, 12))
     grooves = []
@@ -97,19 +96,19 @@ def _glasses_case() -> Manifold:
     upper = shell(80.8, 30.8, 20, 19).trim_by_plane((0, 0, 1), 20.8)
     hinges = [laid(cylinder(2.6, 22)).translate((x - 11, 30.6, 20.4)) for x in (-42, 0, 42)]
     snap = rounded_block(14, 4, 9, 1.2, (0, -30.6, 16))
-    return union(lower, upper, shell(79, 29, 16, 20), *hinges, snap).trim_by_plane((0, 0, 1), 1)
+    return union(lower, upper, shell(79, 29, 16, 20.4), *hinges, snap).trim_by_plane((0, 0, 1), 1)
 
 
 def _toothpaste_carton() -> Manifold:
-    """Flaps tucked in at both ends, a tab with a hole to hang it by, raised print on top."""
+    """Flaps tucked in at both ends, raised print on top."""
     parts = [sleeve(192, 46, 38, 0.9), standing_block(187, 45, 37, (0, 0, 0.5))]
     parts.append(standing_block(188, 0.6, 32, (0, -23.1, 3)))
     for side in SIDES:
         parts.append(standing_block(0.9, 43, 36.8, (side * 94.6, 0, 0.6)))
         parts.append(standing_block(0.8, 12, 30, (side * 95.2, side * 14, 4)))
-    tab = rounded(polygon([(-14, 0), (14, 0), (10, 16), (-10, 16)]), 3) - disc(3.2, (0, 9))
-    parts.append(bar(tab, 0.9).translate((95.45, 0, 37.1)))
-    parts += [rectangle(*size).extrude(0.5).translate((x, 0, 37.9)) for size, x in (((120, 26, 8), -10), ((22, 22, 4), 75))]
+    parts += [
+        rectangle(*size).extrude(0.5).translate((x, 0, 37.9)) for size, x in (((120, 26, 8), -10), ((22, 22, 4), 75))
+    ]
     return union(*parts)
 
 

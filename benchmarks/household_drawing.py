@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 import numpy as np
-from manifold3d import CrossSection, FillRule, JoinType, Manifold, Mesh, OpType
+from manifold3d import CrossSection, FillRule, JoinType, Manifold, Mesh64, OpType
 from numpy.typing import ArrayLike
 from odd_shapes import hull, union
 from scipy.interpolate import CubicSpline, PchipInterpolator
@@ -139,7 +139,7 @@ def swept(
     way /= np.linalg.norm(way, axis=1, keepdims=True)
     side = np.cross(way, up)
     side /= np.linalg.norm(side, axis=1, keepdims=True)
-    turn = np.linspace(0, 2 * np.pi, 28, endpoint=False)
+    turn = np.linspace(0, 2 * np.pi, 36, endpoint=False)
     x, y = bent(np.cos(turn), 2 / power), bent(np.sin(turn), 2 / power)
     count = len(points)
     rings = points[:, None] + np.broadcast_to(across, count)[:, None, None] * x[:, None] * side[:, None]
@@ -173,8 +173,8 @@ def _closed(rings: np.ndarray, first: np.ndarray, last: np.ndarray) -> Manifold:
         np.stack([tips[1], corner[-1], beside[-1]], axis=-1),
     ]
     return Manifold(
-        Mesh(
-            vert_properties=np.vstack([rings.reshape(-1, 3), first, last]).astype(np.float32),
-            tri_verts=np.vstack([some.reshape(-1, 3) for some in faces]).astype(np.uint32),
+        Mesh64(
+            vert_properties=np.vstack([rings.reshape(-1, 3), first, last]),
+            tri_verts=np.vstack([some.reshape(-1, 3) for some in faces]).astype(np.uint64),
         )
     )

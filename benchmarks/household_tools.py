@@ -40,7 +40,7 @@ def _dinner_fork() -> Manifold:
         tip = 0.9 * y
         flat += polygon([(62, y - 2.3), (102, tip - 1.1), (104, tip), (102, tip + 1.1), (62, y + 2.3)])
     rise = PchipInterpolator([-100, -70, -20, 20, 45, 62, 85, 105], [1, 3, 9, 12.5, 10, 4, 1.5, 5])
-    fork = bevelled(flat.simplify(0.01), 2.3, 0.7).refine_to_length(4)
+    fork = bevelled(flat, 2.3, 0.7).simplify(0.02).refine_to_length(4)
     fork = fork.warp_batch(lambda points: points + np.outer(rise(points[:, 0]), (0, 0, 1)))
     return fork.rotate((0, 0.15, 0))
 
@@ -197,7 +197,7 @@ def _steel_spring_clamp_small() -> Manifold:
     jaw = bevelled(stroke(path[:6], 4.6), 19.4, 1.2).translate((0, 0, -1.2))
     half = union(strip, grip, jaw)
     upper = union(half, *(ear.translate((0, 0, z)) for z in (0, 15.6)))
-    lower = union(half, *(ear.translate((0, 0, z)) for z in (1.3, 14.3))).mirror((0, 1, 0))
+    lower = union(half, *(ear.translate((0, 0, z)) for z in (1.5, 14.1))).mirror((0, 1, 0))
     pin = union(cylinder(2.6, 21, (0, 0, -2)), *(cylinder(4.2, 1.5, (0, 0, z)) for z in (-2, 17.5)))
     turn = np.linspace(0, 10 * np.pi, 120)
     coil = np.column_stack([5.6 * np.cos(turn), 5.6 * np.sin(turn), 3.2 + 1.1 * turn / np.pi])

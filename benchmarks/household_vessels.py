@@ -4,7 +4,6 @@ from collections.abc import Callable
 
 import numpy as np
 from household_drawing import (
-    bevelled,
     cylinder,
     disc,
     laid,
@@ -20,7 +19,7 @@ from household_drawing import (
     wall,
 )
 from manifold3d import Manifold
-from odd_shapes import around, block, ellipsoid, hull, profile_turned, union
+from odd_shapes import around, ellipsoid, hull, profile_turned, union
 
 AROUND_Y = (0, 1, 0)  # what is up for a handle, a flat band in the plane of x and z
 
