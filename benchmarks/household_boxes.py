@@ -96,7 +96,7 @@ def _glasses_case() -> Manifold:
     upper = shell(80.8, 30.8, 20, 19).trim_by_plane((0, 0, 1), 20.8)
     hinges = [laid(cylinder(2.6, 22)).translate((x - 11, 30.6, 20.4)) for x in (-42, 0, 42)]
     snap = rounded_block(14, 4, 9, 1.2, (0, -30.6, 16))
-    return union(lower, upper, shell(79, 29, 16, 20.4), *hinges, snap).trim_by_plane((0, 0, 1), 1)
+    return union(lower, upper, shell(79, 29, 16, 20.3), *hinges, snap).trim_by_plane((0, 0, 1), 1)
 
 
 def _toothpaste_carton() -> Manifold:

@@ -70,7 +70,7 @@ scan = {{ row_spacing = 0.006 }}
 
 def on_table(solid: Manifold) -> ms.TriangleMesh:
     """A solid [mm] as a mesh [m], the middle of its foot at the origin."""
-    # Readers merge corners that are closest, and what was thin there is watertight no longer.
+    # Readers of meshes merge corners that are very close; what is thin there would not be watertight any more.
     mesh = mesh_of(solid.simplify(FINEST))
     return ms.TriangleMesh(vertices=mesh.vertices - (0, 0, mesh.vertices[:, 2].min()), faces=mesh.faces)
 

@@ -21,7 +21,7 @@ from household_drawing import (
 from manifold3d import Manifold
 from odd_shapes import around, ellipsoid, hull, profile_turned, union
 
-AROUND_Y = (0, 1, 0)  # what is up for a handle, a flat band in the plane of x and z
+ACROSS = (0, 1, 0)  # what is up for an ear in the plane of x and z
 
 
 def inside(outside: list[tuple[float, float]], thickness: float, floor: float) -> list[tuple[float, float]]:
@@ -87,18 +87,14 @@ def _slim_energy_can_lying() -> Manifold:
 def _tea_caddy_lying() -> Manifold:
     """A lid that goes over the body, a knob on it, hoops on both."""
     body = turned([(0, 1.5), (38, 1.5), (39, 0), (42, 0), (42, 80), (0, 80)], 0.6)
-    lid = turned(
-        [(0, 77), (43.1, 77), (43.1, 103), (41, 106.5), (34, 108), (33, 107), (0, 107)], 0.8
-    )  # fmt: skip
+    lid = turned([(0, 77), (43.1, 77), (43.1, 103), (41, 106.5), (34, 108), (33, 107), (0, 107)], 0.8)
     knob = profile_turned([(0, 105), (6, 105), (5, 110), (8.5, 113.5), (8, 117), (4, 119), (0, 119.4)])
     hoops = [ring(radius, 0.9).translate((0, 0, z)) for radius, z in ((41.9, 6), (41.9, 70), (43, 82), (43, 98))]
     return laid(union(body, lid, knob, *hoops))
 
 
 def _crisp_tube_lying() -> Manifold:
-    tube = profile_turned(
-        [(0, 3), (35.2, 3), (35.8, 0), (38, 0), (38, 3), (37.2, 3.6), (37.2, 208), (0, 208)]
-    )  # fmt: skip
+    tube = profile_turned([(0, 3), (35.2, 3), (35.8, 0), (38, 0), (38, 3), (37.2, 3.6), (37.2, 208), (0, 208)])
     lid = profile_turned(
         [(0, 202), (39.1, 202), (39.1, 204), (38.5, 204.6), (38.5, 211.5), (36.7, 213), (34.2, 213), (32.7, 210.5),
          (0, 210.5)]
@@ -124,7 +120,7 @@ def _espresso_cup() -> Manifold:
     cup = turned([(0, 1.8), (13, 1.8), (14.2, 0), *side, *inside(side, 3.2, 5), (12, 4.8), (0, 4.6)], 1)
     hollow = profile_turned([(0, 5), (12, 5), (22, 14), (25.4, 30), (27, 46), (28, 60), (0, 60)])
     ear = through([(27, 0, 40), (36, 0, 44), (44, 0, 40), (45, 0, 31), (38, 0, 22), (26, 0, 17)])
-    return union(cup, swept(ear, 3.4, 2.4, AROUND_Y) - hollow, ellipsoid(6, 3, 1.3, (40, 0, 46)))
+    return union(cup, swept(ear, 3.4, 2.4, ACROSS) - hollow, ellipsoid(6, 3, 1.3, (40, 0, 46)))
 
 
 def _barrel_mug() -> Manifold:
@@ -135,7 +131,7 @@ def _barrel_mug() -> Manifold:
     hoops = [rectangle(2.2, 5, 0.9, at).revolve(60) for at in ((42.6, 20), (43, 76))]
     ear = through([(40, 0, 80), (56, 0, 84), (70, 0, 76), (73, 0, 56), (66, 0, 34), (53, 0, 21), (40, 0, 19)])
     thicker = np.linspace(-1, 1, len(ear)) ** 2
-    ear = swept(ear, 6 + 2 * thicker, 4.2 + 1.2 * thicker, AROUND_Y, 2.6)
+    ear = swept(ear, 6 + 2 * thicker, 4.2 + 1.2 * thicker, ACROSS, 2.6)
     hollow = profile_turned([(0, 8), (36, 8), (39.2, 48), (37.4, 84), (37.4, 120), (0, 120)])
     return union(mug - grooves, *hoops, ear - hollow)
 
@@ -187,13 +183,13 @@ def _faceted_tumbler() -> Manifold:
 
 
 def _enamel_mug_lying() -> Manifold:
-    """On its side and its ear, which is a band between two plates."""
+    """On its side, held by its ear, which is flat and joined by two plates."""
     mug = profile_turned(
         [(0, 2), (34, 2), (35, 0), (37, 0), (40.5, 3), (42, 7), (42, 81), (40.2, 81), (40.2, 8), (38, 5), (34, 4),
          (0, 4)]
     )  # fmt: skip
     path = [(41, 0, 68), (51, 0, 70), (66, 0, 64), (70, 0, 48), (63, 0, 32), (48, 0, 22), (41, 0, 19)]
-    ear = swept(through(path, 48), 6.5, 1.5, AROUND_Y, 3)
+    ear = swept(through(path, 48), 6.5, 1.5, ACROSS, 3)
     plates = [rounded_block(2.6, 15, 15, 1, (42, 0, z)) for z in (13, 60)]
     ear = union(ear, *plates) - cylinder(41.1, 82, (0, 0, 3), 60)
     mug = union(mug, ring(42.3, 1.8).translate((0, 0, 81)), ear)
