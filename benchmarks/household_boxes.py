@@ -5,7 +5,6 @@ from collections.abc import Callable
 import numpy as np
 from household_drawing import (
     bar,
-    bent,
     bevelled,
     bulged,
     cylinder,
@@ -15,6 +14,7 @@ from household_drawing import (
     ring,
     rounded,
     rounded_block,
+    signed_power,
     standing_block,
 )
 from manifold3d import Manifold
@@ -86,9 +86,9 @@ def _glasses_case() -> Manifold:
 
     def shell(a: float, b: float, c: float, z: float) -> Manifold:
         def place(polar: np.ndarray, turn: np.ndarray) -> tuple[np.ndarray, ...]:
-            wide = bent(np.sin(polar), 0.34)
-            x, y = bent(np.cos(turn), 1 / 1.8), bent(np.sin(turn), 1 / 1.8)
-            return a * x * wide, b * y * wide, z + c * bent(np.cos(polar), 0.6)
+            wide = signed_power(np.sin(polar), 0.34)
+            x, y = signed_power(np.cos(turn), 1 / 1.8), signed_power(np.sin(turn), 1 / 1.8)
+            return a * x * wide, b * y * wide, z + c * signed_power(np.cos(polar), 0.6)
 
         return bulged(place, 50, 96)
 

@@ -127,7 +127,7 @@ def cylinder(radius: float, height: float, at: Sequence[float] = ORIGIN, sides: 
 
 
 def ring(radius: float, thick: float) -> Manifold:
-    """A round ring about z, of a round rod as thick as a radius says."""
+    """A round rod bent about z; `thick` is the radius of the rod."""
     return disc(thick, (radius, 0), 14).revolve(TURNED)
 
 
@@ -140,14 +140,14 @@ def swept(
     side = np.cross(way, up)
     side /= np.linalg.norm(side, axis=1, keepdims=True)
     turn = np.linspace(0, 2 * np.pi, 36, endpoint=False)
-    x, y = bent(np.cos(turn), 2 / power), bent(np.sin(turn), 2 / power)
+    x, y = signed_power(np.cos(turn), 2 / power), signed_power(np.sin(turn), 2 / power)
     count = len(points)
     rings = points[:, None] + np.broadcast_to(across, count)[:, None, None] * x[:, None] * side[:, None]
     rings = rings + np.broadcast_to(along, count)[:, None, None] * y[:, None] * np.cross(way, side)[:, None]
     return _closed(rings, points[0], points[-1])
 
 
-def bent(values: np.ndarray, power: float) -> np.ndarray:
+def signed_power(values: np.ndarray, power: float) -> np.ndarray:
     """Powers that keep the sign."""
     return np.sign(values) * np.abs(values) ** power
 
