@@ -74,7 +74,7 @@ def locate(
         ),
     ] = False,
 ) -> None:
-    """Find the pose of an object of known shape: place and turn with their uncertainty, and which of several it is.
+    """Find the pose of an object of known shape: place and turn. Tells their uncertainty, and which of several it is.
 
     Points on the object's surface are compared with what of the mesh would shine, turned all ways. Where the mesh looks
     the same after a turn, that is told, and the turn is left open. Tell the height of the floor by --support, if you
