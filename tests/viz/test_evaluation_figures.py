@@ -200,13 +200,21 @@ class TestMasks:
         scattered = [c for c in left.collections if isinstance(c, PathCollection)]
         assert [len(c.get_offsets()) for c in scattered] == [2, 1]
         np.testing.assert_allclose(scattered[1].get_offsets(), [[0.09, 0.16]])
-        assert "2 prompts on the object" in left.get_title()
+        assert left.get_title().startswith("the picture and prompts:\n2 on the object")
+        bars = {axes.get_ylabel(): axes for axes in figure.axes[2:]}
+        assert bars["mean |I| / max"].get_position().x1 < right.get_position().x0
+        assert bars["mean |I|  [dB re max]"].get_position().x0 > right.get_position().x1
+        assert left.get_images()[0].get_cmap().name == "jet"  # which the paper's segmenters see
         assert right.get_title() == f"mask: {100 * 12 / 77:.1f} % of the picture"
         (rim,) = [c for c in right.collections if isinstance(c, LineCollection) and len(c.get_segments()) == 14]
         corners = np.concatenate(rim.get_segments())
         np.testing.assert_allclose(corners.min(axis=0), [0.025, 0.115])
         np.testing.assert_allclose(corners.max(axis=0), [0.065, 0.145])
-        assert viz.plot_segmentation(segmented(found.inside, None)).axes[0].get_title() == "without prompts"
+
+    def test_a_segmentation_without_prompts_has_one_colour_map(self):
+        left, right = viz.plot_segmentation(segmented(mask(slice(3, 7), slice(2, 5)).inside, None)).axes[:2]
+        assert left.get_title() == "the picture"
+        assert left.get_images()[0].get_cmap() == right.get_images()[0].get_cmap()
 
     def test_round_and_flat_things_are_drawn_with_their_sizes(self):
         centre, nothing = np.array([0.05, 0.13, -0.1]), np.zeros((1, 1), bool)

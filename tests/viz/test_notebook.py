@@ -64,16 +64,17 @@ class TestPlots:
         assert np.ptp(np.asarray(shown.convert("L"))) > 200
 
     def test_a_capture_shows_positions_and_profiles(self):
-        where, what, _ = capture().plot().axes
+        where, what, _, order = capture().plot().axes
         (dots,) = where.collections
         np.testing.assert_allclose(dots.get_offsets(), capture().trajectory.positions[:, :2])
         (picture,) = what.get_images()
         assert picture.get_array().shape[0] == len(capture().trajectory)
         assert picture.get_array().max() == 0
         assert (what.get_xlabel(), what.get_ylabel()) == ("range [m]", "pose")
+        assert order.get_title() == "pose"
 
     def test_a_radar_of_one_frequency_shows_amplitudes(self):
-        _, what = capture(TONE).plot().axes
+        _, what, _ = capture(TONE).plot().axes
         numbers, amplitude = what.lines[0].get_data()
         np.testing.assert_array_equal(numbers, np.arange(15))
         np.testing.assert_allclose(amplitude, np.abs(capture(TONE).frames[:, 0, 0, 0]), rtol=1e-6)

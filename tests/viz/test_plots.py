@@ -1,5 +1,6 @@
 """Figures: what they show is read back from the figures' own artists."""
 
+import itertools
 import subprocess
 import sys
 
@@ -146,6 +147,33 @@ class TestProjections:
         with pytest.raises(InputError, match="dynamic_range_db"):
             viz.plot_image(image(), scale="db", dynamic_range_db=0)
 
+    def test_the_title_tells_objects_and_band(self):
+        history = [{"step": "simulate", "objects": ["mug", "ball"]}, {"step": "form_image", "frequency": 78.997e9}]
+        told = ms.SarImage(grid=GRID, values=image().values, metadata={"history": history})
+        for draw in (viz.plot_image, viz.plot_slices):
+            assert [text.get_text() for text in draw(told).texts] == ["mug, ball, 79 GHz"]
+            assert not draw(told, title="").texts
+        assert viz.image_title(told, "scan 3") == "scan 3, 79 GHz"
+        assert viz.image_title(image()) is None
+
+    def test_labels_of_ticks_do_not_touch(self):
+        narrow = ms.VoxelGrid.regular((-0.1, -0.035, -0.02), (0.1, 0.035, 0.02), SPACING)
+        figure = viz.plot_image(image(narrow))
+        figure.draw_without_rendering()
+        for axes in panels(figure):
+            labels = [label for label in axes.get_xticklabels() if label.get_text()]
+            boxes = sorted((label.get_window_extent() for label in labels), key=lambda box: box.x0)
+            assert len(boxes) >= 2
+            assert all(left.x1 + 4 < right.x0 for left, right in itertools.pairwise(boxes))
+            title = axes.title.get_window_extent()
+            assert title.width <= axes.bbox.width + 1
+
+    def test_an_unknown_setting_is_told_with_those_there_are(self):
+        with pytest.raises(UnknownNameError, match=r'plot_image .db.\. Known: colormap,.* Write scale="db"\.'):
+            image().plot(db=True)
+        with pytest.raises(UnknownNameError, match="Did you mean 'title'"):
+            viz.plot_slices(image(), titel="mine")
+
 
 class TestSlices:
     def test_slices_go_through_the_peak_relative_to_the_whole_image(self):
@@ -163,6 +191,11 @@ class TestSlices:
     def test_at_is_moved_to_the_nearest_voxel(self):
         shown = panels(viz.plot_slices(image(), at=(0.011, -0.021, 0.0)))
         assert [axes.get_title() for axes in shown] == ["z = 0 mm", "y = −20 mm", "x = 10 mm"]
+
+    def test_places_are_told_as_exactly_as_voxels_are_fine(self):
+        grid = ms.VoxelGrid(x=GRID.x + 1.6e-6, y=GRID.y - 2.4e-6, z=GRID.z * 0.02)
+        shown = panels(viz.plot_slices(image(grid), at=(0.0, -0.02, 2.3e-4)))
+        assert [axes.get_title() for axes in shown] == ["z = 0.2 mm", "y = −20 mm", "x = 0 mm"]
 
     def test_at_outside_the_grid_is_refused(self):
         with pytest.raises(InputError, match="outside the image"):

@@ -301,7 +301,7 @@ def _image_one(source: Source, outputs: _Outputs, settings: ImageSettings, *, la
     metadata = {**formed.metadata, "asked": settings.asked(source)}
     save(outputs.image, SarImage(grid=formed.grid, values=formed.values, metadata=metadata))
     _say_written(float(formed.magnitude.max()), formed.peak, outputs.image)
-    _draw(formed, mesh, outputs, settings)
+    _draw(formed, mesh, outputs, settings, source)
 
 
 def _say_written(peak: float, place: Any, path: Path) -> None:
@@ -322,7 +322,7 @@ def _done(source: Source, outputs: _Outputs, settings: ImageSettings) -> bool:
     plot, slices = (None if path is None or _is_since(path, made) else path for path in (outputs.plot, outputs.slices))
     if settings.outline is not None and (plot, slices) != (None, None):
         return False  # what lies in the scene is told by the capture
-    _draw(image, None, _Outputs(outputs.image, plot, slices), settings)
+    _draw(image, None, _Outputs(outputs.image, plot, slices), settings, source)
     return True
 
 
@@ -331,15 +331,16 @@ def _is_since(path: Path, nanoseconds: int) -> bool:
     return path.exists() and path.stat().st_mtime_ns >= nanoseconds
 
 
-def _draw(formed: SarImage, mesh: Any, outputs: _Outputs, settings: ImageSettings) -> None:
+def _draw(formed: SarImage, mesh: Any, outputs: _Outputs, settings: ImageSettings, source: Source) -> None:
     if outputs.plot is None and outputs.slices is None:
         return
-    from millisight.viz import plot_image, plot_slices, save_figure
+    from millisight.viz import image_title, plot_image, plot_slices, save_figure
 
     scale, colormap = "db" if settings.db else "linear", settings.colormap
+    title = image_title(formed, source.name)
     for path, draw in ((outputs.plot, plot_image), (outputs.slices, plot_slices)):
         if path is not None:
-            save_figure(draw(formed, mesh=mesh, scale=scale, colormap=colormap), path)
+            save_figure(draw(formed, mesh=mesh, scale=scale, colormap=colormap, title=title), path)
             say(f"wrote {path}")
 
 

@@ -100,7 +100,7 @@ class Capture:
 
         Parameters
         ----------
-        settings : of `millisight.viz.plot_capture`
+        settings : of `millisight.viz.plot_capture`: `dynamic_range_db` of the profiles, `title`
 
         Returns
         -------

@@ -114,7 +114,8 @@ class SarImage:
 
         Parameters
         ----------
-        settings : of `millisight.viz.plot_image`
+        settings : of `millisight.viz.plot_image`: `scale` ("linear", or "db" down to `dynamic_range_db`), `colormap`,
+            a `mesh` whose outline is drawn, `title`
 
         Returns
         -------

@@ -67,7 +67,8 @@ class Instances:
 
         Parameters
         ----------
-        settings : of `millisight.viz.plot_instances`
+        settings : of `millisight.viz.plot_instances`: the `image` below with its `dynamic_range_db` and `colormap`,
+            `forms`, `title`
 
         Returns
         -------

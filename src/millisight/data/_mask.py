@@ -37,7 +37,7 @@ class Mask:
 
         Parameters
         ----------
-        settings : of `millisight.viz.plot_mask`
+        settings : of `millisight.viz.plot_mask`: the `image` over which the outline is drawn, `title`
 
         Returns
         -------

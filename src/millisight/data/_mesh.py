@@ -50,7 +50,7 @@ class TriangleMesh:
 
         Parameters
         ----------
-        settings : of `millisight.viz.plot_mesh`
+        settings : of `millisight.viz.plot_mesh`: `title`
 
         Returns
         -------

@@ -242,18 +242,18 @@ class Located:
         return next((one for one in self.poses if one.name == name), None)
 
     def plot(self, mesh: TriangleMesh, **settings: Any) -> Any:
-        """Plot the points over a mesh in its pose, seen along z, y and x.
+        """Plot a mesh in its pose with the points around it, seen along z, y and x.
 
         Parameters
         ----------
         mesh : of the first of `poses`
-        settings : of `millisight.viz.plot_points`
+        settings : of `millisight.viz.plot_located`: `most_points` that are drawn, `title`
 
         Returns
         -------
         matplotlib.figure.Figure
         """
-        return late("millisight.viz", "plot_points")(self.points, truth=[self.poses[0].placed(mesh)], **settings)
+        return late("millisight.viz", "plot_located")(self, mesh, **settings)
 
     def to_dict(self) -> dict[str, Any]:
         """What JSON holds."""

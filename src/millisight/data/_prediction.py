@@ -2,11 +2,14 @@
 
 import dataclasses
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
-from millisight.core import check_known, checked_array, checked_items, checked_number, checked_record, put, record
+from millisight.core import check_known, checked_array, checked_items, checked_number, checked_record, late, put, record
 from millisight.core.errors import InputError
+from millisight.data._image import SarImage
+from millisight.data._mask import Mask
 
 NOT_SURE = "not sure"
 
@@ -78,6 +81,21 @@ class Prediction:
     def novel(self) -> bool:
         """Whether the image is unlike what the classifier was trained on: the novelty is above its limit."""
         return self.novelty > self.novelty_limit
+
+    def plot(self, image: SarImage | None = None, mask: Mask | None = None, **settings: Any) -> Any:
+        """Plot a bar for each class, and beside them the image with the outline of the mask.
+
+        Parameters
+        ----------
+        image : that was classified; None: the bars alone
+        mask : of the object, on the image's pixels; None: no outline
+        settings : of `millisight.viz.plot_prediction`: `dynamic_range_db` of the image, `axes` to draw on
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+        """
+        return late("millisight.viz", "plot_prediction")(image, mask, self, **settings)[0].figure
 
     def among(self, class_names: Sequence[str]) -> "Prediction":
         """The same, where the object is known to be of one of some of the classes.

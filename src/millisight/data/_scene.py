@@ -103,7 +103,7 @@ class Scene:
 
         Parameters
         ----------
-        settings : of `millisight.viz.plot_scene`
+        settings : of `millisight.viz.plot_scene`: `title`
 
         Returns
         -------

@@ -45,7 +45,8 @@ class Surface:
 
         Parameters
         ----------
-        settings : of `millisight.viz.plot_surface`
+        settings : of `millisight.viz.plot_surface`: `points` and the `truth` to draw with it, `worst` (the standard
+            deviation at the end of the colours [m]), `colormap`, `title`
 
         Returns
         -------

@@ -54,7 +54,8 @@ class VolumeMask:
 
         Parameters
         ----------
-        settings : of `millisight.viz.plot_volume`
+        settings : of `millisight.viz.plot_volume`: the `image` below with its `dynamic_range_db` and `colormap`,
+            `title`
 
         Returns
         -------

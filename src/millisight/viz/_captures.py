@@ -14,11 +14,13 @@ from millisight.data import Capture, TriangleMesh, VoxelGrid
 from millisight.viz import _panels
 from millisight.viz._outline import PLANE
 from millisight.viz._panels import ORDER, NotebookFigure, Panel, Scale, styled
+from millisight.viz._ticks import ticks_for
 
 _MOST_POSES = 1500  # read for one figure
 _MOST_DOTS = 20_000
 _BLOCK_BYTES = 64_000_000
 _ZERO_PADDING = 8
+_POSITIONS_WIDTH = 2.5  # of the panel of positions beside profiles, about [inches]
 
 
 class RangeProfiles(NamedTuple):
@@ -72,7 +74,7 @@ def range_profiles(capture: Capture, *, poses: slice | None = None) -> RangeProf
 
 @styled
 def plot_capture(capture: Capture, *, dynamic_range_db: float = 60, title: str | None = None) -> Figure:
-    """Plot the positions of the radar from above, and the range profile of every pose; `Capture.plot`.
+    """Plot the positions of the radar from above, coloured by pose, and the range profile of each; `Capture.plot`.
 
     Of a radar with a single frequency, which has no range profiles, the amplitude of every pose is shown. The figures
     `plot_aperture` and `plot_range_profiles` show more of either.
@@ -89,9 +91,11 @@ def plot_capture(capture: Capture, *, dynamic_range_db: float = 60, title: str |
         The frames lie in a file that was closed, or cannot be read.
     """
     scale, total = Scale.checked("db", dynamic_range_db), len(capture.trajectory)
-    figure = NotebookFigure(figsize=(8.6, 3.4), layout="constrained")
+    figure = NotebookFigure(figsize=(9.4, 3.4), layout="constrained")
     where, what, bar = figure.subplots(1, 3, width_ratios=(1, 1.4, 0.035))
-    _draw_positions(where, capture, "z")
+    dots = _draw_positions(where, capture, "z")
+    figure.colorbar(dots, ax=where, fraction=0.05, pad=0.03).ax.set_title("pose", fontsize="medium")
+    where.xaxis.set_major_locator(ticks_for(_POSITIONS_WIDTH, sideways=True))
     where.set(title="positions, from above", aspect="equal")
     where.margins(0.06)
     if capture.radar.waveform.samples_per_chirp > 1:

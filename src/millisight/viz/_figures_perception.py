@@ -1,6 +1,5 @@
-"""Figures of perception: segmentations and their steps, predictions, holes in a camera's depth, and tables."""
+"""Figures of perception: the steps of a segmentation, holes in a camera's depth, and tables."""
 
-import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -11,22 +10,20 @@ from matplotlib.contour import ContourSet
 from matplotlib.figure import Figure
 from matplotlib.patheffects import Normal, Stroke
 
-from millisight.core import PUBLISHED_COLORMAP, check_shape
+from millisight.core import check_shape
 from millisight.core.errors import InputError
-from millisight.data import CameraFrame, Mask, Picture, PixelGrid, Prediction, Prompts, SarImage
+from millisight.data import CameraFrame, Mask, Picture, PixelGrid, Prompts, SarImage
 from millisight.viz import _figures, _panels
-from millisight.viz._figures import BLUE, GREY, ORANGE, VERMILION, show_image, show_photo, taken_axes
+from millisight.viz._figures import ORANGE, VERMILION, show_image, show_photo, taken_axes
 from millisight.viz._panels import Scale, checked_colormap, panel_of, styled
 
 if TYPE_CHECKING:
     from millisight.evaluation import Table
-    from millisight.perception.segmentation import Flat, Round, Segmented
 
 _ROUND = 0.25  # shown around an object, of its own size
 _LEAST = 12  # pixels around it
 _DEEPER = 0.02  # how far the colours of depth reach beyond the object [m]
 _CELL = 0.075  # width of a letter [inches]
-_WIDEST_REASON = 40  # letters of a line
 
 
 @styled
@@ -179,125 +176,6 @@ def cut_out(rgb: np.ndarray, pixels: np.ndarray) -> np.ndarray:
     if not pixels.any():
         raise InputError("pixels are all False; expected some that show the object")
     return np.where(pixels[..., None], rgb, np.uint8(255))[_around(pixels)]
-
-
-@styled
-def plot_prediction(
-    image: SarImage,
-    mask: Mask,
-    prediction: Prediction,
-    *,
-    dynamic_range_db: float = 30,
-    axes: Sequence[Axes] | np.ndarray | None = None,
-) -> np.ndarray:
-    """Plot a prediction: the image in dB with the outline of the mask, and a bar for each class.
-
-    The most probable class's bar is blue where the answer is sure, and orange where it is not; a dashed line stands at
-    the probability from which it is.
-
-    Parameters
-    ----------
-    image : SarImage, seen along z
-    mask : on the image's grid
-    prediction : Prediction
-    dynamic_range_db : of the picture, below its maximum [dB]
-    axes : two; default those of a new figure, side by side
-
-    Returns
-    -------
-    np.ndarray
-        (2,) of Axes.
-
-    Raises
-    ------
-    InputError
-        The mask is not of the image's size, or `axes` are not two.
-    """
-    check_shape(mask.inside.shape, name="mask", shape=image.grid.xy.shape)
-    left, right = taken_axes(axes, 1, 2, size=3.3, tall=min(max(_figures.tallness(image.grid.xy), 0.6), 1.5))
-    show_image(left, image, Scale.checked("db", dynamic_range_db), checked_colormap())
-    left.set_title(f"mask: {100 * mask.inside.mean():.1f} % of the picture")
-    outline = draw_mask_outline(left, mask.inside, mask.grid_xy)
-    if outline is not None:
-        outline.set_path_effects([Stroke(linewidth=2.1, foreground="black", alpha=0.45), Normal()])
-    _draw_bars(right, prediction)
-    return np.array([left, right])
-
-
-def _answer(prediction: Prediction) -> str:
-    if not prediction.novel:
-        return prediction.answer
-    words = f"{prediction.answer}: novelty {prediction.novelty:.2f}"
-    return "\n".join((words, *(textwrap.fill(reason, _WIDEST_REASON) for reason in prediction.reasons)))
-
-
-def _draw_bars(axes: Axes, prediction: Prediction) -> None:
-    """The classes from top to bottom as the network has them, so that pictures can be compared."""
-    names, shares = prediction.class_names, prediction.probabilities
-    colours = [GREY] * len(names)
-    colours[int(np.argmax(shares))] = BLUE if prediction.sure else ORANGE
-    bars = axes.barh(np.arange(len(names)), shares, height=0.7, color=colours, zorder=2)
-    axes.bar_label(
-        bars,
-        [f"{share:.2f}" for share in shares],
-        padding=3,
-        bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5},
-        zorder=4,
-    )
-    label = "probability"
-    if prediction.threshold > 0:
-        label += f" (dashed: threshold {prediction.threshold:.2f})"
-        axes.axvline(prediction.threshold, color="black", linewidth=1, linestyle="--", zorder=3)
-    axes.set_yticks(np.arange(len(names)), names)
-    axes.set(xlim=(0, 1.12), ylim=(len(names) - 0.4, -0.6), xlabel=label, title=_answer(prediction))
-    axes.set_xticks(np.linspace(0, 1, 6))
-    axes.set_facecolor("white")
-    axes.spines[["top", "right"]].set_visible(False)
-
-
-@styled
-def plot_segmentation(
-    found: "Segmented", *, forms: "Sequence[Round | Flat]" = (), dynamic_range_db: float = 30, title: str | None = None
-) -> Figure:
-    """Plot a segmentation: the power in rainbow colours with the prompts, and in dB with the mask.
-
-    Parameters
-    ----------
-    found : on a radar image
-    forms : what of it is round or flat, drawn with its size
-    dynamic_range_db : of the picture with the mask, below its maximum [dB]
-    title : written above
-
-    Raises
-    ------
-    InputError
-        It was found on a photo.
-    """
-    grid, power = found.picture.grid_xy, found.picture.power
-    if grid is None or power is None:
-        raise InputError("plot_segmentation got a mask on a photo; expected one on a radar image")
-    scales = Scale.checked("linear", dynamic_range_db), Scale.checked("db", dynamic_range_db)
-    figure, (row,), (bar,) = _panels.place_panels([[[panel_of(grid)], [panel_of(grid)]]], title=title)
-    for axes, scale, name in zip(row, scales, (PUBLISHED_COLORMAP, None), strict=True):
-        _panels.show_pixels(axes, grid.x, grid.y, scale(power), scale, checked_colormap(name))
-        axes.set(xlabel="x [m]", ylabel="y [m]")
-    _draw_prompts(row[0], found, grid)
-    row[1].set_title(f"mask: {100 * found.inside.mean():.1f} % of the picture")
-    _panels.draw_lines(row[1], _panels.mask_borders(found.mask), color="white", width=1.2, zorder=4)
-    _panels.draw_outlines(row[1], [(one.outline, one.short) for one in forms])
-    _panels.add_colour_bar(bar, scales[1])
-    return figure
-
-
-def _draw_prompts(axes: Axes, found: "Segmented", grid: PixelGrid) -> None:
-    if found.prompts is None:
-        axes.set_title("without prompts")
-        return
-    points, positive = found.prompts.points, found.prompts.positive
-    for kind, marker, colour, edge in ((positive, "o", "white", "0.4"), (~positive, "X", "black", "white")):
-        i, j = points[kind].T
-        axes.scatter(grid.x[i], grid.y[j], s=24, marker=marker, c=colour, edgecolors=edge, linewidths=0.6, zorder=4)
-    axes.set_title(f"{int(positive.sum())} prompts on the object \u25cf, {int((~positive).sum())} beside it \u2716")
 
 
 @styled

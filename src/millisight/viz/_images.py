@@ -35,13 +35,14 @@ def plot_image(
     dynamic_range_db : how far under the maximum the dB scale reaches
     colormap : Matplotlib's name, or a plug-in's; None: that of all pictures, see `set_colormap`. Of several, there is a
         block of panels for each, one above the other
-    title : written above
+    title : written above; None: what objects it is known to show, and the centre of its band; "" for none
 
     Raises
     ------
     UnknownNameError, InputError
     """
     shades = Scale.checked(scale, dynamic_range_db)
+    title = image_title(image) if title is None else title
     names = colormap if isinstance(colormap, Sequence) and not isinstance(colormap, str) else [colormap]
     if not names:
         raise InputError("colormap is empty; expected at least one name, such as 'inferno'")
@@ -78,7 +79,7 @@ def plot_slices(
     mesh : its cross-section is drawn, and faintly its silhouette; in the image's frame [m]
     scale, dynamic_range_db : as for `plot_image`
     colormap : as for `plot_image`
-    title : written above
+    title : as for `plot_image`
 
     Raises
     ------
@@ -87,6 +88,7 @@ def plot_slices(
         `at` lies outside the grid.
     """
     shades, colours = Scale.checked(scale, dynamic_range_db), checked_colormap(colormap)
+    title = image_title(image) if title is None else title
     wanted = image.peak if at is None else checked_array(at, name="at", shape=(3,), unit="m")
     index = _nearest_voxel(image.grid, wanted)
     point = [float(getattr(image.grid, axis)[i]) for axis, i in zip("xyz", index, strict=True)]
@@ -103,7 +105,7 @@ def plot_slices(
             _panels.draw_outline(axes, mesh, axis, inner=False, alpha=0.45)
             cut = cross_section(mesh, axis, point[number])
             _panels.draw_many_lines(axes, cut, color="white", width=0.8, zorder=5)
-        _panels.label_view(axes, axis, f"{axis} = {1e3 * point[number]:.4g} mm".replace("-", "\u2212"))
+        _panels.label_view(axes, axis, f"{axis} = {_millimetres(getattr(image.grid, axis), index[number])}")
     _panels.add_colour_bar(bar, shades, colours)
     return figure
 
@@ -172,6 +174,35 @@ def plot_sheet(
     bars[0].set_position((places[0].x0, high - tall, places[0].width, tall))
     _panels.add_colour_bar(bars[0], shades, colours, f"mean {shades.unit}")
     return figure
+
+
+def image_title(image: SarImage, name: str | None = None) -> str | None:
+    """A title for pictures of an image: `name`, default the objects of its simulation, and the centre of its band.
+
+    Parameters
+    ----------
+    image : SarImage
+    name : such as its file's; None: what its history tells
+
+    Returns
+    -------
+    str or None
+        None where nothing is known.
+    """
+    held = [step.get("objects") for step in image.metadata.get("history", ())]
+    objects = next((names for names in held if isinstance(names, list | tuple)), ())
+    words = [", ".join(map(str, objects)) if name is None else name]
+    if image.frequency is not None:
+        words.append(f"{image.frequency / 1e9:.3g} GHz")
+    return ", ".join(filter(None, words)) or None
+
+
+def _millimetres(coordinates: np.ndarray, index: int) -> str:
+    """A voxel's coordinate, as exact as a tenth of a voxel."""
+    spacing = 1e3 * float(np.diff(coordinates).min()) if len(coordinates) > 1 else 1.0
+    digits = max(0, int(np.ceil(-np.log10(spacing / 10))))
+    rounded = round(1e3 * float(coordinates[index]), digits) + 0.0  # no -0
+    return f"{rounded:.10g} mm".replace("-", "\u2212")
 
 
 def view_coordinates(grid: VoxelGrid, axis: str) -> tuple[np.ndarray, np.ndarray]:

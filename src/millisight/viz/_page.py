@@ -11,7 +11,7 @@ from urllib.parse import quote
 from millisight.core import OWN_NAME, PAGE_MARK, check_own, make_folder, put, record, write_text
 from millisight.core.errors import FileError, InputError
 from millisight.evaluation import ReportFigure, Table
-from millisight.viz._panels import save_figure
+from millisight.viz._style import save_figure
 
 PICTURE_SUFFIXES = (".png", ".svg", ".jpg", ".jpeg", ".webp", ".gif")
 

@@ -1,17 +1,8 @@
-"""How the figures look: letters, the placing of panels in one scale, colours, and writing them to files.
+"""How the figures look: the placing of panels in one scale, colours, and lines."""
 
-Figures are made with `matplotlib.figure.Figure` and never through pyplot: no window, no global state.
-"""
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
 
-import functools
-import os
-import warnings
-from collections.abc import Callable, Iterable, Sequence
-from io import BytesIO
-from pathlib import Path
-from typing import Any, NamedTuple, ParamSpec, TypeVar
-
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
@@ -19,95 +10,18 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import Colormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patheffects import Normal, Stroke
-from matplotlib.text import Text
-from matplotlib.ticker import MaxNLocator
 
-from millisight.core import atomic_path, check_known, checked_colormap, checked_number, printable
+from millisight.core import check_known, checked_colormap, checked_number
 from millisight.core import set_colormap as set_colormap
-from millisight.core.errors import UnknownNameError
 from millisight.data import Mask, PixelGrid, TriangleMesh, VoxelGrid
 from millisight.viz._outline import PLANE, Outline, outline_of
+from millisight.viz._style import NotebookFigure as NotebookFigure
+from millisight.viz._style import styled
+from millisight.viz._ticks import ticks_for
 
 SCALES = ("linear", "db")
-OUTSIDE = "0.90"
-"""Colour of a panel where the image's grid does not reach."""
-
 ORDER = "viridis"
 """Colour map of what is counted, such as poses; that of magnitudes is `checked_colormap()`."""
-
-# Settings of the user, or of a matplotlibrc in the working directory, change no figure.
-_DEFAULTS = {name: value for name, value in matplotlib.rcParamsDefault.items() if not name.startswith("backend")}
-_STYLE: dict[Any, Any] = {
-    "font.size": 8.5,
-    "axes.titlesize": 9.5,
-    "axes.labelsize": 8.5,
-    "axes.linewidth": 0.6,
-    "axes.facecolor": OUTSIDE,
-    "figure.facecolor": "white",
-    "xtick.labelsize": 8,
-    "ytick.labelsize": 8,
-    "xtick.major.width": 0.6,
-    "ytick.major.width": 0.6,
-    "legend.fontsize": 8,
-    "legend.frameon": False,
-}
-# Metadata without dates or versions, so that the same figure gives the same bytes.
-_METADATA: dict[str, dict[str, Any]] = {
-    ".png": {"Software": None},
-    ".svg": {"Date": None, "Creator": None},
-    ".pdf": {"CreationDate": None, "Creator": None, "Producer": None},
-}
-
-P = ParamSpec("P")
-T = TypeVar("T")
-
-
-def styled(function: Callable[P, T]) -> Callable[P, T]:
-    """Run `function` in the figures' style, whatever the user's own settings, which stay as they are."""
-
-    @functools.wraps(function)
-    def wrapper(*args: P.args, **kwargs: P.kwargs) -> T:
-        with matplotlib.rc_context({**_DEFAULTS, **_STYLE}):
-            return function(*args, **kwargs)
-
-    return wrapper
-
-
-class NotebookFigure(Figure):
-    """A figure that a notebook shows, with `%matplotlib inline` or without."""
-
-    def _repr_png_(self) -> bytes:
-        held = BytesIO()
-        self.savefig(held, format="png", dpi=100)
-        return held.getvalue()
-
-
-def save_figure(figure: Figure, path: str | os.PathLike[str], *, dpi: float = 150) -> None:
-    """Write a figure as PNG, SVG or PDF, by the suffix; the same figure gives the same bytes.
-
-    Parameters
-    ----------
-    figure : Figure
-    path : an old file there is replaced only when the new one is whole
-    dpi : pixels per inch, for PNG
-
-    Raises
-    ------
-    UnknownNameError
-        The suffix is none of these.
-    FileError
-        The folder is missing, read-only, or full.
-    """
-    suffix = Path(path).suffix.lower()
-    if suffix not in _METADATA:
-        raise UnknownNameError("figure format", suffix or Path(path).name, _METADATA)
-    look: dict[Any, Any] = {**_STYLE, "svg.hashsalt": "millisight"}
-    with atomic_path(path) as temporary, matplotlib.rc_context({**_DEFAULTS, **look}), warnings.catch_warnings():
-        # Names in scripts that the letters have not: boxes stand for them, and a warning for each helps nobody.
-        warnings.filterwarnings("ignore", message="Glyph .* missing from", category=UserWarning)
-        for text in figure.findobj(Text):  # a file's name may be none that can be drawn
-            text.set_text(printable(text.get_text()))
-        figure.savefig(temporary, format=suffix[1:], dpi=dpi, metadata=_METADATA[suffix])
 
 
 class Scale(NamedTuple):
@@ -208,16 +122,17 @@ def place_panels(
     width: float = 9.0,
     height: float = 10.0,
     gaps: tuple[float, float] = (0.82, 0.78),
+    headroom: float = 0.0,
 ) -> tuple[Figure, list[list[Axes]], list[Axes]]:
     """A figure of panels in one scale (inches per metre), with axes for a colour bar beside each row.
 
     A row is made of columns, and a column of panels one above the other. The figure is at most `width` by
-    `height` inches; `gaps` [inches] between panels and its margins hold ticks, labels and titles. Returns the
-    figure, the panels' axes row by row, and the bars' axes.
+    `height` inches; `gaps` [inches] between panels and its margins hold ticks, labels and titles, `headroom` [inches]
+    more lines above them. Returns the figure, the panels' axes row by row, and the bars' axes.
     """
     from scipy.optimize import root_scalar  # half a second that a notebook's card need not wait
 
-    left, right, top, bottom = 0.72, 1.05, 0.66 if title else 0.36, 0.5
+    left, right, top, bottom = 0.72, 1.05, headroom + (0.66 if title else 0.36), 0.5
 
     def row_sizes(scale: float) -> list[tuple[float, float]]:
         """Width and height of each row [inches]."""
@@ -277,10 +192,11 @@ def _panel_axes(
     axes = figure.add_axes(place)
     axes.set(xlim=panel.u, ylim=panel.v)
     for ticks, length in zip((axes.xaxis, axes.yaxis), inches, strict=True):
-        ticks.set_major_locator(MaxNLocator(nbins=int(np.clip(length * 1.7, 2, 8)), steps=[1, 2, 2.5, 5, 10]))
+        ticks.set_major_locator(ticks_for(length, sideways=ticks is axes.xaxis))
     return axes
 
 
+_LETTERS_PER_INCH = 15  # of a title
 _SEEN = {"z": "along z, from above", "y": "along y, from the front", "x": "along x, from the right"}
 
 
@@ -288,6 +204,10 @@ def label_view(axes: Axes, axis: str, title: str | None = None) -> None:
     """Name the coordinates of a view along `axis`, and where it is seen from unless there is another title."""
     right, up = ("xyz"[i] for i in PLANE[axis])
     axes.set(xlabel=f"{right} [m]", ylabel=f"{up} [m]", title=_SEEN[axis] if title is None else title)
+    # Over a narrow panel the title is smaller, lest it reach beyond its sides.
+    figure: Any = axes.figure
+    room = axes.get_position().width * figure.get_size_inches()[0] * _LETTERS_PER_INCH / len(axes.get_title())
+    axes.title.set_fontsize(float(axes.title.get_fontsize()) * float(np.clip(room, 0.7, 1)))
 
 
 def show_pixels(axes: Axes, u: np.ndarray, v: np.ndarray, values: np.ndarray, scale: Scale, colormap: Colormap) -> Any:
