@@ -337,6 +337,11 @@ def test_without_onnx_runtime_it_says_what_to_install(mug, run, monkeypatch):
         (["a.h5", "a.h5"], "have the same name a"),
         (["empty"], "empty holds no image"),
         (["none.h5"], "none.h5: no such file"),
+        (
+            ["a.h5", "--weights", "a.mask.h5"],
+            "a.mask.h5 is an HDF5 file, such as an image or a mask, and holds no weights",
+        ),
+        (["a.h5", "--weights", "a.txt"], "unknown kind of weights 'a.txt'"),
     ],
 )
 def test_what_cannot_be_is_refused_and_writes_nothing(tmp_path, run, arguments, message):

@@ -5,11 +5,13 @@ import shutil
 
 import numpy as np
 import pytest
+import trimesh
 import typer
 from typer.testing import CliRunner
 
 from millisight.cli.collect import collect
-from millisight.core.errors import CoverageError, FileError, FormatError, InputError, UnknownNameError
+from millisight.cli.console import in_options
+from millisight.core.errors import CoverageError, FileError, FormatError, InputError, MeshError, UnknownNameError
 from millisight.io import load
 from millisight.io.mito import read_experiment, read_published
 from millisight.rig.virtual import World
@@ -53,6 +55,15 @@ def collected(tmp_path_factory):
     folder = tmp_path_factory.mktemp("collected")
     with pytest.MonkeyPatch.context() as patch:
         return folder, command(folder, patch)("tiny.toml", "-o", "data", "--truth", "truth")
+
+
+def test_a_mesh_without_a_unit_is_told_in_the_words_of_the_file(run, tmp_path):
+    trimesh.creation.box((170, 40, 8)).export(tmp_path / "tool.stl")
+    (tmp_path / "w.toml").write_text('[[objects]]\nmesh = "tool.stl"\n')
+    with pytest.raises(MeshError, match=r"^w\.toml: objects\[0\] \(tool\): tool\.stl is 170 m wide") as caught:
+        raise run("w.toml", "--dry-run").exception
+    told = in_options(str(caught.value))
+    assert told.endswith('? In its table, write unit = "mm" or unit = "cm", or unit = "m" to keep it')
 
 
 @pytest.mark.slow

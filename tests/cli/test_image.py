@@ -373,6 +373,12 @@ def test_a_device_that_cannot_do_it(tmp_path):
     assert "--device cuda is for whole images" in line
 
 
+def test_windows_and_tolerances_are_told_as_options(tmp_path):
+    assert "Known: hann, none, taylor." in refused("image", "c.h5", "--window", "hamming", cwd=tmp_path)
+    line = refused("image", "c.h5", "--tolerance", "5", cwd=tmp_path)
+    assert line.endswith("expected 0.0005 to 0.1, an image's relative error: for less, use --method exact")
+
+
 def test_without_a_gpu_the_option_is_named(tmp_path, monkeypatch):
     monkeypatch.setattr("millisight.core._device.find_spec", lambda name: None)
     line = refused("image", "c.h5", "--device", "cuda")

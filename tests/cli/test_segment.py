@@ -175,6 +175,8 @@ def test_names_that_are_no_text_are_drawn(tmp_path, here):
         (["a.h5", "--method", "sem"], "unknown segmenter 'sem'"),
         (["a.h5", "--condition", "carton"], "unknown --condition 'carton'"),
         (["mask.h5", "--method", "classical"], "mask.h5 holds a Mask; expected a SarImage"),
+        (["a.h5", "--device", "tpu"], "unknown device 'tpu'"),
+        (["a.h5", "--device", "cuda"], "--device cuda is for --method sam, and others run on the CPU"),
         (["a.h5", "--method", "sam", "--model", "nowhere"], "nowhere is not a folder with a model"),
         (["a.h5", "--multispectral", "--method", "classical"], "--other-band"),
         (["a.h5", "--method", "classical", "-o", "a.h5"], "would be overwritten"),
@@ -190,6 +192,22 @@ def test_what_cannot_be_is_refused_and_writes_nothing(tmp_path, here, arguments,
     ms.save(tmp_path / "mask.h5", ms.Mask(grid_xy=GRID.xy, inside=np.zeros((30, 40), bool)))
     assert message in here(*arguments)[3]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.h5", "b.h5", "empty", "mask.h5"]
+
+
+def test_an_image_that_cannot_be_segmented_is_named_by_its_path(tmp_path, here):
+    (tmp_path / "in").mkdir()
+    ms.save(tmp_path / "in" / "zero.image.h5", ms.SarImage(grid=GRID, values=np.zeros(GRID.shape)))
+    error = here("in/zero.image.h5", "--method", "classical", "--no-picture")[3]
+    assert error.startswith("in/zero.image.h5: ")
+    assert error.count("zero.image.h5") == 1
+
+
+def test_of_a_capture_it_says_what_makes_an_image(tmp_path, here):
+    radar, path = ms.Radar.preset("mito-sim-24ghz"), ms.Trajectory.raster(size=(0.02, 0.02), step=0.02)
+    frames = np.zeros((len(path), 1, 1, radar.waveform.samples_per_chirp), np.complex64)
+    ms.save(tmp_path / "c.capture.h5", ms.Capture(radar=radar, trajectory=path, frames=frames))
+    error = here("c.capture.h5", "--method", "classical")[3]
+    assert error == "c.capture.h5 holds a Capture; expected a SarImage: `millisight image` makes one of it"
 
 
 def test_a_missing_image_does_not_stop_the_others(tmp_path, here):

@@ -11,6 +11,7 @@ from PIL import Image
 import millisight as ms
 from helpers import posed, solid_mirrors
 from helpers.commands import run_here
+from millisight.cli.surface import _patches
 from millisight.meshes import load_mesh
 
 VOXELS = "-4cm:4cm:2mm,-4cm:4cm:2mm,-27.5cm:-23cm:3.75mm"
@@ -110,6 +111,11 @@ def test_what_is_guessed_of_a_ball_is_told_from_what_was_seen(ball, tmp_path, he
     assert "guess in two ways" in refused
 
 
+@pytest.mark.parametrize(("count", "told"), [(0, "0 patches"), (1, "1 patch"), (2, "2 patches")])
+def test_patches_are_counted(count, told):
+    assert _patches(count) == told
+
+
 @pytest.mark.slow
 def test_an_image_will_do(ball, tmp_path, here):
     grid = ms.VoxelGrid.regular((-0.04, -0.04, -0.32), (0.04, 0.04, -0.23), (0.002, 0.002, 0.005))
@@ -126,6 +132,7 @@ def test_an_image_will_do(ball, tmp_path, here):
     ("options", "told"),
     [
         (("--clutter", "roof"), "--clutter"),
+        (("--window", "hamming"), "Known: hann, none, taylor."),
         (("-o", "ball.stl"), "mesh format"),
         (("--depth", "depth.tif"), "depth map format"),
         ((), "pass --grid"),

@@ -418,5 +418,5 @@ def test_a_mesh_of_which_no_face_is_left_is_refused(tmp_path):
     """Pages that share a back branch at one edge in hundreds, and all of them end in the open."""
     points = "v 0 0 0\nv 1 0 0\n" + "".join(f"v 0 1 {i}\n" for i in range(100))
     (tmp_path / "book.obj").write_text(points + "".join(f"f 1 2 {3 + i}\n" for i in range(100)))
-    with pytest.raises(MeshError, match=r"no face of book\.obj is left .* repair the mesh"):
+    with pytest.raises(MeshError, match=r"no face of .*book\.obj is left .* repair the mesh"):
         load_mesh(tmp_path / "book.obj", unit="m")

@@ -8,7 +8,7 @@ import typer
 
 from millisight.cli.console import complain, length, say
 from millisight.cli.interrupts import Interrupted
-from millisight.cli.options import SamDevice
+from millisight.cli.options import SamDevice, check_sam_device
 from millisight.cli.outputs import check_outputs
 from millisight.core import make_folder, printable
 from millisight.core.errors import InputError
@@ -71,7 +71,7 @@ def annotate(
         bool, typer.Option("--no-browser", help="Do not open a browser window; serve until Ctrl-C.")
     ] = False,
 ) -> None:
-    """Mark an object in the browser: click on it; right-click what does not belong to it.
+    """Mark an object in the browser: click on it. Right-click what does not belong to it.
 
     The mask is updated after each click. An earlier annotation of the same image is continued. Close the page or press
     Ctrl-C to stop.
@@ -83,6 +83,7 @@ def annotate(
     from millisight.viz import open_browser
     from millisight.viz.annotator import Annotation, AnnotatorServer, open_picture, segmenters_for
 
+    check_sam_device(device, (method, None if model is None else "sam"))
     subject = open_picture(image, other_band=other_band)
     if published and output is not None:
         raise InputError("--published and --output cannot be combined: pass one of them")

@@ -11,6 +11,7 @@ from millisight.cli.console import answer, complain, json_only, progress, say
 from millisight.cli.image_sources import (
     MASK_SUFFIX,
     ImageSource,
+    about,
     check_single,
     image_sources,
     named_segmenter,
@@ -167,7 +168,8 @@ def classify(
     if len(found) == 1 and not is_folder(output):
         if output is not None and output.suffix.lower() != ".json":
             raise InputError(f"--output is {output}; expected a name that ends in .json")
-        predictions = one(found[0], output)
+        with about(found[0].path):
+            predictions = one(found[0], output)
         if not as_json and len(predictions) == 1:
             _say_bars(predictions[0])
         return

@@ -11,7 +11,7 @@ from millisight.cli.console import duration, progress, say, say_sampling
 from millisight.cli.outputs import check_outputs
 from millisight.cli.rig import collect_with_rig, is_rig_file
 from millisight.cli.scanning import published_grids, scan, scan_live
-from millisight.core import box, make_folder
+from millisight.core import box, make_folder, printable
 from millisight.core.errors import FileError, InputError, UnknownNameError
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ def collect(
         bool, typer.Option("--no-browser", help="With --live: do not open a browser window, print the address.")
     ] = False,
 ) -> None:
-    """Scan; write raw radar files, robot log and camera picture in the layout of the published dataset.
+    """Scan with a rig, real or virtual. Writes raw radar files, robot log and camera picture in the published layout.
 
     A rig file names real devices: see docs/how-to/rig.md, and millisight rig check. A scan with real devices that fails
     goes on at its row when the same command is run again.
@@ -109,7 +109,10 @@ def collect(
     check_outputs(figures=(plot,), source=world)
     described = World.from_toml(world)
     with progress("build the world"):
-        layout = build_layout(described)
+        try:
+            layout = build_layout(described)
+        except InputError as error:
+            raise error.at(printable(world)) from error
     virtual = VirtualRig(described, layout=layout)
     if truth is not None:
         check_truth(virtual, truth)

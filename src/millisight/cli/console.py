@@ -289,7 +289,7 @@ def end_with_failures(lines: Sequence[str]) -> None:
 
 def in_options(message: str) -> str:
     """A message of the library with argument names replaced by option names."""
-    named = r"""\b(unit|condition|device)=(?:['"](\w+)['"]|\.\.\.)"""
+    named = r"""\b(unit|condition|device|method)=(?:['"](\w+)['"]|\.\.\.)"""
     return re.sub(named, lambda m: f"--{m[1]} {m[2] or m[1].upper()}", message)
 
 

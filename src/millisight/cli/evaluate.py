@@ -28,6 +28,7 @@ from millisight.cli.options import (
     Sight,
     SupportHeight,
     Workers,
+    check_sam_device,
     checked_sight,
 )
 from millisight.core.errors import InputError
@@ -36,7 +37,7 @@ app: typer.Typer = Commands(
     no_args_is_help=True,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
-    help="Evaluate on a dataset, and compare with the results of the paper.",
+    help="Evaluate on a dataset, and compare with the paper's results.",
 )
 
 Root = Annotated[Path, typer.Argument(metavar="DIR", help="Dataset in the published layout.")]
@@ -109,7 +110,7 @@ def simulator(
     workers: Workers = None,
     as_json: AsJson = False,
 ) -> None:
-    """Compare simulated with measured images: 3D F-scores, with those of the paper.
+    """Compare simulated with measured images. Tells 3D F-scores, with those of the paper.
 
     For each measured image, the specular and edge images of the same object and angles are combined with many weights.
     Each combination is turned into a point cloud, aligned and compared; the best one counts. Writes OUT/index.html, and
@@ -174,15 +175,17 @@ def segmentation(
     workers: Workers = None,
     as_json: AsJson = False,
 ) -> None:
-    """Compare masks of segmenters with true masks: on photos, at 24 GHz, at 77 GHz, and with both.
+    """Compare masks of segmenters with true masks. They are of photos, of 24 GHz, of 77 GHz, and of both bands.
 
     Writes OUT/index.html, and each table as Markdown and CSV. Run it again to continue after an interruption. A scene
     that cannot be read does not stop the rest; the exit code is 1 if any failed.
 
     Example: millisight evaluate segmentation bench24 -o masks --method wave --method classical
     """
+    methods = method or ("wave", "classical")
+    check_sam_device(device, methods)
     options = {
-        "methods": method or ("wave", "classical"),
+        "methods": methods,
         "options": {"sam": {"model": sam_model, "device": device}},
         "seeds": seeds,
         "truth": truth,
@@ -245,7 +248,7 @@ def classification(
     workers: Workers = None,
     as_json: AsJson = False,
 ) -> None:
-    """Compare predicted with true classes, in predicted and in true masks, on known and on new objects.
+    """Compare predicted with true classes. Masks are predicted and true ones, objects known and new ones.
 
     The description beside a classifier's weights lists its training data. An image of an object from the training data
     is object-closed, one of a new object is object-disjoint; other images are left out. Training and test must not
@@ -295,7 +298,7 @@ def surface(
     workers: Workers = None,
     as_json: AsJson = False,
 ) -> None:
-    """Compare oriented points of 77 GHz captures with the object's true surface: F-score, precision, recall, normals.
+    """Compare oriented points of captures with true surfaces. Of 77 GHz: F-score, precision, recall, normals.
 
     For scenes of the virtual rig, whose objects' shapes are known, with captures (keep = "captures" or "raw" in the
     recipe). Two baselines on the same captures: voxels above 0.3 of the maximum, and of each column the voxel where the
@@ -329,7 +332,7 @@ def pose(
     workers: Workers = None,
     as_json: AsJson = False,
 ) -> None:
-    """Compare poses found in 77 GHz captures with the true ones: ADD, ADD-S, turn, place, success, coverage.
+    """Compare poses found in captures with the true ones. Of 77 GHz: ADD, ADD-S, turn, place, success, coverage.
 
     For scenes of the virtual rig, whose objects' shapes are known, with captures (keep = "captures" or "raw" in the
     recipe). Meshes are handed over turned at random. A baseline puts each object upright at the brightest place. Writes

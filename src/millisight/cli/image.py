@@ -9,7 +9,7 @@ import typer
 from millisight.cli.console import complain, end_with_failures, in_options, say, summed_up
 from millisight.cli.grids import outline_mesh, parse_bytes
 from millisight.cli.image_steps import ImageSettings, check_stated, image_of, large_image_of, oddities
-from millisight.cli.options import DataFolder, RadarChoice
+from millisight.cli.options import DataFolder, RadarChoice, checked_window
 from millisight.cli.outputs import check_outputs, folders_of_many, is_folder, named, of_folder, output_path
 from millisight.cli.sources import Source, sources
 from millisight.core import (
@@ -183,6 +183,7 @@ def image(
     """
     if colormap is not None or plot is not None or slices is not None:
         checked_colormap(colormap)
+    checked_window(window)
     check_known("--clock", clock, _CLOCKS)
     check_known("--focus", focus, _FOCUSES)
     if clutter is not None:

@@ -1,14 +1,16 @@
 """Shared by the commands on images: finding images, choosing a segmenter, working through a list."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
+from millisight.cli.bands import check_band, check_named
 from millisight.cli.console import complain, end_with_failures, in_options, progress, say, summed_up, warn
 from millisight.core import check_known, files_under, printable
-from millisight.core.errors import FileError, FormatError, InputError, MillisightError
-from millisight.data import SarImage
+from millisight.core.errors import FileError, FormatError, InputError, MillisightError, UnknownNameError
+from millisight.data import Capture, SarImage
 from millisight.io.mito import EMPTY_SCENES, RADARS, SIGHTS, object_of
 from millisight.perception.segmentation import Segmenter, segmenter
 
@@ -36,6 +38,7 @@ class ImageSource:
     condition : "los" or "nlos"
     other : image file of the other band; None: no such image
     folder : default folder of the outputs
+    asked : of a file that was named alone, the radar that it must be of; None: any
     """
 
     path: Path
@@ -43,14 +46,24 @@ class ImageSource:
     condition: str
     other: Path | None
     folder: Path
+    asked: str | None = None
 
     def output(self, suffix: str, folder: Path | None = None) -> Path:
         """Path of an output in `folder`; None: in the default folder."""
         return (self.folder if folder is None else folder) / f"{self.name}{suffix}"
 
     def images(self) -> tuple[SarImage, SarImage | None]:
-        """The image and that of the other band. Raises FileError, FormatError, DamagedFileError."""
-        return read_as(SarImage, self.path), None if self.other is None else read_as(SarImage, self.other)
+        """The image and that of the other band.
+
+        Raises
+        ------
+        FileError, FormatError, DamagedFileError
+        InputError
+            The image is of another radar than the one asked for.
+        """
+        image = read_as(SarImage, self.path)
+        check_band(self.path, self.asked, image.frequency)
+        return image, None if self.other is None else read_as(SarImage, self.other)
 
 
 def image_sources(
@@ -75,7 +88,8 @@ def image_sources(
     FileError
         A path does not exist, or holds no image.
     InputError, UnknownNameError
-        The options contradict each other, or two images have the same name.
+        The options contradict each other, two images have the same name, there is no such radar, or a file lies in
+        the folder of another.
     """
     if condition is not None:
         check_known("--condition", condition, SIGHTS)
@@ -100,6 +114,17 @@ def check_single(found: Sequence[ImageSource], **options: object) -> None:
     if len(found) > 1 and any(value is not None for value in options.values()):
         names = " and ".join(f"--{name.replace('_', '-')}" for name in options)
         raise InputError(f"{names} work with a single image, and {len(found)} were given; pass one image")
+
+
+@contextmanager
+def about(path: Path) -> Iterator[None]:
+    """What cannot be done within says which file it is about, where it does not yet."""
+    try:
+        yield
+    except InputError as error:
+        if printable(path.name) in str(error):
+            raise
+        raise error.at(printable(path)) from error
 
 
 def one_by_one(
@@ -167,14 +192,18 @@ def read_as(kind: type[T], path: Path) -> T:
 
     record = read_published(path).record if path.suffix.lower() == ".pkl" else load(path)
     if not isinstance(record, kind):
-        raise FormatError(f"{printable(path)} holds a {type(record).__name__}; expected a {kind.__name__}")
+        instead = f"expected a {kind.__name__}"
+        if isinstance(record, Capture) and kind is SarImage:
+            instead += ": `millisight image` makes one of it"
+        raise FormatError(f"{printable(path)} holds a {type(record).__name__}; {instead}")
     return record
 
 
 def _under(path: Path, radar: str | None, condition: str | None, *, multispectral: bool) -> list[ImageSource]:
     """Images at a path; an error if there are none."""
     if not path.is_dir():
-        return [_source(path, condition, multispectral=multispectral)]
+        check_named(path, radar, (path.resolve().parent.name,))
+        return [replace(_source(path, condition, multispectral=multispectral), asked=radar)]
     every = files_under(path)
     files = [file for file in every if _is_image(file) and not _passed_over(file.relative_to(path))]
     others = _of_other_names(path, every)
@@ -182,6 +211,8 @@ def _under(path: Path, radar: str | None, condition: str | None, *, multispectra
         files = [file for file in files if file.parent.name == "77_ghz"]
     elif radar is not None:
         files = [file for file in files if file.parent.name == radar]
+    if not files and radar not in (None, *RADARS):
+        raise UnknownNameError("radar", radar, RADARS)
     if not files:
         wanted = "" if radar is None and not multispectral else f" of the {radar or '77_ghz'} radar"
         raise FileError(

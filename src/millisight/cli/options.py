@@ -1,12 +1,16 @@
 """Options that several commands share."""
 
+from collections.abc import Collection
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from millisight.core import check_known
+from millisight.core.errors import InputError
 from millisight.io.mito import SIGHTS
+
+_SAM_DEVICES = ("cpu", "cuda")
 
 # Commands on images or captures
 
@@ -30,7 +34,10 @@ SupportHeight = Annotated[
     ),
 ]
 FalseAlarms = Annotated[float, typer.Option(help="Probability that a voxel of noise alone is taken for a surface.")]
-RadarChoice = Annotated[str | None, typer.Option(help="Use only this radar of each experiment: 77_ghz or 24_ghz.")]
+RadarChoice = Annotated[
+    str | None,
+    typer.Option(help="Use only this radar of each experiment: 77_ghz or 24_ghz. A file of another one is refused."),
+]
 Multispectral = Annotated[
     bool, typer.Option("--multispectral", help="Pair each 77 GHz image of an experiment with its 24 GHz image.")
 ]
@@ -58,6 +65,32 @@ ExperimentNumber = Annotated[
     int | None, typer.Option("--experiment", min=0, help="Use only experiments with this number.")
 ]
 Workers = Annotated[int | None, typer.Option(min=1, help="Number of processes. [default: one per core, at most eight]")]
+
+
+def check_sam_device(device: str, methods: Collection[str | None]) -> None:
+    """Refuse a device that is not known, or that none of the segmenters uses.
+
+    Raises
+    ------
+    InputError, UnknownNameError
+    """
+    check_known("device", device, _SAM_DEVICES)
+    if device != "cpu" and "sam" not in methods:
+        raise InputError(f"--device {device} is for --method sam, and others run on the CPU; leave --device out")
+
+
+def checked_window(name: str | None) -> str | None:
+    """The window of that name; None for "none". Refused before any work.
+
+    Raises
+    ------
+    UnknownNameError
+    """
+    from millisight.imaging import WINDOWS
+
+    if name is not None:
+        check_known("window", name, ("none", *WINDOWS))
+    return None if name == "none" else name
 
 
 def checked_sight(sight: str | None) -> str | None:

@@ -13,12 +13,13 @@ from millisight.cli.image_sources import (
     MASK_SUFFIX,
     VOLUME_SUFFIX,
     ImageSource,
+    about,
     check_single,
     image_sources,
     named_segmenter,
     one_by_one,
 )
-from millisight.cli.options import Images, Multispectral, RadarChoice, SamDevice
+from millisight.cli.options import Images, Multispectral, RadarChoice, SamDevice, check_sam_device
 from millisight.cli.outputs import check_outputs, folders_of_many, is_folder, of_folder, output_path
 from millisight.cli.segment_outputs import (
     entry,
@@ -175,6 +176,7 @@ def segment(
     """
     if instances and volume:
         raise InputError("--instances gives masks of pixels, and --volume a mask of voxels; pass one of them")
+    check_sam_device(device, (method,))
     with json_only(as_json):
         found = image_sources(
             images, radar=radar, condition=condition, multispectral=multispectral, other_band=other_band
@@ -281,7 +283,8 @@ def segment(
         with json_only(as_json):
             output = of_folder(output) if any(map(is_folder, images)) else output
             if len(found) == 1 and not is_folder(output):
-                noted(found[0], output or found[0].output(suffix))
+                with about(found[0].path):
+                    noted(found[0], output or found[0].output(suffix))
                 return
             (folder,) = folders_of_many(output, count=len(found))
             one_by_one(

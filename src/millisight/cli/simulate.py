@@ -11,7 +11,7 @@ from millisight.cli.console import SMALL, length, optional_length, progress, say
 from millisight.cli.outputs import check_outputs
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.data import Radar, Scene, Trajectory, radar_names
-from millisight.imaging import combine, grid_around, sampling
+from millisight.imaging import checked_alpha, combine, grid_around, sampling
 from millisight.simulation import (
     SCATTERING_MODELS,
     ScatteringModel,
@@ -19,6 +19,7 @@ from millisight.simulation import (
     aperture_over,
     check_coverage,
     check_noise,
+    check_spreading,
     parameters_of,
     scattering_model,
 )
@@ -123,6 +124,9 @@ def simulate(
     check_outputs(records=(output,), figures=(plot,), source=Path(mesh))
     if snr_db is not None:
         check_noise(snr_db, seed)
+    if alpha is not None:
+        checked_alpha(alpha)
+    check_spreading(spreading)
     chosen = Radar.preset(radar)
     models = _models(model, {name: value for name, value in parameters.items() if value is not None})
     where = _Aperture(aperture, step, height, chosen)  # what is wrong is said now, not after the mesh's work

@@ -7,9 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
+from millisight.cli.bands import check_band, check_named
 from millisight.cli.console import progress
 from millisight.core import SPEED_OF_LIGHT, check_readable, files_under, printable
-from millisight.core.errors import FileError, FormatError, InputError, MillisightError
+from millisight.core.errors import FileError, FormatError, InputError, MillisightError, UnknownNameError
 from millisight.data import Capture, RawScan, Trajectory
 
 CAPTURE_SUFFIX = ".capture.h5"
@@ -38,12 +39,14 @@ class Source:
     name : name of the outputs, without suffix
     radar : radar folder of an experiment, "77_ghz" or "24_ghz"; None: not an experiment
     folder : default folder of the outputs
+    asked : of a file that was named alone, the radar that it must be of; None: any
     """
 
     path: Path
     name: str
     radar: str | None
     folder: Path
+    asked: str | None = None
 
     def files(self, data: Path | None) -> list[Path]:
         """The files that are read for it, as far as they are there; `data` as of `opened`."""
@@ -63,8 +66,14 @@ class Source:
         Raises
         ------
         FileError, InputError, UnknownNameError
-            The file cannot be read: see the readers.
+            The file cannot be read: see the readers; or it is of another radar than the one asked for.
         """
+        with self._read(data, label, as_published=as_published) as found:
+            check_band(self.path, self.asked, found.capture.radar.waveform.center_frequency)
+            yield found
+
+    @contextmanager
+    def _read(self, data: Path | None, label: str, *, as_published: bool) -> Iterator[Opened]:
         if self.radar is not None:
             from millisight.io.mito import read_experiment
 
@@ -104,6 +113,8 @@ def sources(paths: list[Path], radar: str | None = None) -> list[Source]:
     ------
     FileError
         A path does not exist, or holds nothing that can be imaged.
+    InputError, UnknownNameError
+        Two captures have the same name; there is no such radar, or a file is of another.
     """
     found: list[Source] = []
     for path in paths:
@@ -119,19 +130,24 @@ def _under(path: Path, radar: str | None) -> list[Source]:
     if not path.is_dir():
         path = check_readable(path)
         stem = path.name.removesuffix(".h5").removesuffix(".capture") if path.suffix == ".h5" else path.stem
-        return [Source(path, stem, None, path.parent)]
+        check_named(path, radar, (stem, path.resolve().parent.name))
+        return [Source(path, stem, None, path.parent, radar)]
     from millisight.datasets import experiments_under
     from millisight.io.description import description_in
+    from millisight.io.mito import RADARS
 
     described = description_in(path)
     if described is not None:
-        return [Source(described, path.resolve().name, None, path)]
+        check_named(described, radar, ())
+        return [Source(described, path.resolve().name, None, path, radar)]
     experiments = experiments_under(path)
     found = [Source(raw.folder, raw.name, raw.radar, Path()) for raw in experiments if radar in (None, raw.radar)]
     found += _converted(path, radar)
     found += _simulated(path, radar)
     if not found:
         found = _captures_in(path, radar)
+    if not found and radar not in (None, *RADARS):
+        raise UnknownNameError("radar", radar, {*RADARS, *map(_radar_of, _capture_files(path))})
     if not found:
         wanted = "" if not experiments else f" of the {radar} radar"
         raise FileError(
@@ -157,12 +173,21 @@ def _converted(folder: Path, radar: str | None) -> list[Source]:
 def _captures_in(folder: Path, radar: str | None) -> list[Source]:
     """Captures in a folder or in those below it, as `millisight collect` writes with `layout = "captures"`."""
     found = []
-    for path in [*sorted(folder.glob(f"*{CAPTURE_SUFFIX}")), *sorted(folder.glob(f"*/*{CAPTURE_SUFFIX}"))]:
-        name = path.name.removesuffix(CAPTURE_SUFFIX)
+    for path in _capture_files(folder):
+        name = _radar_of(path)
         if radar in (None, name):
             within = "" if path.parent == folder else f"{path.parent.name}."
             found.append(Source(path, within + name, None, path.parent))
     return found
+
+
+def _capture_files(folder: Path) -> list[Path]:
+    return [*sorted(folder.glob(f"*{CAPTURE_SUFFIX}")), *sorted(folder.glob(f"*/*{CAPTURE_SUFFIX}"))]
+
+
+def _radar_of(path: Path) -> str:
+    """The radar that a capture in a folder is of: `millisight collect` names the file by it."""
+    return path.name.removesuffix(CAPTURE_SUFFIX)
 
 
 def _simulated(folder: Path, radar: str | None) -> list[Source]:

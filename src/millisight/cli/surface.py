@@ -8,9 +8,9 @@ import typer
 
 from millisight.cli.console import SMALL, answer_json, json_only, optional_length, progress, say
 from millisight.cli.grids import check_memory, parse_grid
-from millisight.cli.image_sources import read_as
+from millisight.cli.image_sources import image_sources
 from millisight.cli.image_steps import one_capture, tell_sheets
-from millisight.cli.options import DataFolder, FalseAlarms, RadarChoice, SheetClutter, SupportHeight
+from millisight.cli.options import DataFolder, FalseAlarms, RadarChoice, SheetClutter, SupportHeight, checked_window
 from millisight.cli.outputs import check_outputs
 from millisight.core import atomic_path, check_known, checked_colormap, printable
 from millisight.core.errors import InputError, UnknownNameError
@@ -94,7 +94,7 @@ def surface(
         ),
     ] = False,
 ) -> None:
-    """Make a mesh of the surface that a radar saw, with its uncertainty; what it did not see stays open.
+    """Make a mesh of the surface that a radar saw. What it did not see stays open.
 
     Of a capture, the delay of each echo tells where the surface is, to fractions of a millimetre, and where the echo
     comes to tells its normal. Of an image alone, the phase tells the normals and the maximum of |I| the place: rounded
@@ -112,6 +112,7 @@ def surface(
     Example: millisight surface mug.image.h5 -o mug.ply
     """
     check_known("--clutter", clutter, CLUTTER)
+    tapered = checked_window(window)
     if depth is not None and depth.suffix.lower() not in _DEPTHS:
         raise UnknownNameError("depth map format", depth.suffix or depth.name, _DEPTHS)
     step = optional_length(spacing, option="--spacing", metres=SMALL)
@@ -134,7 +135,7 @@ def surface(
             raise InputError("--complete asks which antennas saw the object; pass a capture, not an image")
         found = _points(
             opened, grid, clutter=clutter, false_alarms=false_alarms, frequency=frequency,
-            window=None if window == "none" else window, support=rests_on,
+            window=tapered, support=rests_on,
         )  # fmt: skip
         tell_sheets(found.metadata, clutter)
         say(f"{len(found)} oriented points")
@@ -152,7 +153,7 @@ def surface(
         else:
             _write(to, made)
         say(
-            f"{made.metadata['patches']} patches, {1e4 * made.mesh.area:.1f} cm², standard deviation "
+            f"{_patches(made.metadata['patches'])}, {1e4 * made.mesh.area:.1f} cm², standard deviation "
             f"{1e3 * float(np.median(made.sigma)):.2f} mm in the median"
         )
         say(f"wrote {to}")
@@ -175,13 +176,18 @@ def surface(
         })  # fmt: skip
 
 
+def _patches(count: int) -> str:
+    return f"{count} patch{'' if count == 1 else 'es'}"
+
+
 def _opened(source: Path, radar: str | None, data: Path | None) -> tuple[Capture | SarImage, str]:
     """The image or the capture, in memory, and a name for its outputs."""
     if source.suffix.lower() in (".h5", ".hdf5") or source.name.startswith("processed_image"):
         from millisight.io import provenance
 
         if source.suffix.lower() == ".pkl" or provenance(source)["record"] == "SarImage":
-            return read_as(SarImage, source), source.name.removesuffix(source.suffix).removesuffix(".image")
+            (found,) = image_sources([source], radar=radar)
+            return found.images()[0], source.name.removesuffix(source.suffix).removesuffix(".image")
     return one_capture(source, radar, data)
 
 

@@ -92,7 +92,7 @@ class Trajectory:
         231
         """
         steps = checked_numbers(step, name="step", count=2, repeat=True, unit="m", above=0)
-        extents = checked_numbers(size, name="size", count=2, repeat=True, unit="m", minimum=0)
+        extents = checked_numbers(size, name="aperture size", count=2, repeat=True, unit="m", minimum=0)
         middle = checked_numbers(center, name="center", count=3, unit="m")
         interval = checked_number(interval, name="interval", unit="s", above=0)
         counts = [float(np.floor(e / s * (1 + 1e-9))) + 1 for e, s in zip(extents, steps, strict=True)]

@@ -15,7 +15,7 @@ from millisight.core.errors import MillisightError
 from millisight.data import TriangleMesh
 from millisight.datasets._manifest import checksum
 from millisight.datasets.generation import MeshFile, Recipe
-from millisight.meshes import CATALOGUE, build_object, catalogue_name, find_scans, load_mesh
+from millisight.meshes import CATALOGUE, build_object, catalogue_name, find_scans, load_mesh, mesh_of_table
 
 logger = logging.getLogger(__name__)
 
@@ -126,7 +126,7 @@ def _placed_scan(scan: TriangleMesh, shape: TriangleMesh, name: str) -> Triangle
 
 def _own(file: MeshFile, folder: str) -> DatasetObject:
     try:
-        mesh = load_mesh(Path(folder) / file.path, unit=file.unit)
+        mesh = mesh_of_table(Path(folder) / file.path, unit=file.unit)
     except MillisightError as error:
         raise error.at("files") from error
     mesh = mesh.moved(translation=-mesh.bounds.mean(axis=0))

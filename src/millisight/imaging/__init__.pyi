@@ -5,6 +5,7 @@ from ._autofocus import autofocus as autofocus
 from ._backprojection import path_bounds as path_bounds
 from ._backprojection import range_steering as range_steering
 from ._clutter import crop_slices as crop_slices
+from ._combine import checked_alpha as checked_alpha
 from ._combine import combine as combine
 from ._exact import image_at as image_at
 from ._floor import FLOOR_BINS as FLOOR_BINS

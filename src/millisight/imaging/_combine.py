@@ -33,9 +33,7 @@ def combine(specular: SarImage | Capture, edge: SarImage | Capture, alpha: tuple
     InputError
         The two do not match, or the weights are invalid.
     """
-    a1, a2 = checked_numbers(alpha, name="alpha", count=2, minimum=0)
-    if not a1 + a2 > 0:
-        raise InputError("alpha is (0, 0); expected at least one weight above zero")
+    a1, a2 = checked_alpha(alpha)
     weights = np.float32(a1 / (a1 + a2)), np.float32(a2 / (a1 + a2))
     if isinstance(specular, SarImage) and isinstance(edge, SarImage):
         metadata = with_step(specular.metadata, "combine", alpha=[a1, a2], edge=dict(edge.metadata))
@@ -53,6 +51,14 @@ def combine(specular: SarImage | Capture, edge: SarImage | Capture, alpha: tuple
     raise InputError(
         f"combine got {type(specular).__name__} and {type(edge).__name__}; expected two images or two captures"
     )
+
+
+def checked_alpha(alpha: tuple[float, float]) -> tuple[float, float]:
+    """The weights of specular and edge echoes; `InputError` before any work where nothing can be combined by them."""
+    a1, a2 = checked_numbers(alpha, name="alpha", count=2, minimum=0)
+    if not a1 + a2 > 0:
+        raise InputError("alpha is (0, 0); expected at least one weight above zero")
+    return a1, a2
 
 
 def _same_setup(a: Capture, b: Capture) -> bool:

@@ -143,7 +143,7 @@ def check_tolerance(tolerance: float) -> float:
     if not _TOLERANCES[0] <= value <= _TOLERANCES[1]:
         raise InputError(
             f"tolerance is {value:g}; expected {_TOLERANCES[0]:g} to {_TOLERANCES[1]:g}, an image's relative error: "
-            'for less use method="exact"'
+            'for less, use method="exact"'
         )
     return value
 

@@ -9,6 +9,7 @@ from ._catalogue import find_scans as find_scans
 from ._catalogue import object_name as object_name
 from ._load import FORMATS as FORMATS
 from ._load import load_mesh as load_mesh
+from ._load import mesh_of_table as mesh_of_table
 from ._mask_surface import mask_surface as mask_surface
 from ._rays import LIFT as LIFT
 from ._rays import RayCaster as RayCaster

@@ -7,6 +7,7 @@ closed parts facing outward. What had to be mended is said in one line on the lo
 import io
 import logging
 import os
+import re
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -64,7 +65,7 @@ def load_mesh(
         check_known("unit of length", unit, UNITS)
     if isinstance(source, str | os.PathLike):
         path = Path(source)
-        name, scene = printable(path.name), _read(path)
+        name, scene = printable(path), _read(path)
     else:
         name, scene = f"the {type(source).__name__}", source
     vertices, faces, stated = _flattened(scene, name)
@@ -72,6 +73,15 @@ def load_mesh(
         stated = 1.0  # by the specification of glTF 2.0, section 3.4
     vertices, faces = _mended(vertices, faces, name)
     return TriangleMesh(vertices=vertices * _scale(vertices, unit, stated, name), faces=faces)
+
+
+def mesh_of_table(path: Path, *, unit: str | None) -> TriangleMesh:
+    """As `load_mesh`, for a mesh that a table of a TOML file names: errors about its unit name the table's key."""
+    try:
+        return load_mesh(path, unit=unit)
+    except MeshError as error:
+        said = re.sub(r"\b[Pp]ass unit=", "in its table, write unit=", str(error)).replace("? in its", "? In its")
+        raise MeshError(re.sub(r"\bunit='(\w+)'", r'unit = "\1"', said).replace("unit=...", "unit = ...")) from error
 
 
 def _read(path: Path) -> Any:
@@ -86,7 +96,7 @@ def _read(path: Path) -> Any:
         raise UnknownNameError("mesh format", suffix or path.name, FORMATS)
     if (size := path.stat().st_size) > _LARGEST_FILE:
         raise MeshError(
-            f"{printable(path.name)} has {size / 1e9:.1f} GB; expected a mesh of at most {_LARGEST_FILE / 1e9:.1f} GB: "
+            f"{printable(path)} has {size / 1e9:.1f} GB; expected a mesh of at most {_LARGEST_FILE / 1e9:.1f} GB: "
             "reduce it, since a radar image needs some ten thousand triangles"
         )
     try:
@@ -103,18 +113,18 @@ def _read(path: Path) -> Any:
     except ImportError as error:
         # trimesh looks for a package to guess the encoding: the file is no text, after it was no binary mesh.
         raise MeshError(
-            f"{printable(path.name)} is neither text nor a whole binary {suffix.upper()}; export it again"
+            f"{printable(path)} is neither text nor a whole binary {suffix.upper()}; export it again"
         ) from error
     except Exception as error:  # each of trimesh's readers fails in its own way
         raise MeshError(
-            f"{printable(path.name)} cannot be read as {suffix.upper()} "
+            f"{printable(path)} cannot be read as {suffix.upper()} "
             f"({type(error).__name__}: {_one_line(error)}): it is truncated, damaged, or of another format; "
             "export it again"
         ) from error
     found = sum(len(getattr(part, "faces", ())) for part in scene.geometry.values())
     if not found or found < declared:
         raise MeshError(
-            f"{printable(path.name)} gives {found} faces{f' of {declared}' if declared else ''}; expected a surface in "
+            f"{printable(path)} gives {found} faces{f' of {declared}' if declared else ''}; expected a surface in "
             f"{suffix.upper()} format: it is empty, truncated, or of another format; export it again as triangles"
         )
     return scene

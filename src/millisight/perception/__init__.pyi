@@ -17,6 +17,7 @@ from ._cleaned import lids_taken_before as lids_taken_before
 from ._cleaned import sheets_in as sheets_in
 from ._cleaned import taken_db as taken_db
 from ._cleaned import without_sheets as without_sheets
+from ._networks import check_weights as check_weights
 from ._networks import open_network as open_network
 from ._networks import read_description as read_description
 from ._networks import run_network as run_network

@@ -6,7 +6,7 @@ import json
 import logging
 import os
 import warnings
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import suppress
 from functools import cache
@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from millisight.core import atomic_path, check_readable, checked_path, printable, write_text
-from millisight.core.errors import DamagedFileError, FileError, FormatError
+from millisight.core.errors import DamagedFileError, FileError, FormatError, UnknownNameError
 from millisight.perception._onnx_nodes import operators
 
 if TYPE_CHECKING:
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 INPUT, OUTPUT = "channels", "logits"
 """Names in the ONNX files."""
 
+_HDF5 = b"\x89HDF\r\n\x1a\n"  # how such a file begins
 _MOST_WEIGHTS = 1 << 26  # bytes
 _MOST_DESCRIPTION = 1 << 24
 _MOST_DIGITS = 18  # of a whole number
@@ -66,6 +67,35 @@ def read_description(path: str | os.PathLike[str], *keys: str) -> dict[str, Any]
     if not isinstance(held["sha256"], str):
         raise DamagedFileError(f"{printable(path)}: sha256 is {held['sha256']!r}; expected the weights' as text")
     return held
+
+
+def check_weights(path: str | os.PathLike[str], torch_suffixes: Collection[str]) -> None:
+    """Refuse a file that cannot hold weights, by its suffix or its first bytes, before a package is asked for.
+
+    Parameters
+    ----------
+    torch_suffixes : of weights that torch saved; others are ONNX
+
+    Raises
+    ------
+    UnknownNameError
+        The suffix is not that of weights.
+    FormatError
+        It is an HDF5 file, as our images and masks are: torch's own never are, whatever their suffix.
+    """
+    path = checked_path(path)
+    suffix = path.suffix.lower()
+    if suffix not in (".onnx", *torch_suffixes):
+        raise UnknownNameError("kind of weights", path.name, (".onnx", *torch_suffixes))
+    if not path.is_file():
+        return  # who reads it says so
+    with open(check_readable(path), "rb") as file:
+        start = file.read(len(_HDF5))
+    if start == _HDF5:
+        raise FormatError(
+            f"{printable(path)} is an HDF5 file, such as an image or a mask, and holds no weights; expected .onnx, or "
+            f"what torch saved ({', '.join(torch_suffixes)})"
+        )
 
 
 def weights_version(path: str | os.PathLike[str] | None) -> tuple[int, ...]:

@@ -9,6 +9,7 @@ from ._models import parameters_of as parameters_of
 from ._models import scattering_model as scattering_model
 from ._noise import add_noise as add_noise
 from ._noise import check_noise as check_noise
+from ._simulate import check_spreading as check_spreading
 from ._simulate import simulate as simulate
 from ._steps import lattice as lattice
 from ._steps import needed_step as needed_step

@@ -58,7 +58,7 @@ def aperture_over(
     if size is None and wide.max() > _WIDEST:
         raise InputError(
             f"the scene is {wide[0]:.3g} m x {wide[1]:.3g} m wide with its margin; expected {_WIDEST:g} m at most "
-            "for an aperture of its size: remove stray vertices, check the unit, or pass size"
+            "for an aperture of its size: remove stray vertices, check the unit, or state the aperture's size"
         )
     size, middle = (wide[0], wide[1]) if size is None else size, (x, y, z + height)
     if step is not None:

@@ -66,7 +66,7 @@ def simulate(
     checked_record(scene, Scene, name="scene")
     checked_record(radar, Radar, name="radar")
     checked_record(trajectory, Trajectory, name="trajectory")
-    check_known("spreading law", spreading, SPREADINGS)
+    check_spreading(spreading)
     kernels = _kernels_on(device)
     if snr_db is not None:
         check_noise(snr_db, rng)
@@ -111,6 +111,11 @@ def simulate(
         radar=radar, trajectory=trajectory, frames=frames, metadata=with_step(metadata, "simulate", **settings)
     )
     return capture if snr_db is None else add_noise(capture, snr_db=snr_db, rng=rng)
+
+
+def check_spreading(name: str) -> None:
+    """Refuse a spreading law that is not known, before any work; `UnknownNameError`."""
+    check_known("spreading law", name, SPREADINGS)
 
 
 def _kernels_on(device: str) -> Any:

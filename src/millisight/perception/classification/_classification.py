@@ -8,7 +8,7 @@ from typing import Any, Literal, Protocol, get_args, runtime_checkable
 from millisight.core import Registry, check_known, checked_path, checked_record
 from millisight.core.errors import InputError
 from millisight.data import Mask, Prediction, SarImage
-from millisight.perception import HIGH_BAND, LOW_BAND, Condition, weights_version, without_sheets
+from millisight.perception import HIGH_BAND, LOW_BAND, Condition, check_weights, weights_version, without_sheets
 
 
 @runtime_checkable
@@ -71,10 +71,15 @@ def classifier(method: Method | str = "network", **options: Any) -> Classifier:
     Raises
     ------
     UnknownNameError
-        There is no such classifier.
+        There is no such classifier, or the suffix of the weights is not that of any.
     InputError
         A plug-in's is no `Classifier`.
+    FormatError
+        The weights are an HDF5 file, as images and masks are.
     """
+    weights = options.get("weights")
+    if weights is not None and method in get_args(Method):
+        check_weights(weights, TORCH_SUFFIXES)
     if (
         isinstance(method, str)
         and method == "network"

@@ -8,7 +8,7 @@ import numpy as np
 from millisight.core import box, rotation_from_euler_deg
 from millisight.core.errors import CoverageError, InputError, MillisightError
 from millisight.data import LAYERED, Layer, TriangleMesh, VoxelGrid, material_named
-from millisight.meshes import ObjectPart, RayCaster, build_parts, load_mesh
+from millisight.meshes import ObjectPart, RayCaster, build_parts, mesh_of_table
 from millisight.rig.virtual._published import image_grid
 from millisight.rig.virtual._shading import ShadedMeshes
 from millisight.rig.virtual._world import Carton, World, WorldObject
@@ -59,7 +59,7 @@ def _parts(item: WorldObject, folder: str) -> tuple[ObjectPart, ...]:
     if item.object is not None:
         parts = build_parts(item.object)
     else:
-        mesh = load_mesh(Path(folder) / str(item.mesh), unit=item.unit)
+        mesh = mesh_of_table(Path(folder) / str(item.mesh), unit=item.unit)
         parts = (part_of(item.name, mesh, "metal"),)
     if item.material is None:
         return parts
