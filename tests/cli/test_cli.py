@@ -143,6 +143,14 @@ def test_help_teaches_with_an_example(tmp_path):
     assert (code, out.strip()) == (0, ms.__version__)
 
 
+@pytest.mark.parametrize("group", [(), ("dataset",), ("rig",), ("calibrate",), ("evaluate",), ("train",)])
+def test_the_help_has_a_whole_sentence_for_each_command(group, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    _, _, listed = run_here(*group, "--help")[1].partition("Commands:\n")
+    assert len(listed.splitlines()) > 1
+    assert "..." not in listed
+
+
 def damaged(solid, **changes):
     vertices, faces = changes.get("vertices", solid.vertices), changes.get("faces", solid.faces)
     return trimesh.Trimesh(vertices=vertices, faces=faces, process=False)

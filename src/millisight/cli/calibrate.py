@@ -23,7 +23,8 @@ app: typer.Typer = Commands(
     no_args_is_help=True,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
-    help="Measure how the devices of a rig sit on its arm, and how the radar's channels answer, with uncertainties.\n\n"
+    help="Measure how the devices of a rig sit on its arm. Of a radar, it also tells how its channels "
+    "answer. Each value has its uncertainty.\n\n"
     "Start with a scan of a metal sphere or a corner reflector (radar), or with millisight rig photo (camera).",
 )
 
@@ -52,7 +53,7 @@ def camera(
         typer.Option("-o", "--output", metavar="FILE.toml", help="Also write the [camera] lines to this file."),
     ] = None,
 ) -> None:
-    """Find where the camera sits on the arm, from pictures of a checkerboard: hand-eye calibration.
+    """Find where the camera sits on the arm: hand-eye calibration. It needs pictures of a checkerboard.
 
     Lens and focal length are taken from poses.toml; where it has none, they are found from the pictures too. ± is one
     standard deviation.
@@ -183,7 +184,7 @@ def radar(
     data: DataFolder = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print what is written as one JSON document.")] = False,
 ) -> None:
-    """Fit a radar's mount, path offset and channel gains to a scan of one known target.
+    """Fit a radar's mount, path offset and channel gains. They are fitted to a scan of one known target.
 
     The target stands alone, or is by far the brightest within some range cells: a metal sphere or a corner reflector on
     foam or absorber. An error of its place becomes one of the offset, one of a sphere's radius twice one of the path

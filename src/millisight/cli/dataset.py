@@ -42,7 +42,7 @@ app: typer.Typer = Commands(
     no_args_is_help=True,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
-    help="Work with the published dataset (MITO), or with your own data in its layout: list, check, convert, download."
+    help="List, check, convert and download datasets. They are the published one (MITO), or your own in its layout."
     "\n\nStart with: millisight dataset download MITO_Dataset --object 004_sugar_box",
 )
 
@@ -58,7 +58,7 @@ def list_(
     incomplete: Annotated[bool, typer.Option("--incomplete", help="List only objects with missing files.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Write the full list of files as JSON.")] = False,
 ) -> None:
-    """List the objects of a dataset, what is missing, and which images its authors leave out. No file is opened.
+    """List the objects of a dataset, and what is missing. Tells which images its authors leave out. No file is opened.
 
     Example: millisight dataset list MITO_Dataset --incomplete
     """
@@ -85,7 +85,7 @@ def info(
         typer.Argument(metavar="FOLDER...", help="Folder of an object, or los or nlos of an experiment."),
     ],
 ) -> None:
-    """Describe every file of an object or an experiment, and what is missing.
+    """Describe the files of an object or an experiment. Tells what is missing, too.
 
     Example: millisight dataset info MITO_Dataset/004_sugar_box/robot_collected/0_0_90/exp1/los
     """
@@ -101,7 +101,7 @@ def info(
 
 @app.command("verify")
 def verify(root: Root, objects: Objects = None, workers: Workers = None) -> None:
-    """Open every file and report damaged and missing ones; compare checksums for a converted dataset.
+    """Open every file and report damaged and missing ones. Checksums are compared for a converted dataset.
 
     The exit code is 1 if there is a problem. Notes do not count.
 
@@ -135,7 +135,7 @@ def convert(
     ] = None,
     workers: Workers = None,
 ) -> None:
-    """Convert a dataset to HDF5: images, masks, camera frames, and raw captures with their poses.
+    """Convert a dataset to HDF5. Images, masks, camera frames, and raw captures with their poses are converted.
 
     Run it again to continue after an interruption or to add new files: finished files are kept. A file that fails does
     not stop the rest; the exit code is 1 if any failed.

@@ -71,7 +71,7 @@ def push(
         bool, typer.Option("--dry-run", help="Print the dataset card and what would be pushed; send nothing.")
     ] = False,
 ) -> None:
-    """Push a dataset made here to the Hugging Face Hub, with a card that says what is simulated, and how.
+    """Push a dataset made here to the Hugging Face Hub. Its card says what is simulated, and how.
 
     Log in first: `hf auth login`. With a URL, push it to an object store, byte for byte. Run it again to continue after
     an interruption: what is there is not sent again.

@@ -47,7 +47,9 @@ the radar. Edge echoes come from edges, which scatter in every direction. Their 
 def demo(
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write to.")] = Path("demo"),
 ) -> None:
-    """Image a mug, a wrench and a box at 77 and 24 GHz, then scissors in a shut carton, and explain the pictures.
+    """Image a few objects, and explain the pictures.
+
+    A mug, a wrench and a box are imaged at 77 and 24 GHz, then scissors in a shut carton.
 
     Example: millisight demo -o demo && xdg-open demo/index.html
     """

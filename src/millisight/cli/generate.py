@@ -44,7 +44,7 @@ def generate(
         bool, typer.Option("--dry-run", help="Check the recipe, print the jobs and their cost, and write nothing.")
     ] = False,
 ) -> None:
-    """Make a dataset from a recipe: captures by the virtual rig, images by the paper's simulator, or both.
+    """Make a dataset from a recipe. It has captures by the virtual rig, images by the paper's simulator, or both.
 
     The recipe is checked and the cost printed before the work begins. Run it again to continue after an interruption:
     finished jobs are kept. A job that fails does not stop the rest; the exit code is 1 if any failed. The same recipe

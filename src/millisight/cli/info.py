@@ -46,7 +46,7 @@ def info(
         ),
     ] = False,
 ) -> None:
-    """Describe files: record, size, radar, provenance; for raw radar files also the sample order found in the data.
+    """Describe files: record, size, radar and provenance. Of raw radar files, tell also the sample order found in them.
 
     Settings of a .bin file that are not given as options come from a .cfg or .json in its folder, or from the data.
     Settings that do not fit the data cause a warning.

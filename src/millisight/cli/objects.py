@@ -21,7 +21,7 @@ def objects(
         ),
     ] = False,
 ) -> None:
-    """List the objects of the catalogue, which `simulate` and worlds know by name: class, size and materials.
+    """List the objects of the catalogue: class, size and materials. `simulate` and worlds know them by name.
 
     Example: millisight objects --class can
     """

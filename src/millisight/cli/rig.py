@@ -22,8 +22,8 @@ app: typer.Typer = Commands(
     no_args_is_help=True,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
-    help="Work with real devices: an arm or a gantry, radars and a camera, as a rig file names them; or with emulators "
-    "of them, which need no hardware.\n\nStart with: millisight rig emulate examples/worlds/mug.toml -o rig.toml",
+    help="Work with real devices, or with emulators of them. A rig file names an arm or a gantry, radars and a camera; "
+    "emulators need no hardware.\n\nStart with: millisight rig emulate examples/worlds/mug.toml -o rig.toml",
 )
 
 RigPath = Annotated[Path, typer.Argument(metavar="RIG.toml", help="Rig file: devices, mounts, limits and scan.")]
@@ -31,7 +31,7 @@ RigPath = Annotated[Path, typer.Argument(metavar="RIG.toml", help="Rig file: dev
 
 @app.command()
 def check(rig: RigPath) -> None:
-    """Talk to each device, and print how it is, what is wrong, and what to do.
+    """Talk to each device. Prints how it is, what is wrong, and what to do.
 
     Exit code 1 if a device cannot be used.
 
@@ -58,7 +58,7 @@ def move(
         int | None, typer.Option(min=1, help="Number of rows to move over. [default: all]", show_default=False)
     ] = None,
 ) -> None:
-    """Move the arm over the rows of the scan, with the radars off: a dry run.
+    """Move the arm over the rows of the scan, with the radars off.
 
     Example: millisight rig move rig.toml --rows 2
     """
@@ -81,7 +81,7 @@ def photo(
         Path, typer.Option("-o", "--output", metavar="FOLDER", help="Folder of the pictures, made where it is missing.")
     ] = Path("board"),
 ) -> None:
-    """Take one picture where the arm is now, and save it with the pose: for `millisight calibrate camera`.
+    """Take one picture where the arm is now, and save it with the pose. `millisight calibrate camera` needs several.
 
     Nothing is moved. Turn the arm by its pendant or by hand between calls. The radars may be off.
 
@@ -133,7 +133,8 @@ def script(
         ),
     ] = None,
 ) -> None:
-    """Write the Lua script with which mmWave Studio runs a radar that has start_file: xWR12xx and xWR14xx boards.
+    """Write the Lua script with which mmWave Studio runs a radar. The radar is one that has start_file: an xWR12xx or
+    xWR14xx board.
 
     Example: millisight rig script rig.toml -o radar.lua
     """
@@ -185,7 +186,7 @@ def emulate(
         bool, typer.Option("--no-browser", help="With --live: do not open a browser window, print the address.")
     ] = False,
 ) -> None:
-    """Start emulators of an arm, and of a TI radar with its DCA1000, and write the rig file that leads to them.
+    """Start emulators of an arm, and of a TI radar with its DCA1000. Writes the rig file that leads to them.
 
     They speak the devices' protocols over real sockets and a serial line of this computer, and share one virtual world.
     Scan with them in one go:

@@ -121,7 +121,7 @@ def released(
     split: Annotated[str, typer.Option(help="Published split. [default: the newest]", show_default=False)] = "",
     device: Device = "cpu",
 ) -> None:
-    """Train the paper's network as its authors did, on the simulated images of the published dataset.
+    """Train the paper's network as its authors did. It is trained on the simulated images of the published dataset.
 
     Writes final_weights.h5, a torch state dict as theirs, which `evaluate classification --weights` takes. It has 68
     million weights: on a CPU a batch of 512 takes minutes. Every 20 batches a checkpoint of 0.8 GB is written; run it

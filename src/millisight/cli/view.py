@@ -74,7 +74,7 @@ def view(
         typer.Option(help="Write one HTML file that opens in any browser without network, and exit."),
     ] = None,
 ) -> None:
-    """Show images in the browser as points, slices or a volume; several images stand side by side and rotate together.
+    """Show images in the browser as points, slices or a volume. Several images stand side by side and rotate together.
 
     Drag to rotate, scroll to zoom, drag with the right button to pan; press ? for the keys. The panel sets threshold,
     colours, slices, limits and weights, takes a screenshot and saves a page to share. The page's address keeps the
