@@ -201,6 +201,26 @@ def test_a_mask_beside_the_image_is_taken_unless_another_or_a_segmenter_is_named
 
 
 @pytest.mark.slow
+def test_a_mask_of_another_image_is_not_taken_unless_it_is_named(mug, run, tmp_path, monkeypatch):
+    monkeypatch.setattr("millisight.cli.classify._DEFAULT_METHOD", "classical")  # which is quick
+    assert run("mug.image.h5", "--method", "classical", "--no-picture", command="segment")[0] == 0
+    kept, first = (tmp_path / "mug.mask.h5").read_bytes(), ms.load("mug.image.h5")
+    small = ms.VoxelGrid(x=GRID.x[:-1], y=GRID.y, z=GRID.z)
+    for other, why in (
+        (replace(first, values=first.values[::-1]), "is of another image"),
+        (ms.SarImage(grid=small, values=first.values[:-1]), "has other pixels than the image"),
+    ):
+        ms.save("mug.image.h5", other)
+        code, out, _, _ = run("mug.image.h5")
+        assert code == 0
+        assert f"mug.mask.h5 {why}; segmenting anew" in out
+        assert "(mask: classical)" in out
+    ms.save("mug.image.h5", replace(first, values=first.values[::-1]))
+    assert "(mask: mug.mask.h5)" in run("mug.image.h5", "--mask", "mug.mask.h5")[1]
+    assert (tmp_path / "mug.mask.h5").read_bytes() == kept
+
+
+@pytest.mark.slow
 def test_a_dataset_is_gone_through_and_what_failed_is_said_at_the_end(dataset, run, tmp_path):
     code, out, err, _ = run("MITO_Dataset", "--method", "classical", "-o", "named")
     assert code == 1

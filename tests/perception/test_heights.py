@@ -137,6 +137,11 @@ class Everything:
         return Candidates(masks=picture.power[None] > 0.05, scores=np.ones(1))
 
 
+def test_a_support_above_the_whole_image_is_refused():
+    with pytest.raises(InputError, match=r"support is 3 m, above the whole image, whose z is"):
+        ms.segment(image_of(), method=Everything(), support=3.0)
+
+
 def test_segment_leaves_out_what_does_not_rise_above_the_support():
     image = image_of({"stand": SUPPORT, "tall": -0.25})
     assert ms.segment(image, method=Everything()).inside[PIXELS["stand"]].all()

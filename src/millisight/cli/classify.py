@@ -20,9 +20,10 @@ from millisight.cli.image_sources import (
 from millisight.cli.options import Images, Multispectral, RadarChoice
 from millisight.cli.outputs import check_outputs, folders_of_many, is_folder, of_folder, output_path
 from millisight.cli.segment import Condition, OtherBand, PromptSeed, mask_of
+from millisight.cli.segment_outputs import fingerprint
 from millisight.core import printable, write_text
 from millisight.core.errors import FileError, FormatError, InputError
-from millisight.data import Instances, Mask
+from millisight.data import Instances, Mask, SarImage, grid_difference
 from millisight.io import load
 from millisight.io.mito import origin, read_published
 
@@ -110,6 +111,8 @@ def classify(
     by = named_segmenter(method or _DEFAULT_METHOD)
     notes: set[str] = set()
 
+    tell = complain if as_json else say
+
     def one(source: ImageSource, to: Path | None) -> "list[Prediction]":
         drawn = None if to is None or no_picture else to.with_suffix(".png")
         described = None if weights is None else weights.with_suffix(".json")
@@ -118,6 +121,9 @@ def classify(
         pictures = _pictures_of(drawn, max(len(masks), 1))
         check_outputs(to, *pictures, source=source.path, others=(source.other, described))
         image, other = source.images()
+        if path is not None and mask is None and (why := _not_of(path, masks[0], image)):
+            tell(f"{printable(path)} {why}; segmenting anew: the file stays as it is")
+            path = None
         if path is None:
             segmented = mask_of(source, image, other, by, seed=seed)
             masks = [segmented.mask]
@@ -179,7 +185,7 @@ def classify(
         lambda source: one(source, None if folder is None else source.output(_SUFFIX, folder)),
         verb="classify",
         past="classified",
-        tell=complain if as_json else say,
+        tell=tell,
     )
 
 
@@ -243,12 +249,25 @@ def _published_masks(source: ImageSource, masks: Path) -> list[Path]:
     return [path if below else masks / origin(path) for path in beside]
 
 
-def _made_by(path: Path) -> Mapping[str, Any]:
-    """How the mask of a file was made, where `segment` or `annotate` wrote it."""
+def _not_of(path: Path, mask: Mask, image: SarImage) -> str:
+    """Why a mask that lies beside an image is not of it, as where another image has taken its name; "" if it may be."""
+    if grid_difference(mask.grid_xy, image.grid.xy):
+        return "has other pixels than the image"
+    made_of = _segmentation(path).get("fingerprint")
+    return "is of another image" if made_of is not None and made_of != fingerprint(image) else ""
+
+
+def _segmentation(path: Path) -> Mapping[str, Any]:
+    """What `segment` or `annotate` wrote beside the mask of a file."""
     from millisight.io import load_extras
 
     held = None if path.suffix.lower() == ".pkl" else load_extras(path).get("segmentation")
-    known = held if isinstance(held, dict) else {}
+    return held if isinstance(held, dict) else {}
+
+
+def _made_by(path: Path) -> Mapping[str, Any]:
+    """How the mask of a file was made."""
+    known = _segmentation(path)
     return {key: known.get(key) for key in ("method", "score", "condition", "seed")}
 
 

@@ -207,7 +207,7 @@ def segment(
             source, image, other, by, seed=seed, prompts=given, values=values, largest=share, support=height
         )
         drawn_by = None if given is not None else seed
-        told = provenance_of(segmented, source, by, seed=drawn_by, values=values, support=height)
+        told = provenance_of(segmented, image, source, by, seed=drawn_by, values=values, support=height)
         if volume:
             return *in_depth(source, to, image, segmented, told), drawn
         covered = segmented.picture.covered

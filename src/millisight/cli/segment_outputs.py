@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -104,14 +105,21 @@ def entry(
     }  # fmt: skip
 
 
+def fingerprint(image: SarImage) -> str:
+    """Of the values of an image: tells whether a mask was made of these or of others."""
+    return sha256(np.ascontiguousarray(image.values)).hexdigest()
+
+
 def provenance_of(
-    found: Segmented, source: ImageSource, by: Segmenter, *, seed: int | None, values: str, support: float | None
-) -> dict[str, Any]:
-    """How a mask was made."""
+    found: Segmented, image: SarImage, source: ImageSource, by: Segmenter, *, seed: int | None, values: str,
+    support: float | None,
+) -> dict[str, Any]:  # fmt: skip
+    """How a mask of an image was made."""
     from millisight.io.mito import origin
 
     return {
         "image": origin(source.path),
+        "fingerprint": fingerprint(image),
         "other_band": None if source.other is None else origin(source.other),
         "method": by.name,
         "score": found.score,

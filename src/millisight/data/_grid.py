@@ -38,7 +38,9 @@ def grid_difference(one: "PixelGrid | VoxelGrid", other: "PixelGrid | VoxelGrid"
     for name in "xyz" if isinstance(one, VoxelGrid) and isinstance(other, VoxelGrid) else "xy":
         axes = getattr(one, name), getattr(other, name)
         if len(axes[0]) != len(axes[1]) or np.abs(axes[0] - axes[1]).max() > within:
-            return f"{name}: {_told(axes[0])}, and {_told(axes[1])}"
+            told = [_told(axis) for axis in axes]
+            apart = f", {abs(axes[0] - axes[1]).max():.2g} m apart" if told[0] == told[1] else ""
+            return f"{name}: {told[0]}, and {told[1]}{apart}"
     return ""
 
 

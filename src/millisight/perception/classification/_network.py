@@ -70,7 +70,7 @@ def classifier_input(image: SarImage, mask: Mask, *, other_band: SarImage | None
     check_mask_of(mask, image)
     grid = image.grid.xy
     if not mask.inside.any():
-        raise InputError("the mask is empty, and there is nothing to classify; segment the image again")
+        raise InputError("the mask is empty: nothing was found, or marked, that could be classified")
     x, y = canvas_axes(grid)
     along_x, along_y = resampling_weights(grid.x, x), resampling_weights(grid.y, y)
     inside = along_x @ mask.inside.astype(np.float32) @ along_y.T

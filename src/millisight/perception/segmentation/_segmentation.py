@@ -200,6 +200,19 @@ class Segmented:
         return Mask(grid_xy=self.picture.grid_xy, inside=self.inside)
 
 
+def _check_support(picture: Picture) -> None:
+    """Raise InputError where everything lies below the support: a sign or a unit was forgotten."""
+    image, support = picture.image, picture.support
+    if image is None or support is None or image.seen_from == "below":
+        return
+    if support >= image.grid.z[-1]:
+        low, high = image.grid.z[[0, -1]]
+        raise InputError(
+            f"support is {support:.4g} m, above the whole image, whose z is {low:.4g} to {high:.4g} m; expected the height "
+            "of what the object stands on"
+        )
+
+
 def _check_bands(image: SarImage | None, other_band: SarImage | None) -> None:
     """Refuse another band that is the same or the higher one, as far as the images tell theirs."""
     here, there = (None if one is None else one.frequency for one in (image, other_band))
@@ -245,7 +258,8 @@ def find_mask(
     ------
     InputError
         The picture is the same everywhere; prompts are needed, and there are neither prompts nor `rng`; none can be
-        drawn (see `power_prompts`); every mask is too large; or the other band is not the lower one.
+        drawn (see `power_prompts`); every mask is too large; the other band is not the lower one; or the support lies
+        above the whole image.
     UnknownNameError
         No such condition.
     """
@@ -255,6 +269,7 @@ def find_mask(
         picture = replace(picture, covered=True)
     if support is not None:
         picture = replace(picture, support=checked_number(support, name="support", unit="m"))
+        _check_support(picture)
         if picture.image is not None and not picture.covered:
             bare = without_support(picture.image, support)
             if bare is not picture.image:
