@@ -11,6 +11,8 @@ import trimesh
 import millisight as ms
 from helpers import posed
 from helpers.commands import run_here
+from millisight.cli.locate import _remarks, _rows
+from millisight.data import Located, Pose
 from millisight.meshes import load_mesh
 
 VOXELS = "-5cm:5cm:3mm,-5cm:5cm:3mm,-3cm:3cm:5mm"
@@ -73,12 +75,35 @@ def test_poses_are_told_written_and_drawn(stage, here, tmp_path, monkeypatch):
     assert "oriented points" in err
 
 
-@pytest.mark.slow
-def test_of_one_mesh_the_probability_is_not_taken_for_the_poses(stage, here, monkeypatch):
-    monkeypatch.setattr("millisight.geometry.locate", partial(ms.locate, turns=600))
-    code, out, err, _ = here("--mesh", str(stage / "bracket.stl"), "--unit", "mm")
-    assert code == 0, err
-    assert "the probability says that it is this mesh rather than none" in out
+def pose_of(name, weight):
+    return Pose(
+        name=name, rotation=np.eye(3), translation=np.zeros(3), middle=np.zeros(3), covariance=1e-6 * np.eye(6),
+        free_axes=np.empty((0, 3)), score=0.6, explained=0.6, shown=0.6, weight=weight, symmetry="no symmetry",
+    )  # fmt: skip
+
+
+def located(*poses):
+    points = ms.data.PointCloud(points=np.zeros((1, 3)))
+    shares = {one.name: 0.9 / len(poses) for one in poses} | {"none of them": 0.1}
+    return Located(poses=poses, probabilities=shares, points=points)
+
+
+def test_of_one_mesh_the_probability_is_not_taken_for_the_poses():
+    alone, two = located(pose_of("mug", 0.9)), located(pose_of("mug", 0.9), pose_of("bowl", 0.9))
+    assert "probability" not in _rows(alone)[0]
+    assert len(_rows(alone)) == 2
+    assert "one mesh alone does not tell whether it is this object" in _remarks(alone, support=None)[0]
+    assert _rows(two)[0][1] == "probability"
+    assert _rows(two)[-1][:2] == ("none of them", "10 %")
+    assert {len(row) for row in (*_rows(alone), *_rows(two))} == {10, 11}
+
+
+def test_a_pose_among_many_as_good_is_said_to_be_unsure():
+    assert not any("other poses" in remark for remark in _remarks(located(pose_of("mug", 0.3)), support=None))
+    told = " ".join(_remarks(located(pose_of("mug", 0.08)), support=None))
+    assert "other poses agree nearly as well, this one has 8 % of them all" in told
+    assert "--support" in told
+    assert "--support" not in " ".join(_remarks(located(pose_of("mug", 0.08)), support=-0.3))
 
 
 @pytest.mark.slow

@@ -15,6 +15,8 @@ from millisight.core.errors import InputError, UnknownNameError
 from millisight.data import Located, TriangleMesh
 from millisight.imaging import CLUTTER
 
+_UNCLEAR = 0.25  # share of all poses below which the best may be far off
+
 
 def locate(
     source: Annotated[
@@ -60,7 +62,7 @@ def locate(
         ),
     ] = False,
     plot: Annotated[
-        Path | None, typer.Option(help="Also plot the points over the mesh where it was found, from three sides.")
+        Path | None, typer.Option(help="Also plot the mesh where it was found, and the points on it, from three sides.")
     ] = None,
     radar: RadarChoice = None,
     data: DataFolder = None,
@@ -129,10 +131,8 @@ def locate(
             title = printable(f"{name}: {best.name}, score {best.score:.2f}")
             save_figure(found.plot(meshes[best.name], title=title), plot)
             say(f"wrote {plot}")
-        if found.best is None:
-            say("most probably it is none of the meshes")
-        elif len(meshes) == 1:
-            say("the probability says that it is this mesh rather than none; how sure the pose is, ± says")
+        for remark in _remarks(found, support=floor):
+            say(remark)
     if as_json:
         answer_json({"source": str(source)} | found.to_dict())
     else:
@@ -152,20 +152,39 @@ def _meshes(given: list[str], unit: str | None) -> dict[str, TriangleMesh]:
     return found
 
 
+def _remarks(found: Located, *, support: float | None) -> list[str]:
+    """What to know of the table."""
+    best, made = found.poses[0], []
+    if found.best is None:
+        made.append("most probably it is none of the meshes")
+    elif len(found.poses) == 1:
+        made.append("one mesh alone does not tell whether it is this object: add --mesh for others that it may be")
+    if best.weight < _UNCLEAR:
+        advice = "; tell the height of what it lies on by --support, which often decides" if support is None else ""
+        made.append(
+            f"{best.name}: other poses agree nearly as well, this one has {100 * best.weight:.0f} % of them all and may "
+            f"be far off, farther than ± says{advice}"
+        )
+    return [*made, "x, y, z are those of the mesh's middle; its turn is in the file"]
+
+
 def _rows(found: Located) -> list[tuple[str, ...]]:
-    """The table of the poses."""
-    rows: list[tuple[str, ...]] = [
-        ("mesh", "probability", "x [mm]", "y [mm]", "z [mm]", "± [mm]", "± [°]", "score", "points explained", "shown")
-    ]
+    """The table of the poses; probabilities where there is more than one mesh."""
+    several = len(found.poses) > 1 or found.best is None
+    rows: list[tuple[str, ...]] = [(
+        "mesh", *(["probability"] if several else []), "x [mm]", "y [mm]", "z [mm]", "± [mm]", "± [°]", "of all poses",
+        "score", "points explained", "shown",
+    )]  # fmt: skip
     for pose in found.poses:
         rows.append((
-            printable(pose.name), f"{100 * found.probabilities[pose.name]:.0f} %",
+            printable(pose.name), *([f"{100 * found.probabilities[pose.name]:.0f} %"] if several else []),
             *(f"{1e3 * one:.1f}" for one in pose.place), f"{1e3 * pose.place_sigma:.1f}", f"{pose.turn_sigma_deg:.1f}",
-            f"{pose.score:.2f}", f"{100 * pose.explained:.0f} %", f"{100 * pose.shown:.0f} %",
+            f"{100 * pose.weight:.0f} %", f"{pose.score:.2f}", f"{100 * pose.explained:.0f} %",
+            f"{100 * pose.shown:.0f} %",
         ))  # fmt: skip
     for name, share in found.ranking:
-        if all(name != pose.name for pose in found.poses):
-            rows.append((printable(name), f"{100 * share:.0f} %", *[""] * 8))
+        if several and all(name != pose.name for pose in found.poses):
+            rows.append((printable(name), f"{100 * share:.0f} %", *[""] * 9))
     return rows
 
 

@@ -208,8 +208,8 @@ def _check_support(picture: Picture) -> None:
     if support >= image.grid.z[-1]:
         low, high = image.grid.z[[0, -1]]
         raise InputError(
-            f"support is {support:.4g} m, above the whole image, whose z is {low:.4g} to {high:.4g} m; expected the height "
-            "of what the object stands on"
+            f"support is {support:.4g} m, above the whole image, whose z is {low:.4g} to {high:.4g} m; expected the "
+            "height of what the object stands on"
         )
 
 
