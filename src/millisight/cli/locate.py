@@ -162,8 +162,8 @@ def _remarks(found: Located, *, support: float | None) -> list[str]:
     if best.weight < _UNCLEAR:
         advice = "; tell the height of what it lies on by --support, which often decides" if support is None else ""
         made.append(
-            f"{best.name}: other poses agree nearly as well, this one has {100 * best.weight:.0f} % of them all and may "
-            f"be far off, farther than ± says{advice}"
+            f"{best.name}: other poses agree nearly as well, this one has {100 * best.weight:.0f} % of them all and "
+            f"may be far off, farther than ± says{advice}"
         )
     return [*made, "x, y, z are those of the mesh's middle; its turn is in the file"]
 
