@@ -107,7 +107,7 @@ def entry(
 
 def fingerprint(image: SarImage) -> str:
     """Of the values of an image: tells whether a mask was made of these or of others."""
-    return sha256(np.ascontiguousarray(image.values)).hexdigest()
+    return sha256(image.values.tobytes()).hexdigest()
 
 
 def provenance_of(
