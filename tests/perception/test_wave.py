@@ -15,21 +15,25 @@ import pytest
 from helpers.whole_scenes import drawn_sheet, object_parts, whole_scene
 from millisight import segment
 from millisight.core.errors import DamagedFileError, FileError, FormatError, InputError
-from millisight.data import Picture, Prompts, SarImage, VoxelGrid
+from millisight.data import Picture, Prompts, Radar, SarImage, Scene, Trajectory, VoxelGrid
+from millisight.imaging import form_image, grid_around
 from millisight.meshes import CATALOGUE, build_object
-from millisight.perception import FLOOR_DB, power_levels, project, resampling_weights
+from millisight.perception import FLOOR_DB, canvas_power, power_levels, project, resampling_weights
 from millisight.perception.classification import CLASSIFIER_WEIGHTS
 from millisight.perception.segmentation import (
     PRESENCE_WEIGHTS,
     WAVE_CHANNELS,
+    WAVE_SIDE,
     WAVE_SLICES,
     WAVE_WEIGHTS,
     WaveSegmenter,
+    wave_input,
 )
 from millisight.perception.training import BANDS, SCENE_PARTS
 from millisight.perception.training._bands import DEPTH
 from millisight.perception.training._scenes import footprint
-from millisight.perception.training._segmenter import EXAMPLE_SIDE, example_of
+from millisight.perception.training._segmenter import example_of
+from millisight.simulation import simulate
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 DESCRIPTION = WAVE_WEIGHTS.with_suffix(".json")
@@ -63,22 +67,54 @@ def f1(mask, truth):
 
 
 @pytest.mark.parametrize("bands", ["77", "24", "both"])
-def test_it_finds_an_object_that_it_never_saw_with_either_band_or_both(wave, scene, bands):
-    assert scene.inside.sum() > 150
-    first, second = images(scene)
-    picture = project(second if bands == "24" else first, other_band=second if bands == "both" else None)
-    started = time.process_time()
-    found = wave.segment(picture)
-    assert time.process_time() - started < 1
+def test_it_finds_objects_that_it_never_saw_with_either_band_or_both(wave, scene, bands):
+    gains, recalls, seconds = [], [], 0.0
+    can, drill = (
+        object_parts("tomato_soup_can", seed=1, vertices=800),
+        object_parts("power_drill", seed=2, vertices=800),
+    )
+    for one in (scene, can, drill):
+        assert one.inside.sum() > 150
+        first, second = images(one)
+        picture = project(second if bands == "24" else first, other_band=second if bands == "both" else None)
+        started = time.process_time()
+        found = wave.segment(picture)
+        seconds = max(seconds, time.process_time() - started)
+        assert found.masks.shape[1:] == one.inside.shape
+        gains.append((f1(found.masks[0], one.inside), f1(np.ones_like(one.inside), one.inside)))
+        recalls.append(found.masks[0][one.inside].mean())
+        again = wave.segment(picture)
+        np.testing.assert_array_equal(found.masks, again.masks)
+        np.testing.assert_array_equal(found.scores, again.scores)
     # All of the picture would have an F1 of 0.3. Without noise it is unsure at 77 GHz alone: see its model card.
-    chance = f1(np.ones_like(scene.inside), scene.inside)
-    assert chance < 0.4
-    assert f1(found.masks[0], scene.inside) > max(0.45, chance + 0.1)
-    assert found.masks[0][scene.inside].mean() > (0.5 if bands == "77" else 0.8)
-    assert found.masks.shape[1:] == scene.inside.shape
-    again = wave.segment(picture)
-    np.testing.assert_array_equal(found.masks, again.masks)
-    np.testing.assert_array_equal(found.scores, again.scores)
+    mine, chance = np.transpose(gains)
+    assert (mine > chance + 0.1).all()
+    assert mine.mean() > max(0.45, chance.mean() + 0.1)
+    assert min(recalls) > (0.5 if bands == "77" else 0.8)
+    assert seconds < 1
+
+
+def test_a_small_image_is_filled_up_as_examples_are(wave, scene):
+    """The network normalises by means over all of its input: how much of it is empty is part of what it learned."""
+    power = canvas_power(images(scene)[0], scene.x, scene.y)
+    channels = wave_input(power, None)
+    across, along = scene.inside.shape
+    assert channels.shape[1:] == (WAVE_SIDE, WAVE_SIDE)
+    assert not channels[:, across:].any()
+    assert not channels[:, :, along:].any()
+    assert wave_input(np.ones((90, 30, 4), np.float32), None).shape[1:] == (96, WAVE_SIDE)
+
+
+@pytest.mark.slow
+def test_a_thin_tool_is_found_on_the_grid_that_nobody_names():
+    """2 cm around it. It was marked twice as wide as it is, with an F1 of 0.61, while small images were not filled."""
+    mesh = Scene.from_mesh("adjustable_wrench", rotate_deg=(0, 0, 20), vertices=2000)
+    lower, upper = mesh.mesh.bounds
+    center = (*((lower + upper)[:2] / 2), upper[2] + 0.2)
+    path = Trajectory.raster(size=tuple((upper - lower)[:2] + 0.1), step=0.002, center=center)
+    capture = simulate(mesh, Radar.preset("mito-sim-77ghz"), path)
+    image = form_image(capture, grid_around(capture, 0.0025))
+    assert f1(segment(image).inside, footprint(mesh.mesh, image.grid.x, image.grid.y)) > 0.66
 
 
 def test_gain_and_unit_of_the_image_do_not_matter(wave, scene):
@@ -271,7 +307,7 @@ def test_examples_follow_from_the_seed_and_keep_the_object_where_it_is(scene):
         np.testing.assert_array_equal(held, made)
     bright = []
     for example in examples:
-        assert example.channels.shape == (len(WAVE_CHANNELS), EXAMPLE_SIDE, EXAMPLE_SIDE)
+        assert example.channels.shape == (len(WAVE_CHANNELS), WAVE_SIDE, WAVE_SIDE)
         assert example.channels.min() >= 0
         assert example.channels.max() <= 1
         assert (example.channels[3 + WAVE_SLICES] == example.weight).all()

@@ -54,6 +54,13 @@ WAVE_CHANNELS = (
     "before", "taken",
 )  # fmt: skip
 
+WAVE_SIDE = 80
+"""Pixels of a training example along x and y; smaller inputs are filled up with 0, as examples are.
+
+The network normalises by means over its whole input (GroupNorm), so how much of it holds no image is part of what it
+learned: without this, masks in images that show 2 cm around a thin tool are twice as wide as the tool.
+"""
+
 _MULTIPLE = 8  # of the input's sides: the network halves them three times
 _OBJECT_PIXELS = 16
 _NO_POINTS = np.zeros((0, 2), int)
@@ -79,10 +86,12 @@ def wave_input(
 
     Returns
     -------
-    (C, A', B') float32, channels as `WAVE_CHANNELS`; A' and B' are the next multiples of 8, filled up with 0
+    (C, A', B') float32, channels as `WAVE_CHANNELS`; A' and B' are the next multiples of 8, `WAVE_SIDE` at least,
+    filled up with 0
     """
     across, along = power.shape[:2]
-    shape = len(WAVE_CHANNELS), *(-(-size // _MULTIPLE) * _MULTIPLE for size in (across, along))
+    sides = (max(-(-size // _MULTIPLE) * _MULTIPLE, WAVE_SIDE) for size in (across, along))
+    shape = len(WAVE_CHANNELS), *sides
     channels = np.zeros(shape, np.float32)
     inner = channels[:, :across, :along]
     inner[0] = projected_levels(power)

@@ -14,7 +14,7 @@ from millisight.core import check_known, checked_integer, checked_number, checke
 from millisight.core.errors import InputError
 from millisight.meshes import PUBLISHED_CLASSES
 from millisight.perception import FLOOR_DB, SPACING, power_levels
-from millisight.perception.segmentation import WAVE_CHANNELS, WAVE_SLICES, presence, wave_input
+from millisight.perception.segmentation import WAVE_CHANNELS, WAVE_SIDE, WAVE_SLICES, presence, wave_input
 from millisight.perception.training import _augmentation as augmentation
 from millisight.perception.training._loop import Schedule, run
 from millisight.perception.training._scenes import RANDOM_OBJECTS, SceneSettings
@@ -35,9 +35,6 @@ if TYPE_CHECKING:
 
 CUTS = tuple(round(0.1 + 0.05 * i, 2) for i in range(15))
 """Probabilities at which a mask might begin; the best by mean F2 on the validation scenes is taken."""
-EXAMPLE_SIDE = 80
-"""Pixels of an example along x and y."""
-
 _RECALL = 2  # beta of F2: a part of the object that is missed counts more than a rim that is not the object's
 _MISSED = 0.01  # of the objects may be taken for nothing
 _VIEWS = 1  # examples of each validation scene
@@ -135,7 +132,7 @@ class SegmenterRecipe:
 class SegmenterLesson:
     """Masks from channels; see `Lesson`."""
 
-    input_shape = len(WAVE_CHANNELS), EXAMPLE_SIDE, EXAMPLE_SIDE
+    input_shape = len(WAVE_CHANNELS), WAVE_SIDE, WAVE_SIDE
     free_axes, free_output_axes = {2: "a", 3: "b"}, {1: "a", 2: "b"}
 
     def __init__(self, recipe: SegmenterRecipe, scenes: TrainingScenes):
@@ -272,21 +269,21 @@ def example_of(scene: WholeScene, rng: np.random.Generator, *, close: float = 0.
 
 
 def _window(size: int, rng: np.random.Generator) -> slice:
-    """A part of an axis, at most `EXAMPLE_SIDE` pixels long."""
+    """A part of an axis, at most `WAVE_SIDE` pixels long."""
     low, high = (int(rng.integers(0, 4)) if rng.random() < 0.4 else 0 for _ in range(2))
-    length = min(size - low - high, EXAMPLE_SIDE)
+    length = min(size - low - high, WAVE_SIDE)
     start = low + int(rng.integers(0, size - low - high - length + 1))
     return slice(start, start + length)
 
 
 def _close_window(inside: np.ndarray, rng: np.random.Generator) -> tuple[slice, ...]:
-    """Of both axes of a mask (A, B) the part that shows it and up to 4 cm beside it, at most `EXAMPLE_SIDE` long."""
+    """Of both axes of a mask (A, B) the part that shows it and up to 4 cm beside it, at most `WAVE_SIDE` long."""
     parts = []
     for axis, size in enumerate(inside.shape):
         lit = np.flatnonzero(inside.any(axis=1 - axis))
         low, high = rng.integers(_CLOSEST, round(0.04 / SPACING) + 1, 2)
         start, stop = max(int(lit[0] - low), 0), min(int(lit[-1] + high) + 1, size)
-        parts.append(slice(start, min(stop, start + EXAMPLE_SIDE)))
+        parts.append(slice(start, min(stop, start + WAVE_SIDE)))
     return tuple(parts)
 
 
@@ -316,15 +313,15 @@ def _drawn(where: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarra
 
 
 def _placed(channels: np.ndarray, inside: np.ndarray, rng: np.random.Generator) -> SegmenterExample:
-    """The example on pixels of `EXAMPLE_SIDE`, 0 where it has no image."""
+    """The example on pixels of `WAVE_SIDE`, 0 where it has no image."""
     across, along = inside.shape
     a, b = (
-        int(rng.integers(0, (EXAMPLE_SIDE - size) // 8 + 1)) * 8 if rng.random() < 0.3 else 0
+        int(rng.integers(0, (WAVE_SIDE - size) // 8 + 1)) * 8 if rng.random() < 0.3 else 0
         for size in (across, along)
     )
-    held = np.zeros((len(channels), EXAMPLE_SIDE, EXAMPLE_SIDE), np.float32)
+    held = np.zeros((len(channels), WAVE_SIDE, WAVE_SIDE), np.float32)
     held[:, a : a + across, b : b + along] = channels[:, :across, :along]
-    truth, weight = np.zeros((2, EXAMPLE_SIDE, EXAMPLE_SIDE), np.float32)
+    truth, weight = np.zeros((2, WAVE_SIDE, WAVE_SIDE), np.float32)
     truth[a : a + across, b : b + along] = inside
     weight[a : a + across, b : b + along] = 1
     return SegmenterExample(held, truth, weight)
