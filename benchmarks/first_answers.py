@@ -2,13 +2,18 @@
 
     python benchmarks/first_answers.py
 
-Segments with `wave` and classifies, by 77 GHz alone and by both bands, in two poses each. Prints every answer, and how
-many sure ones are wrong. Simulated by the paper's physics, as the training was; most of these objects were not in it.
+Segments with `wave` and classifies, by 77 GHz alone and by both bands, in two poses each, on the grid that nobody
+names: 2 cm around each object. Prints every mask's F1 and every answer, the mean F1, how many are right, and how
+many sure ones wrong. Simulated by the paper's physics, as the training was; most of these objects were not in it.
 """
 
+import numpy as np
+
 import millisight as ms
+from millisight.evaluation import score_mask
 from millisight.imaging import grid_around
 from millisight.perception.classification import classifier, classify
+from millisight.perception.training._scenes import footprint
 
 OBJECTS = {
     "mug": "cup", "adjustable_wrench": "handle", "cracker_box": "box", "scissors": "handle", "golf_ball": "sphere",
@@ -28,18 +33,23 @@ def image_of(name: str, turn_deg: float, preset: str, step: float) -> ms.SarImag
 
 
 def main() -> None:
-    by, wrong, sure = classifier(), 0, 0
+    by, found_f1, right, sure, wrong = classifier(), [], 0, 0, 0
     for name, truth in OBJECTS.items():
         for turn in TURNS_DEG:
             image = image_of(name, turn, "iwr1443", 0.002)
             low = image_of(name, turn, "position2go", 0.006)
+            mesh, xy = ms.Scene.from_mesh(name, rotate_deg=(0, 0, turn)).mesh, image.grid.xy
+            under = ms.Mask(grid_xy=xy, inside=footprint(mesh, xy.x, xy.y))
             for bands, other in (("77 GHz", None), ("both", low)):
                 mask = ms.segment(image, other_band=other)
                 found = classify(image, mask, other_band=other, method=by)
+                f1 = score_mask(mask, under).f1
+                found_f1.append(f1)
+                right += found.label == truth
                 sure += found.sure
                 wrong += found.sure and found.label != truth
-                print(f"{name:18} {turn:3} {bands:7} {truth:7} {found!r}", flush=True)
-    print(f"sure: {sure} of {4 * len(OBJECTS)}, of which wrong: {wrong}")
+                print(f"{name:18} {turn:3} {bands:7} F1 {f1:.2f} {truth:7} {found!r}", flush=True)
+    print(f"mean F1 {np.mean(found_f1):.3f}; right: {right} of {len(found_f1)}; sure: {sure}, of which wrong: {wrong}")
 
 
 if __name__ == "__main__":

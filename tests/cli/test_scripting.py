@@ -72,6 +72,25 @@ def test_objects_are_listed(folder):
     assert "unknown --class 'cann'" in run_here("objects", "--class", "cann")[3]
 
 
+def test_an_object_of_the_catalogue_becomes_a_file(folder):
+    code, out, err, _ = run_here("objects", "mug", "-o", "mug.ply", "--json")
+    assert code == 0
+    assert [one["name"] for one in json.loads(out)["objects"]] == ["mug"]
+    assert "wrote mug.ply" in err
+    mesh = ms.meshes.load_mesh("mug.ply")
+    assert mesh.extent == pytest.approx(CATALOGUE["mug"].dimensions, abs=1e-6)
+    assert len(run_here("objects", "mug")[1].splitlines()) == 2
+    for options, told in (
+        (("mug", "-o", "mug.stl"), "Known: .ply"),
+        (("-o", "mug.ply"), "name it, as in: millisight objects mug -o mug.ply"),
+        (("mug", "--class", "can"), "leave one of them out"),
+        (("mugg",), "unknown object 'mugg'. Did you mean 'mug'?"),
+    ):
+        code, _, _, said = run_here("objects", *options)
+        assert code == 1
+        assert told in said
+
+
 def test_quiet_prints_what_was_asked_for_alone(folder):
     for command in ("segment one.image.h5 --method classical", "segment . --method classical -o masks"):
         code, out, err, _ = run_here(*command.split(), "--no-picture", "-q")

@@ -63,6 +63,18 @@ def image():
     return ms.SarImage(grid=GRID, values=values)
 
 
+def test_without_a_mask_what_is_found_is_classified(monkeypatch):
+    pytest.importorskip("onnxruntime")
+    shown, by = image(), Widths()
+    found = ms.segment(shown)
+    alone, with_mask = ms.classify(shown, method=by), ms.classify(shown, found, method=by)
+    np.testing.assert_array_equal(alone.probabilities, with_mask.probabilities)
+    nothing = ms.Mask(grid_xy=found.grid_xy, inside=np.zeros_like(found.inside))
+    monkeypatch.setattr("millisight.perception.segmentation.segment", lambda image, **options: nothing)
+    with pytest.raises(InputError, match="nothing was found in the image"):
+        ms.classify(shown, method=by)
+
+
 @pytest.fixture
 def plugin(monkeypatch):
     """Installs an entry point: (registry, name, name of a class of this module)."""

@@ -24,7 +24,6 @@ from helpers.printed import (
     locate_roughly,
     why_not,
     words_of,
-    write_mesh,
     write_recording,
     write_scan,
     write_scenes,
@@ -72,7 +71,6 @@ def test_the_readme_from_top_to_bottom(tmp_path, miniature, monkeypatch):
     pytest.importorskip("huggingface_hub", reason='needs huggingface_hub: pip install "millisight[hub]"')
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0}, raising=False)  # one process: no others to be started
-    write_mesh("mug.stl")
     write_recording("adc_data.bin")
     write_scan(tmp_path / "raw", tmp_path / "my_scan.toml")
     write_scenes(tmp_path / "DATASET")

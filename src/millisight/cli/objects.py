@@ -1,14 +1,25 @@
 """`millisight objects`: the catalogue."""
 
-from typing import Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from millisight.cli.console import answer_json, answer_table
+from millisight.cli.console import answer_json, answer_table, json_only, say
+from millisight.cli.outputs import check_outputs
 from millisight.core import check_known
+from millisight.core.errors import InputError, UnknownNameError
+
+if TYPE_CHECKING:
+    from millisight.meshes import CatalogueObject
 
 
 def objects(
+    name: Annotated[str | None, typer.Argument(metavar="NAME", help="List this object alone.")] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="FILE.ply", help="Write the mesh of the object NAME (PLY, metres)."),
+    ] = None,
     shape_class: Annotated[
         str | None, typer.Option("--class", metavar="NAME", help="List only objects of this class, such as can.")
     ] = None,
@@ -23,15 +34,29 @@ def objects(
 ) -> None:
     """List the objects of the catalogue: class, size and materials. `simulate` and worlds know them by name.
 
+    The class is one of the MITO paper's four, or other: so are cups and clamps, which the classifier knows.
+
     Example: millisight objects --class can
+
+    Example: millisight objects mug -o mug.ply
     """
-    from millisight.meshes import CATALOGUE
+    if output is not None and name is None:
+        raise InputError(f"-o writes the mesh of one object; name it, as in: millisight objects mug -o {output}")
+    if name is not None and shape_class is not None:
+        raise InputError(f"{name} is one object, and --class lists those of a class; leave one of them out")
+    if output is not None and output.suffix.lower() != ".ply":
+        raise UnknownNameError("mesh format", output.suffix or output.name, (".ply",))
+    check_outputs(output)
+    from millisight.meshes import CATALOGUE, build_object, write_mesh
 
     entries = list(CATALOGUE.values())
     classes = sorted({entry.shape_class for entry in entries})
     if shape_class is not None:
         check_known("--class", shape_class, classes)
         entries = [entry for entry in entries if entry.shape_class == shape_class]
+    if name is not None:
+        check_known("object", name, CATALOGUE)
+        entries = [CATALOGUE[name]]
     materials = [list(dict.fromkeys(material for _, material in entry.parts)) for entry in entries]
     if as_json:
         told = [
@@ -46,9 +71,17 @@ def objects(
             for entry, made in zip(entries, materials, strict=True)
         ]
         answer_json({"objects": told})
-        return
+    else:
+        answer_table(_rows(entries, materials))
+    if output is not None and name is not None:
+        write_mesh(output, build_object(name))
+        with json_only(as_json):
+            say(f"wrote {output}")
+
+
+def _rows(entries: list["CatalogueObject"], materials: list[list[str]]) -> list[tuple[str, ...]]:
     rows = [("name", "class", "size [cm]", "materials")]
     for entry, made in zip(entries, materials, strict=True):
         size = " x ".join(f"{100 * length:.1f}" for length in entry.dimensions)
         rows.append((entry.name, entry.shape_class, size, ", ".join(made)))
-    answer_table(rows)
+    return rows

@@ -91,19 +91,20 @@ def classifier(method: Method | str = "network", **options: Any) -> Classifier:
 
 def classify(
     image: SarImage,
-    mask: Mask,
+    mask: Mask | None = None,
     *,
     other_band: SarImage | None = None,
     condition: Condition | str = "los",
     method: Method | str | Classifier = "network",
     weights: str | os.PathLike[str] | None = None,
 ) -> Prediction:
-    """Classify the object under a mask.
+    """Classify the object under a mask, or the object that is found.
 
     Parameters
     ----------
     image : usually at 77 GHz
-    mask : on the pixels of the image, as from `segment`
+    mask : on the pixels of the image, as from `segment`; None: the one that `segment` finds with "wave", with the other
+        band if there is one, and under the same condition
     other_band : image of the same scene at the other frequency, or None
     condition : "nlos" where something is known to cover the scene: a lid that ends within it is then taken off, too;
         else "los"
@@ -117,14 +118,16 @@ def classify(
     Raises
     ------
     InputError
-        The mask is empty or on another grid, an image is 0 under it, or `weights` are given with a classifier.
+        The mask is empty or on another grid, nothing is found, an image is 0 under the mask, or `weights` are given
+        with a classifier.
     UnknownNameError
         No such method or condition.
     ImportError, DamagedFileError, FormatError, FileError
         See NetworkClassifier.
     """
     checked_record(image, SarImage, name="image")
-    checked_record(mask, Mask, name="mask")
+    if mask is not None:
+        checked_record(mask, Mask, name="mask")
     if other_band is not None:
         checked_record(other_band, SarImage, name="other_band")
     check_known("condition", condition, get_args(Condition))
@@ -135,6 +138,13 @@ def classify(
         raise InputError("weights go with a method's name; make the classifier with its weights, or pass its name")
     else:
         by = _checked(method)
+    if mask is None:
+        # A classifier may be used without any segmenter.
+        from millisight.perception.segmentation import segment
+
+        mask = segment(image, other_band=other_band, condition=condition)
+        if not mask.inside.any():
+            raise InputError("nothing was found in the image that could be classified; pass a mask where something is")
     if condition == "nlos" and getattr(by, "takes_sheets_off", False):
         image = without_sheets(image, frequency=HIGH_BAND, covered=True)
         other_band = None if other_band is None else without_sheets(other_band, frequency=LOW_BAND, covered=True)

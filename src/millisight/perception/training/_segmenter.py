@@ -316,8 +316,7 @@ def _placed(channels: np.ndarray, inside: np.ndarray, rng: np.random.Generator) 
     """The example on pixels of `WAVE_SIDE`, 0 where it has no image."""
     across, along = inside.shape
     a, b = (
-        int(rng.integers(0, (WAVE_SIDE - size) // 8 + 1)) * 8 if rng.random() < 0.3 else 0
-        for size in (across, along)
+        int(rng.integers(0, (WAVE_SIDE - size) // 8 + 1)) * 8 if rng.random() < 0.3 else 0 for size in (across, along)
     )
     held = np.zeros((len(channels), WAVE_SIDE, WAVE_SIDE), np.float32)
     held[:, a : a + across, b : b + along] = channels[:, :across, :along]
