@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from matplotlib.collections import PolyCollection
+from matplotlib.collections import LineCollection, PolyCollection
 
 import millisight as ms
 from millisight.viz import plot_points, plot_surface
@@ -28,6 +28,9 @@ def test_points_are_drawn_over_the_object():
     figure = plot_points(CLOUD, truth=[MESH])
     assert len(figure.axes) == 3
     assert all(len(axes.lines[0].get_xdata()) == 4 for axes in figure.axes)
+    outlined = [[one for one in axes.collections if isinstance(one, LineCollection)] for axes in figure.axes]
+    assert all(outlined)
+    assert not any(isinstance(one, LineCollection) for axes in plot_points(CLOUD).axes for one in axes.collections)
 
 
 def test_the_viewer_takes_points_of_a_ply_file_as_points(tmp_path):

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from millisight.core import checked_record
 from millisight.data import PointCloud, Surface, TriangleMesh
-from millisight.viz._panels import checked_colormap, styled
+from millisight.viz._panels import checked_colormap, draw_outline, styled
 
 _VIEWS = ((0, 1, 2, 1), (0, 2, 1, -1), (1, 2, 0, 1))  # right, up, towards the viewer, and from which end
 _TRUTH = "#b8bec4"
@@ -79,7 +79,7 @@ def plot_surface(
 
 @styled
 def plot_points(cloud: PointCloud, *, truth: Sequence[TriangleMesh] = (), title: str | None = None) -> Figure:
-    """Plot points seen along z, y and x, over the object's parts in grey.
+    """Plot points seen along z, y and x, over the object's parts in grey, their outlines in black.
 
     Parameters
     ----------
@@ -91,11 +91,13 @@ def plot_points(cloud: PointCloud, *, truth: Sequence[TriangleMesh] = (), title:
     corners = np.concatenate([mesh.vertices[mesh.faces].reshape(-1, 3) for mesh in truth] or [points])
     every = np.concatenate([points, corners])
     figure, panels = _views(every.min(axis=0), every.max(axis=0))
-    for axes, (right, up, _, _) in zip(panels, _VIEWS, strict=True):
+    for axes, (right, up, toward, _) in zip(panels, _VIEWS, strict=True):
         if truth:
             flat = corners.reshape(-1, 3, 3)[:, :, [right, up]]
             axes.add_collection(PolyCollection(list(flat), facecolors=_TRUTH, edgecolors="none"))
         axes.plot(points[:, right], points[:, up], ".", color=_POINT, markersize=2)
+        for mesh in truth:
+            draw_outline(axes, mesh, "xyz"[toward], color="black", inner=False)
     if title:
         figure.suptitle(title)
     return figure
