@@ -1,7 +1,7 @@
 """`millisight objects`: the catalogue."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -9,9 +9,6 @@ from millisight.cli.console import answer_json, answer_table, json_only, say
 from millisight.cli.outputs import check_outputs
 from millisight.core import check_known
 from millisight.core.errors import InputError, UnknownNameError
-
-if TYPE_CHECKING:
-    from millisight.meshes import CatalogueObject
 
 
 def objects(
@@ -72,16 +69,13 @@ def objects(
         ]
         answer_json({"objects": told})
     else:
-        answer_table(_rows(entries, materials))
+        sizes = [" x ".join(f"{100 * length:.1f}" for length in entry.dimensions) for entry in entries]
+        rows = [
+            (entry.name, entry.shape_class, size, ", ".join(made))
+            for entry, size, made in zip(entries, sizes, materials, strict=True)
+        ]
+        answer_table([("name", "class", "size [cm]", "materials"), *rows])
     if output is not None and name is not None:
         write_mesh(output, build_object(name))
         with json_only(as_json):
             say(f"wrote {output}")
-
-
-def _rows(entries: list["CatalogueObject"], materials: list[list[str]]) -> list[tuple[str, ...]]:
-    rows = [("name", "class", "size [cm]", "materials")]
-    for entry, made in zip(entries, materials, strict=True):
-        size = " x ".join(f"{100 * length:.1f}" for length in entry.dimensions)
-        rows.append((entry.name, entry.shape_class, size, ", ".join(made)))
-    return rows

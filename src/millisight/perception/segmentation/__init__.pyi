@@ -26,10 +26,10 @@ from ._segmentation import segmenter as segmenter
 from ._volume import VolumeSettings as VolumeSettings
 from ._volume import extend_mask as extend_mask
 from ._wave import PRESENCE_WEIGHTS as PRESENCE_WEIGHTS
-from ._wave import WAVE_CHANNELS as WAVE_CHANNELS
-from ._wave import WAVE_SIDE as WAVE_SIDE
-from ._wave import WAVE_SLICES as WAVE_SLICES
 from ._wave import WAVE_WEIGHTS as WAVE_WEIGHTS
 from ._wave import WaveSegmenter as WaveSegmenter
 from ._wave import presence as presence
-from ._wave import wave_input as wave_input
+from ._wave_input import WAVE_CHANNELS as WAVE_CHANNELS
+from ._wave_input import WAVE_SIDE as WAVE_SIDE
+from ._wave_input import WAVE_SLICES as WAVE_SLICES
+from ._wave_input import wave_input as wave_input
