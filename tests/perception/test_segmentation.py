@@ -79,6 +79,22 @@ def test_how_much_of_a_picture_a_mask_may_cover(picture, share):
     assert largest_share(picture) == pytest.approx(share, rel=1e-6)
 
 
+def test_a_mask_that_leaves_the_rim_free_may_cover_more():
+    """A box of 16 by 21 cm, 2 cm around it, fills 68 % of the picture: it was refused."""
+    small = regular(0.2, 0.25)
+    assert largest_share(small, inner=True) == 0.85
+    assert largest_share(regular(0.55, 0.60), inner=True) == pytest.approx(0.2)
+    box, background = np.zeros((2, *small.shape), dtype=bool)
+    box[1:-1, 1:-1] = True
+    box[1:-1, 1:5] = False
+    background[:, 4:] = True
+    assert 0.6 < box.mean() < background.mean() < 0.85
+    both = Candidates(masks=[background, box], scores=[1.0, 0.9])
+    found = chosen(both, largest=0.6, inner=0.85)
+    assert np.array_equal(found, box)
+    assert chosen(both, largest=0.6) is None
+
+
 def test_a_first_answer_that_fits_is_taken():
     by = Told([0.9, 0.1])
     found = find_mask(by, project(image()), rng=1)

@@ -51,7 +51,7 @@ def look_into_carton(output: Path) -> "PageItem":
     caption = (
         "Scissors in a carton whose lid is shut. Left: what a camera sees without the carton. Middle: with it. Right: "
         "the 77 GHz image through the lid, in decibels, the echo of the lid taken off, and the outline of the mask "
-        "that the segmenter found in the images of both bands. The scan is simulated by the virtual rig, which has "
+        "that the segmenter found in it. The scan is simulated by the virtual rig, which has "
         "other physics than the simulator: physical optics, layers of cardboard, noise, an arm that strays. Its raw "
         f"frames and their descriptions are in the folder {FOLDER}."
     )
@@ -68,12 +68,12 @@ def look_into_carton(output: Path) -> "PageItem":
 
 
 def _perceived(image: SarImage, other: SarImage) -> tuple[Mask | None, Prediction | None, str]:
-    """Mask and class; or why there are none."""
+    """Mask, by 77 GHz alone, as the picture shows, and class, by both bands; or why there are none."""
     from millisight.perception.classification import classify
     from millisight.perception.segmentation import segment
 
     try:
-        mask = segment(image, other_band=other, condition="nlos")
+        mask = segment(image, condition="nlos")
         if not mask.inside.any():
             return mask, None, "nothing was found"
         return mask, classify(image, mask, other_band=other, condition="nlos"), ""

@@ -37,7 +37,7 @@ Method = Literal["wave", "classical", "sam"]
 LARGEST_SHARE = 0.2
 """As published: a mask over more of the picture than this is no object's."""
 _PAPER_AREA = 0.55 * 0.60
-_BACKGROUND_SHARE = 0.6
+_BACKGROUND_SHARE, _MOST_SHARE = 0.6, 0.85  # of a picture, of a mask that reaches its rim, and of one that does not
 _APART = 1.5  # bands are at least so far apart, as a ratio
 _CONDITIONS = {"los": LOS, "nlos": NLOS}
 
@@ -133,31 +133,37 @@ def checked_segmenter(by: Any) -> Segmenter:
     return by
 
 
-def chosen(candidates: Candidates, *, largest: float = LARGEST_SHARE) -> np.ndarray | None:
+def chosen(candidates: Candidates, *, largest: float = LARGEST_SHARE, inner: float | None = None) -> np.ndarray | None:
     """(A, B) bool, the best mask that covers no more than `largest` of the picture; None where each covers more.
 
-    The paper's rule, for a picture as large as the paper's; `largest_share` has the number for others.
+    The paper's rule, for a picture as large as the paper's; `largest_share` has the number for others. A mask that
+    leaves the picture's rim free may cover `inner`, where that is given.
     """
-    index = _choice(candidates, largest)
+    index = _choice(candidates, largest, largest if inner is None else inner)
     return None if index is None else candidates.masks[index]
 
 
-def _choice(candidates: Candidates, largest: float) -> int | None:
-    fits = candidates.masks.mean(axis=(1, 2)) <= checked_number(largest, name="largest", above=0)
+def _choice(candidates: Candidates, largest: float, inner: float) -> int | None:
+    masks, shares = candidates.masks, candidates.masks.mean(axis=(1, 2))
+    at_rim = masks[:, [0, -1]].any(axis=(1, 2)) | masks[:, :, [0, -1]].any(axis=(1, 2))
+    fits = shares <= np.where(at_rim, checked_number(largest, name="largest", above=0), max(largest, inner))
     return int(np.argmax(fits)) if fits.any() else None
 
 
-def largest_share(picture: Picture) -> float:
+def largest_share(picture: Picture, *, inner: bool = False) -> float:
     """How much of a picture a mask may cover: what 20 % of the paper's pictures covers, 0.066 m^2, and at least 20 %.
 
     An image that shows only the object's surroundings is smaller than the paper's 0.55 by 0.60 m, and the object no
-    smaller for it. More than 60 % of a picture is its background at any size. Of a photo 20 %.
+    smaller for it. More than 60 % of a picture is its background at any size; an `inner` mask, which leaves the
+    picture's rim free, may cover 85 %. Of a photo 20 %.
     """
     grid = picture.grid_xy
     if grid is None or 1 in picture.shape:
         return LARGEST_SHARE
     area = np.prod([np.ptp(axis) * n / (n - 1) for axis, n in zip((grid.x, grid.y), picture.shape, strict=True)])
-    return float(np.clip(LARGEST_SHARE * _PAPER_AREA / area, LARGEST_SHARE, _BACKGROUND_SHARE))
+    return float(
+        np.clip(LARGEST_SHARE * _PAPER_AREA / area, LARGEST_SHARE, _MOST_SHARE if inner else _BACKGROUND_SHARE)
+    )
 
 
 @record
@@ -278,6 +284,7 @@ def find_mask(
     if picture.power is not None and picture.power.min() == picture.power.max() > 0:
         raise InputError("the picture is equally bright everywhere: there is nothing to segment")
     limit = largest_share(picture) if largest is None else largest
+    inner = largest_share(picture, inner=True) if largest is None else largest
     generator = None if rng is None else seed_or_generator(rng)
 
     def draw(thresholds: Thresholds, count: int | None = None) -> Prompts:
@@ -296,7 +303,7 @@ def find_mask(
     for attempt in attempts:
         points = attempt()
         candidates = by.segment(picture, points)
-        best = _choice(candidates, limit)
+        best = _choice(candidates, limit, inner)
         if best is not None:
             inside, score = candidates.masks[best], float(candidates.scores[best])
             if support is not None and picture.image is not None:

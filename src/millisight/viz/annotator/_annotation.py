@@ -253,8 +253,8 @@ class Annotation:
         begun = time.perf_counter()
         candidates = by.segment(picture, question.prompts)
         seconds = time.perf_counter() - begun
-        limit = largest_share(picture)
-        inside, note = chosen(candidates, largest=limit), ""
+        limit, inner = largest_share(picture), largest_share(picture, inner=True)
+        inside, note = chosen(candidates, largest=limit, inner=inner), ""
         if inside is None:
             inside = candidates.masks[0]
             share = f"{100 * inside.mean():.0f} % of the picture"
