@@ -81,7 +81,9 @@ def test_an_object_of_the_catalogue_becomes_a_file(folder):
     assert mesh.extent == pytest.approx(CATALOGUE["mug"].dimensions, abs=1e-6)
     assert len(run_here("objects", "mug")[1].splitlines()) == 2
     for options, told in (
-        (("mug", "-o", "mug.stl"), "Known: .ply"),
+        (("mug", "-o", "mug.stl"), "expected a name that ends in .ply, such as mug.ply"),
+        (("mug", "-o", "mug"), "--output is mug; expected a name that ends in .ply"),
+        (("--class", "cup"), "Cups and clamps are other here."),
         (("-o", "mug.ply"), "name it, as in: millisight objects mug -o mug.ply"),
         (("mug", "--class", "can"), "leave one of them out"),
         (("mugg",), "unknown object 'mugg'. Did you mean 'mug'?"),

@@ -42,14 +42,15 @@ def objects(
     if name is not None and shape_class is not None:
         raise InputError(f"{name} is one object, and --class lists those of a class; leave one of them out")
     if output is not None and output.suffix.lower() != ".ply":
-        raise UnknownNameError("mesh format", output.suffix or output.name, (".ply",))
+        raise InputError(f"--output is {output}; expected a name that ends in .ply, such as {name}.ply")
     check_outputs(output)
     from millisight.meshes import CATALOGUE, build_object, write_mesh
 
     entries = list(CATALOGUE.values())
     classes = sorted({entry.shape_class for entry in entries})
     if shape_class is not None:
-        check_known("--class", shape_class, classes)
+        if shape_class not in classes:
+            raise UnknownNameError("--class", shape_class, classes, advice="Cups and clamps are other here.")
         entries = [entry for entry in entries if entry.shape_class == shape_class]
     if name is not None:
         check_known("object", name, CATALOGUE)
