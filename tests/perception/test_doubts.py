@@ -43,6 +43,17 @@ def test_a_mask_at_the_edge_of_the_picture_may_be_a_part(carton):
     assert doubts_of(mask_of(carton.grid, (edge - 0.02, -0.02), (edge - 0.004, 0.02)), carton) == ()
 
 
+def test_what_fills_the_picture_and_is_left_out_may_be_the_object(carton):
+    x, y = (abs(axis) < 0.05 for axis in (carton.grid.x, carton.grid.y))
+    close = ms.VoxelGrid(x=carton.grid.x[x], y=carton.grid.y[y], z=carton.grid.z)
+    filled = ms.SarImage(grid=close, values=carton.values[x][:, y], metadata=carton.metadata)
+    (doubt,) = doubts_of(mask_of(close, (0.02, 0.02), (0.04, 0.04)), filled)
+    assert "% of the echo lies outside the mask" in doubt
+    assert "image a few centimetres more around it" in doubt
+    assert doubts_of(mask_of(close, (0.02, 0.02), (0.04, 0.04)), filled, covered=True) == ()
+    assert doubts_of(mask_of(close, (-0.04, -0.04), (0.04, 0.04)), filled) == ()
+
+
 def test_a_carton_at_24_ghz_alone_may_be_empty(carton):
     some = mask_of(carton.grid, (-0.02, -0.02), (0.02, 0.02))
     # Echoes as long along z as the picture is deep.

@@ -7,6 +7,7 @@ from millisight.perception import HIGH_BAND, sheets_in, without_sheets
 from millisight.perception.segmentation._heights import tells_depths
 
 _ALIKE = 0.6  # intersection over union of a mask with what is flat
+_MOST_OF_IT = 0.8  # of an image's power
 _AT_EDGE = 0.1  # of a mask's outline that lies on the picture's edge
 
 
@@ -39,7 +40,16 @@ def doubts_of(mask: Mask, image: SarImage, *, covered: bool = False) -> tuple[st
             "the echoes are too long along z to tell an empty carton from a full one, as at 24 GHz alone: image 77 GHz "
             "as well"
         )
-    if not covered and not sheets_in(image, frequency=HIGH_BAND).sheets:
+    taken = () if covered else sheets_in(image, frequency=HIGH_BAND).sheets
+    if taken:
+        power = np.square(image.magnitude, dtype=np.float64).sum(axis=2)
+        left_out = 1 - float(power[inside].sum() / power.sum())
+        if left_out > _MOST_OF_IT:
+            doubts.append(
+                f"something flat was left out, as lids are, and {100 * left_out:.0f} % of the echo lies outside the "
+                "mask; if it is the object, image a few centimetres more around it"
+            )
+    elif not covered:
         # What would be taken off as a lid if one were known to be there.
         for flat in sheets_in(image, frequency=HIGH_BAND, covered=True).sheets:
             box = flat.box_on(mask.grid_xy)
