@@ -1,5 +1,7 @@
 """What arrays of records take."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -40,3 +42,14 @@ def test_a_mapped_file_does_not_change_a_record(tmp_path):
     image = ms.SarImage(grid=GRID, values=np.load(path, mmap_mode="r"))
     np.load(path, mmap_mode="r+")[:] = 7
     assert (image.values == 1).all()
+
+
+@pytest.mark.parametrize("path", ["mug.image.h5", Path("mug.image.h5")])
+def test_a_path_in_place_of_a_record_is_refused_with_what_loads_it(path):
+    with pytest.raises(InputError, match=r"image is of type \w+; expected SarImage; load the file with millisight.load"):
+        ms.segment(path)
+
+
+def test_a_text_in_place_of_a_record_is_refused_without_a_word_of_files():
+    with pytest.raises(InputError, match=r"image is of type str; expected SarImage$"):
+        ms.segment("mug")

@@ -5,6 +5,7 @@ Its arrays are read-only NumPy; its metadata is a read-only tree of what JSON ca
 """
 
 import json
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from mmap import mmap
@@ -268,7 +269,9 @@ def checked_record(value: Any, cls: type[T], *, name: str) -> T:
         It is something else.
     """
     if not isinstance(value, cls):
-        raise InputError(f"{name} is of type {type(value).__name__}; expected {cls.__name__}")
+        named = isinstance(value, os.PathLike) or (isinstance(value, str) and value.endswith(".h5"))
+        hint = "; load the file with millisight.load" if named else ""
+        raise InputError(f"{name} is of type {type(value).__name__}; expected {cls.__name__}{hint}")
     return value
 
 
