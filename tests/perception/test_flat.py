@@ -185,6 +185,15 @@ def test_each_part_is_looked_at_alone_and_small_ones_are_not():
     assert not (found[0].inside & found[1].inside).any()
 
 
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_row_of_pixels_is_no_top(axis):
+    image = flat((0.0025, 0.08) if axis == 0 else (0.08, 0.0025), CENTRE)
+    inside = np.zeros(GRID.xy.shape, bool)
+    row = abs((GRID.x, GRID.y)[axis] - CENTRE[axis]).argmin()
+    inside[(row, slice(20, 60)) if axis == 0 else (slice(20, 60), row)] = True
+    assert find_flat(ms.Mask(grid_xy=GRID.xy, inside=inside), image) == ()
+
+
 def test_where_phases_tell_nothing_nothing_is_flat():
     image = flat((0.08, 0.05), CENTRE)
     mask = lit(image, HALF)

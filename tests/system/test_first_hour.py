@@ -139,7 +139,8 @@ def bracket(tmp_path_factory):
     """A folder with an angle of sheet metal, in millimetres, and what the README's commands make of it."""
     folder = tmp_path_factory.mktemp("bracket")
     arms = [trimesh.creation.box(bounds=b) for b in ([[-40, -40, 0], [40, -15, 6]], [[-40, -20, 0], [-15, 40, 6]])]
-    arms[0].union(arms[1], engine="manifold").export(folder / "bracket.stl")
+    for suffix in ("stl", "ply"):  # the second is what the README shows beside an image
+        arms[0].union(arms[1], engine="manifold").export(folder / f"bracket.{suffix}")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         _, _, _, asked = run_here("simulate", "bracket.stl")

@@ -19,7 +19,13 @@ _TOP = 0.6  # of its part, that a flat top covers: in masks of empty scenes the 
 
 
 def with_borders(
-    masks: Sequence[np.ndarray], probability: np.ndarray, cuts: Sequence[float], image: SarImage, *, covered: bool
+    masks: Sequence[np.ndarray],
+    probability: np.ndarray,
+    cuts: Sequence[float],
+    image: SarImage,
+    *,
+    covered: bool,
+    heights: bool = True,
 ) -> tuple[list[np.ndarray], bool]:
     """Masks with the borders that an image tells, and whether its phases show that something is there.
 
@@ -32,11 +38,13 @@ def with_borders(
     masks : (A, B) bool each; the first is not empty
     probability : (A, B) that the object lies over a pixel
     cuts : of each mask, the probability at which it begins
-    image : sheets taken off; its echoes tell heights
+    image : sheets taken off
     covered : whether there were any
+    heights : whether the image's echoes tell heights; else what is flat or round is not looked for
     """
     wide, level, sides = masks[0], image.magnitude.mean(axis=2), pixel_sides(image)
-    tops, things = flat_things(wide, image), round_things(wide, image, covered=covered)
+    tops = flat_things(wide, image) if heights else []
+    things = round_things(wide, image, covered=covered) if heights else []
     around = _brightness_around(wide, level, sides)
     if covered and not (tops or things or _stands_out(wide, probability, level, around)):
         return _more_probable_than_not(masks, probability), False
@@ -44,7 +52,8 @@ def with_borders(
     bordered = _without_dim_borders(bordered, [top.inside for top in tops], level, around, sides)
     bordered = [with_outlines(mask, things) for mask in bordered]
     # A small top may be most of a mask that fits it.
-    shaped = bool(tops or things) or any(top.share >= _TOP for top in flat_things(bordered[0], image))
+    small = flat_things(bordered[0], image) if heights else []
+    shaped = bool(tops or things) or any(top.share >= _TOP for top in small)
     return bordered, shaped
 
 

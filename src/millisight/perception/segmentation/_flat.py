@@ -213,6 +213,7 @@ def _flat(whole: np.ndarray, image: SarImage) -> Flat | None:
     share = float((inside & part).sum() / part.sum())
     if (
         inside.sum() < _LEAST_PIXELS
+        or min(inside.any(axis=axis).sum() for axis in (0, 1)) < 2  # a row has no halves
         or share < _MOST_OF_IT
         or abs(wave.values[inside].sum()) < AGREEING * np.abs(wave.values[inside]).sum()
     ):

@@ -13,7 +13,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from millisight.core import check_readable, printable
+from millisight.core import SPEED_OF_LIGHT, check_readable, printable
 from millisight.core.errors import DamagedFileError, FormatError
 from millisight.data import Picture, PixelGrid, Prompts, SarImage
 from millisight.perception import (
@@ -26,6 +26,7 @@ from millisight.perception import (
     weights_version,
     without_sheets,
 )
+from millisight.perception.segmentation._arms import arms_of
 from millisight.perception.segmentation._borders import with_borders
 from millisight.perception.segmentation._edges import shining
 from millisight.perception.segmentation._ghosts import without_ghosts
@@ -178,8 +179,9 @@ class WaveSegmenter:
         higher probabilities part them.
 
         Where an echo is short along z, as at 77 GHz, the borders of what is left then follow the image's edges and
-        phases, see `with_borders`: balls and cylinders get their outlines. At 24 GHz the image is no finer than the
-        network's pixels.
+        phases, see `with_borders`: balls and cylinders get their outlines. Where an image at 77 GHz shows too little
+        above and below a thin thing to tell, they follow its edges alone. Arms that stick out are added, see
+        `arms_of`. At 24 GHz the image is no finer than the network's pixels.
 
         Where nothing is found the only mask is empty: the mean of the 16 highest probabilities is less than that of
         99 % of the validation scenes with an object, with the other band and without it, and in sight the second
@@ -215,9 +217,13 @@ class WaveSegmenter:
             placed = _placed(likely, picture)
         placed = [_without_small_parts(mask) for mask in placed]
         wide, shaped = placed[0], False
-        if tells_height(wide, cleaned):
-            placed, shaped = with_borders(placed, probability, cuts, cleaned, covered=picture.covered)
+        heights = tells_height(wide, cleaned)
+        # Around a thin thing an image may show too little above and below to tell heights; its edges are as fine.
+        if heights or _is_fine(cleaned):
+            placed, shaped = with_borders(placed, probability, cuts, cleaned, covered=picture.covered, heights=heights)
             placed = [_without_small_parts(mask) for mask in placed]
+            arms = _placed(arms_of(placed, cleaned), picture)
+            placed = [mask | arm for mask, arm in zip(placed, arms, strict=True)]
         masks = np.stack(placed)
         if not masks[0].any():
             return nothing
@@ -240,6 +246,11 @@ def _network_of(weights: str | os.PathLike[str]) -> tuple[dict[str, Any], Any]:
 def _opened(path: Path, version: tuple[int, ...]) -> tuple[dict[str, Any], Any]:
     description = _read_description(path.with_suffix(".json"))
     return description, open_network(path, description["sha256"], needed_by="wave", channels=len(WAVE_CHANNELS))
+
+
+def _is_fine(image: SarImage) -> bool:
+    """Whether an image is known to be finer than the network's pixels, as at 77 GHz: half a wavelength is shorter."""
+    return image.frequency is not None and SPEED_OF_LIGHT / (2 * image.frequency) < SPACING
 
 
 def _surely(mask: np.ndarray, probability: np.ndarray, image: SarImage) -> bool:
