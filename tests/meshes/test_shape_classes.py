@@ -44,6 +44,12 @@ def test_cups_are_hollow_and_clamps_are_open():
     assert filled("can") > 0.9
 
 
+def test_a_crumb_that_comes_off_a_whole_without_crumbs_is_left_out_too():
+    rng = np.random.default_rng([29, 117, *b"household_sphere"])  # a capsule whose whole loses another, simplified
+    mesh = random_shape("sphere", rng, household=True)
+    assert trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).body_count == 1
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("shape_class", PUBLISHED_CLASSES)
 def test_household_things_are_closed_centred_and_fit_under_a_lid(shape_class):

@@ -69,9 +69,10 @@ def random_shape(shape_class: str, rng: np.random.Generator, *, household: bool 
     else:
         check_known("class of random shapes", shape_class, RANDOM_SHAPES)
         solid = RANDOM_SHAPES[shape_class](rng)
-    # Where two parts nearly coincide, a crumb may be left beside the whole.
-    pieces = solid.simplify(1e-3).decompose()
-    return mesh_of(max(pieces, key=lambda piece: piece.volume()) if len(pieces) > 1 else solid)
+    # Where two parts nearly coincide, a crumb may be left beside the whole, and another where that is simplified.
+    while len(pieces := solid.simplify(1e-3).decompose()) > 1:
+        solid = max(pieces, key=lambda piece: piece.volume())
+    return mesh_of(solid)
 
 
 def _can(rng: np.random.Generator) -> "Manifold":
