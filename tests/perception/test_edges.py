@@ -101,3 +101,24 @@ def test_where_there_is_no_edge_the_mask_is_unchanged(mask, level, sides):
     probability = np.where(mask, 0.9, 0.01)
     (found,) = at_edges([mask], probability, [CUT], level, sides)
     np.testing.assert_array_equal(found, mask)
+
+
+def test_what_is_thick_and_mostly_dark_keeps_its_border():
+    """A ball shines in its middle alone, and the image has an edge there that is not the ball's."""
+    away = np.hypot(X - 40, Y - 35) * SIDES[0]
+    probability = np.where(away < 0.032, 0.8, 0.02)
+    level = level_of(away < 0.008) + 0.02 * (away < 0.032)
+    (found,) = at_edges([probability > CUT], probability, [CUT], level, SIDES)
+    assert (found == (probability > CUT)).all()
+    thin = (away < 0.032) & (abs(X - 40) < 10)  # 4 cm wide: its border follows the image
+    (found,) = at_edges([thin], np.where(thin, 0.8, 0.02), [CUT], level, SIDES)
+    assert found.sum() < 0.8 * thin.sum()
+
+
+def test_no_edge_is_sought_in_what_is_nearly_dark():
+    """Without noise an image is steepest where it ends, far below any outline."""
+    bar = (abs(X - 40) < 30) & (abs(Y - 35) < 4)
+    level = gaussian_filter(bar.astype(float), 3.0) + 1e-5
+    probability = blurred(bar)
+    (found,) = at_edges([probability > CUT], probability, [CUT], level, SIDES)
+    assert f1(found, bar) > f1(probability > CUT, bar)

@@ -13,16 +13,17 @@ _DIMMEST = -26.0  # of an arm, below the brightest of the mask [dB]
 _FALLS, _NEARBY = -10.0, 0.008  # below the brightest within so far: what falls more is a brighter part's blur [dB, m]
 _STANDS_OUT = 3.0  # times the median of what surrounds the mask
 _AROUND = 0.005, 0.03  # a mask, what surrounds it [m]
-_BESIDE, _REACH = 0.005, 0.015  # from the mask, an arm begins and ends at least [m]
+_BESIDE, _REACH = 0.012, 0.015  # from the mask, an arm begins at most, and ends at least [m]
 _LEAST_AREA = 5e-5  # of an arm [m²]
 
 
 def arms_of(masks: Sequence[np.ndarray], image: SarImage) -> list[np.ndarray]:
     """What sticks out of masks and shines, though a network misses it.
 
-    An arm begins at a mask, ends 15 mm from it or farther, and has at least half a square centimetre. By the brightest
-    voxel along z it has no less than -26 dB of the mask's brightest, three times the median of what surrounds the
-    mask, and -10 dB of the brightest within 8 mm. It does not reach the picture's edge, as streaks of clutter do.
+    An arm begins 12 mm from a mask at most, ends 15 mm from it or farther, lies on one side of it, and has at least
+    half a square centimetre. By the brightest voxel along z it has no less than -26 dB of the mask's brightest, three
+    times the median of what surrounds the mask, and -10 dB of the brightest within 8 mm. It does not reach the
+    picture's edge, as streaks of clutter do.
 
     Parameters
     ----------
@@ -48,7 +49,7 @@ def _arms(mask: np.ndarray, crest: np.ndarray, level: np.ndarray, sides: Sequenc
 
     crest : (A, B) the level where it is no brighter part's blur, and 0 elsewhere
     """
-    from scipy.ndimage import distance_transform_edt, maximum, minimum
+    from scipy.ndimage import center_of_mass, distance_transform_edt, maximum, minimum
 
     away = np.asarray(distance_transform_edt(~mask, sampling=sides))
     around = level[(away > _AROUND[0]) & (away <= _AROUND[1])]
@@ -64,4 +65,8 @@ def _arms(mask: np.ndarray, crest: np.ndarray, level: np.ndarray, sides: Sequenc
     for edge in (parts[0], parts[-1], parts[:, 0], parts[:, -1]):
         kept[edge] = False
     kept[0] = False
+    # What lies around the mask is the blur of an image out of focus.
+    for number in np.flatnonzero(kept):
+        middle = np.rint(center_of_mass(parts == number)).astype(int)
+        kept[number] = away[tuple(middle)] > 0
     return kept[parts]
