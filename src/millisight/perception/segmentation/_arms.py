@@ -13,14 +13,14 @@ _DIMMEST = -26.0  # of an arm, below the brightest of the mask [dB]
 _FALLS, _NEARBY = -10.0, 0.008  # below the brightest within so far: what falls more is a brighter part's blur [dB, m]
 _STANDS_OUT = 3.0  # times the median of what surrounds the mask
 _AROUND = 0.005, 0.03  # a mask, what surrounds it [m]
-_BESIDE, _REACH = 0.012, 0.015  # from the mask, an arm begins at most, and ends at least [m]
+_BESIDE, _REACH = 0.005, 0.015  # from the mask, an arm begins at most, and ends at least [m]
 _LEAST_AREA = 5e-5  # of an arm [m²]
 
 
 def arms_of(masks: Sequence[np.ndarray], image: SarImage) -> list[np.ndarray]:
     """What sticks out of masks and shines, though a network misses it.
 
-    An arm begins 12 mm from a mask at most, ends 15 mm from it or farther, lies on one side of it, and has at least
+    An arm begins 5 mm from a mask at most, ends 15 mm from it or farther, lies on one side of it, and has at least
     half a square centimetre. By the brightest voxel along z it has no less than -26 dB of the mask's brightest, three
     times the median of what surrounds the mask, and -10 dB of the brightest within 8 mm. It does not reach the
     picture's edge, as streaks of clutter do.
