@@ -46,7 +46,9 @@ def test_a_mapped_file_does_not_change_a_record(tmp_path):
 
 @pytest.mark.parametrize("path", ["mug.image.h5", Path("mug.image.h5")])
 def test_a_path_in_place_of_a_record_is_refused_with_what_loads_it(path):
-    with pytest.raises(InputError, match=r"image is of type \w+; expected SarImage; load the file with millisight.load"):
+    with pytest.raises(
+        InputError, match=r"image is of type \w+; expected SarImage; load the file with millisight.load"
+    ):
         ms.segment(path)
 
 
