@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from millisight.data import SarImage
+from millisight.perception.segmentation._borders import brightness_around
 from millisight.perception.segmentation._heights import pixel_sides
 from millisight.perception.segmentation._parts import parts_of
 
@@ -12,7 +13,6 @@ from millisight.perception.segmentation._parts import parts_of
 _DIMMEST = -26.0  # of an arm, below the brightest of the mask [dB]
 _FALLS, _NEARBY = -10.0, 0.008  # below the brightest within so far: what falls more is a brighter part's blur [dB, m]
 _STANDS_OUT = 3.0  # times the median of what surrounds the mask
-_AROUND = 0.005, 0.03  # a mask, what surrounds it [m]
 _BESIDE, _REACH = 0.005, 0.015  # from the mask, an arm begins at most, and ends at least [m]
 _LEAST_AREA = 5e-5  # of an arm [m²]
 
@@ -52,9 +52,7 @@ def _arms(mask: np.ndarray, crest: np.ndarray, level: np.ndarray, sides: Sequenc
     from scipy.ndimage import center_of_mass, distance_transform_edt, maximum, minimum
 
     away = np.asarray(distance_transform_edt(~mask, sampling=sides))
-    around = level[(away > _AROUND[0]) & (away <= _AROUND[1])]
-    background = float(np.median(around)) if around.size else 0.0
-    least = max(10 ** (_DIMMEST / 20) * float(level[mask].max()), _STANDS_OUT * background)
+    least = max(10 ** (_DIMMEST / 20) * float(level[mask].max()), _STANDS_OUT * brightness_around(away, level))
     parts, count = parts_of((crest >= least) & ~mask)
     numbers = np.arange(count + 1)  # 0: none of them
     kept = (

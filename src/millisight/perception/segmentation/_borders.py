@@ -42,10 +42,12 @@ def with_borders(
     covered : whether there were any
     heights : whether the image's echoes tell heights; else what is flat or round is not looked for
     """
+    from scipy.ndimage import distance_transform_edt
+
     wide, level, sides = masks[0], image.magnitude.mean(axis=2), pixel_sides(image)
     tops = flat_things(wide, image) if heights else []
     things = round_things(wide, image, covered=covered) if heights else []
-    around = _brightness_around(wide, level, sides)
+    around = brightness_around(np.asarray(distance_transform_edt(~wide, sampling=sides)), level)
     if covered and not (tops or things or _stands_out(wide, probability, level, around)):
         return _more_probable_than_not(masks, probability), False
     bordered = at_edges(masks, probability, cuts, level, sides)
@@ -57,11 +59,11 @@ def with_borders(
     return bordered, shaped
 
 
-def _brightness_around(wide: np.ndarray, level: np.ndarray, sides: Sequence[float]) -> float:
-    """The median level of what surrounds a mask, by leftovers of a lid most of the time; 0 if nothing does."""
-    from scipy.ndimage import distance_transform_edt
+def brightness_around(away: np.ndarray, level: np.ndarray) -> float:
+    """The median level of what surrounds a mask, by leftovers of a lid most of the time; 0 if nothing does.
 
-    away = distance_transform_edt(~wide, sampling=sides)
+    away : (A, B) from the mask [m]
+    """
     around = (away > _AROUND[0]) & (away <= _AROUND[1])
     return float(np.median(level[around])) if around.any() else 0.0
 
