@@ -1,18 +1,19 @@
-"""Four sets of shapes of no class, and recipes of scenes to try answers on that should not be given.
+"""Five sets of shapes of no class, and recipes of scenes to try answers on that should not be given.
 
     python benchmarks/odd_shapes.py FOLDER
     millisight generate FOLDER/odd.toml -o FOLDER/odd
     millisight generate FOLDER/newer.toml -o FOLDER/newer
     millisight generate FOLDER/third.toml -o FOLDER/third
     millisight generate FOLDER/fourth.toml -o FOLDER/fourth
+    millisight generate FOLDER/fifth.toml -o FOLDER/fifth
     millisight generate FOLDER/sparse.toml -o FOLDER/sparse
     python benchmarks/novelty.py DATASET --odd FOLDER/odd --newer FOLDER/newer --third FOLDER/third \\
         --sparse FOLDER/sparse
 
 Nothing was trained on these shapes, and nobody would call them a can, a handle, a box, a sphere, a cup or a clamp.
-`odd`, `newer`, `third` and `fourth` are full scans of 24, 20, 20 and 20 by the virtual rig. The last three sets were
-drawn by others, who did not know what classifiers here learn from. `sparse` are scans of known objects, three times
-too coarse.
+`odd`, `newer`, `third`, `fourth` and `fifth` are full scans of 24 and four times 20 by the virtual rig. All sets but
+the first were drawn by others, who did not know what classifiers here learn from. `sparse` are scans of known objects,
+three times too coarse.
 """
 
 import sys
@@ -253,13 +254,15 @@ def _low_enough(solid: Manifold) -> Manifold:
 
 
 def main(folder: Path) -> None:
+    from fifth_shapes import FIFTH_SHAPES
     from fourth_shapes import FOURTH_SHAPES
     from newer_shapes import NEWER_SHAPES
     from third_shapes import THIRD_SHAPES
 
     folder.mkdir(parents=True, exist_ok=True)
     for kind, seed, shapes in (
-        ("odd", 20, ODD_SHAPES), ("newer", 20, NEWER_SHAPES), ("third", 73, THIRD_SHAPES), ("fourth", 74, FOURTH_SHAPES)
+        ("odd", 20, ODD_SHAPES), ("newer", 20, NEWER_SHAPES), ("third", 73, THIRD_SHAPES),
+        ("fourth", 74, FOURTH_SHAPES), ("fifth", 75, FIFTH_SHAPES),
     ):  # fmt: skip
         files = []
         for name, solid in shapes.items():

@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 
 from helpers.whole_scenes import PLAIN
-from millisight.core.errors import DamagedFileError, FormatError, InputError, UnknownNameError
+from millisight.core.errors import DamagedFileError, FileError, FormatError, InputError, UnknownNameError
 from millisight.data import Mask, SarImage, VoxelGrid
 from millisight.meshes import CATALOGUE, PUBLISHED_CLASSES
+from millisight.perception import read_description
 from millisight.perception.classification import CLASSIFIER_CHANNELS, CLASSIFIER_WEIGHTS, NetworkClassifier
 from millisight.perception.training import ClassifierRecipe, Schedule, TrainingScene, make_scenes, train
 from millisight.perception.training._calibration import (
@@ -417,6 +418,51 @@ def test_members_learn_from_shares_of_a_batch_and_answer_by_their_mean(examples,
     session = ort.InferenceSession(trained.weights)
     (answered,) = session.run(None, {session.get_inputs()[0].name: channels.numpy()})
     np.testing.assert_allclose(answered, (first + second) / 2, atol=1e-5)
+
+
+@pytest.mark.slow
+def test_what_learns_beside_a_trained_network_answers_with_it_by_their_mean(examples, recipe, tmp_path):
+    torch = pytest.importorskip("torch")
+    ort = pytest.importorskip("onnxruntime")
+    from safetensors.torch import load_file
+
+    former = train(recipe, examples, tmp_path / "former")
+    held = former.weights.with_suffix(".safetensors")
+    beside = dataclasses.replace(recipe, beside=(str(held),), schedule=Schedule(epochs=2, seed=2))
+    trained = train(beside, examples, tmp_path / "both")
+    assert trained.description["beside"] == [read_description(former.weights.with_suffix(".json"))["sha256"]]
+    assert trained.description["objects"] == former.description["objects"]
+    network = beside.lesson(examples).network()
+    network.load_state_dict(load_file(trained.weights.with_suffix(".safetensors")))
+    # What was trained before is as it was.
+    for name, weights in load_file(held).items():
+        assert torch.equal(network.state_dict()[f"beside.0.{name}"], weights)
+    rng = np.random.default_rng(4)
+    channels = torch.from_numpy(np.stack([example_of(one.whole, rng) for one in 2 * examples["training"]]))
+    with torch.no_grad():
+        network.eval()
+        own, other = (one(channels).numpy() for one in (network.members[0], network.beside[0]))
+    assert abs(own - other).max() > 1e-2
+    session = ort.InferenceSession(trained.weights)
+    (answered,) = session.run(None, {session.get_inputs()[0].name: channels.numpy()})
+    np.testing.assert_allclose(answered, (own + other) / 2, atol=1e-5)
+
+
+@pytest.mark.slow
+def test_what_cannot_stand_beside_is_refused_before_scenes_are_made(examples, recipe, tmp_path):
+    pytest.importorskip("torch")
+    former = train(recipe, examples, tmp_path)
+    held = str(former.weights.with_suffix(".safetensors"))
+    with pytest.raises(InputError, match="beside: the class_names of .* expected the recipe's"):
+        dataclasses.replace(recipe, classes=dict(reversed(recipe.classes.items())), beside=(held,))
+    with pytest.raises(FileError, match="no such file"):
+        dataclasses.replace(recipe, beside=(str(tmp_path / "absent.safetensors"),))
+    paper = dataclasses.replace(recipe, network="paper", beside=(held,))
+    with pytest.raises(FormatError, match="other weights than the recipe's network has"):
+        paper.lesson(examples).network()
+    former.weights.with_suffix(".safetensors").write_bytes(b"half")
+    with pytest.raises(DamagedFileError, match="no complete safetensors file"):
+        dataclasses.replace(recipe, beside=(held,)).lesson(examples).network()
 
 
 @pytest.mark.slow

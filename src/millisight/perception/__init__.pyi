@@ -20,6 +20,7 @@ from ._cleaned import without_sheets as without_sheets
 from ._networks import check_weights as check_weights
 from ._networks import open_network as open_network
 from ._networks import read_description as read_description
+from ._networks import round_weights as round_weights
 from ._networks import run_network as run_network
 from ._networks import weights_version as weights_version
 from ._networks import write_network as write_network

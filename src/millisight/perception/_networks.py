@@ -31,6 +31,7 @@ _MOST_WEIGHTS = 1 << 26  # bytes
 _MOST_DESCRIPTION = 1 << 24
 _MOST_DIGITS = 18  # of a whole number
 _SECONDS = 10  # that a network may take, and one more for each that it is run on
+_LARGE = 1024  # weights of an array that is worth a step of its own
 _MOST_MEMORY = 1 << 32  # bytes that the networks of a process take; the largest canvas takes a quarter
 
 
@@ -327,4 +328,39 @@ def _onnx_bytes(network: "nn.Module", example: "Tensor", axes: Mapping[str, Mapp
             )  # fmt: skip
     finally:
         logger.setLevel(level)
-    return target.getvalue()
+    return _with_half_weights(target.getvalue())
+
+
+def round_weights(network: "nn.Module") -> None:
+    """Round large arrays of weights to float16, which halves the network's ONNX file; they stay float32.
+
+    Arrays with a weight beyond float16's range are left alone.
+    """
+    import torch
+
+    with torch.no_grad():
+        for weights in network.parameters():
+            half = weights.half()
+            if weights.numel() >= _LARGE and half.isfinite().all():
+                weights.copy_(half)
+
+
+def _with_half_weights(content: bytes) -> bytes:
+    """The network with the arrays that float16 holds exactly as such, of which it makes float32 as it runs."""
+    import onnx
+
+    model = onnx.load_model_from_string(content)
+    casts = []
+    for tensor in [one for one in model.graph.initializer if one.data_type == onnx.TensorProto.FLOAT]:
+        weights = onnx.numpy_helper.to_array(tensor)
+        with np.errstate(over="ignore"):
+            half = weights.astype(np.float16)
+        if weights.size < _LARGE or not np.array_equal(half, weights):
+            continue
+        name = f"{tensor.name}.half"
+        model.graph.initializer.remove(tensor)
+        model.graph.initializer.append(onnx.numpy_helper.from_array(half, name))
+        casts.append(onnx.helper.make_node("Cast", [name], [tensor.name], to=onnx.TensorProto.FLOAT))
+    for cast in reversed(casts):
+        model.graph.node.insert(0, cast)
+    return model.SerializeToString()

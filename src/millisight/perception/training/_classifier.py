@@ -12,6 +12,7 @@ from millisight.core import check_known, checked_integer, checked_number, checke
 from millisight.core.errors import InputError, UnknownNameError
 from millisight.meshes import CATALOGUE, NO_SHAPE_CLASS, ODD, PAPER_CLASSES, PUBLISHED_CLASSES, object_name
 from millisight.perception.classification import prior_shares
+from millisight.perception.training._beside import read_beside
 from millisight.perception.training._classifier_lesson import EMPTY, NETWORK_BANDS, SPARSE, ClassifierLesson
 from millisight.perception.training._loop import Schedule
 from millisight.perception.training._scenes import (
@@ -64,6 +65,8 @@ class ClassifierRecipe:
     parts : "both", "edge" or "specular"
     network : "small", or the "paper"'s
     members : networks of their own weights, to which a batch is dealt out; the mean of their logits is the answer
+    beside : files `.safetensors` of classifiers that are trained already, of the same network, classes and
+        normalisation, with their descriptions `.json`. They stay as they are; the answer is the mean of all logits
     batch : examples in a batch, for each member one at least
     masks : of whom examples have masks, besides true and disturbed ones: "shipped", the shipped segmenter "wave"; a
         file of weights as of `millisight train segmenter`; "": nobody
@@ -98,6 +101,7 @@ class ClassifierRecipe:
     parts: str = "both"
     network: str = "small"
     members: int = 1
+    beside: tuple[str, ...] = ()
     masks: str = ""
     novel: int = 0
     batch: int = 32
@@ -140,6 +144,7 @@ class ClassifierRecipe:
                 for shape, share in self.prior.items()
             },
             members=checked_integer(self.members, name="members"),
+            beside=tuple(checked_record(path, str, name="a file of beside") for path in self.beside),
             batch=checked_integer(self.batch, name="batch", minimum=self.members),
             examples=checked_integer(self.examples, name="examples", minimum=self.batch),
             novel=checked_integer(self.novel, name="novel", minimum=0),
@@ -147,6 +152,8 @@ class ClassifierRecipe:
         )
         check_classes(self.objects, self.drawn or self.household)
         prior_shares(self.prior, self.objects)
+        for path in self.beside:
+            read_beside(path, list(self.objects))
         for name, count in (("drawn", self.drawn), ("household", self.household)):
             for shape in self.objects if count else ():
                 if shape not in PUBLISHED_CLASSES:

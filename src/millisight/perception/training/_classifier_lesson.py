@@ -12,6 +12,7 @@ from millisight.perception.classification import (
     views_of,
 )
 from millisight.perception.training import _augmentation as augmentation
+from millisight.perception.training._beside import Beside, read_beside, united
 from millisight.perception.training._calibration import (
     answer_scores,
     best_temperature,
@@ -64,6 +65,7 @@ class ClassifierLesson:
         by = FoundMasks(recipe.masks) if recipe.masks else None
         self.masks_of: str | None = None if by is None else by.sha256
         self.classes: int = len(recipe.objects)
+        self.beside: list[Beside] = [read_beside(path, list(recipe.objects)) for path in recipe.beside]
         views, held = recipe.whole.views, scenes["validation"]
         number = {id(one): index // views for index, one in enumerate(held)}  # of the object; a scene is one view
         self.held: list[HeldExample] = held_back(
@@ -112,7 +114,7 @@ class ClassifierLesson:
 
         recipe = self.recipe
         return classifier_network(
-            recipe.network, self.classes + (recipe.novel > 0), recipe.normalisation, recipe.members
+            recipe.network, self.classes + (recipe.novel > 0), recipe.normalisation, recipe.members, self.beside
         )
 
     def batches(self, epoch: int) -> "Iterator[tuple[Tensor, ...]]":
@@ -157,6 +159,7 @@ class ClassifierLesson:
             "physics": PHYSICS,
             "network": recipe.network,
             "members": recipe.members,
+            "beside": [one.description["sha256"] for one in self.beside],
             "parts": recipe.parts,
             "class_names": list(recipe.objects),
             "classes": {shape: list(objects) for shape, objects in recipe.every_object.items()},
@@ -170,8 +173,11 @@ class ClassifierLesson:
             "validation": answer_scores(answers, labels, weights),
             **({} if prior is None else {"prior": dict(zip(recipe.objects, prior.round(6).tolist(), strict=True))}),
             **({} if novelty is None else {"novelty": novelty}),
-            "objects": {side: sorted({one.name for one in some} - _NO_OBJECTS) for side, some in scenes.items()},
-            "poses": poses_of(scenes, but=_NO_OBJECTS),
+            "objects": united(
+                {side: sorted({one.name for one in some} - _NO_OBJECTS) for side, some in scenes.items()},
+                [one.description["objects"] for one in self.beside],
+            ),
+            "poses": united(poses_of(scenes, but=_NO_OBJECTS), [one.description["poses"] for one in self.beside]),
             "scenes": {side: len(some) for side, some in scenes.items()},
             "drawn": {side: sum(one.name in DRAWN_OBJECTS for one in some) for side, some in scenes.items()},
             "novel": {side: sum(one.label == self.classes for one in some) for side, some in scenes.items()},

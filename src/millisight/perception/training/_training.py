@@ -16,7 +16,7 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 import numpy as np
 
 from millisight.core import Registry, checked_integer, default_workers, each, make_folder, on_threads
-from millisight.perception import write_network
+from millisight.perception import round_weights, write_network
 from millisight.perception.training._loop import Lesson, Schedule, fit, one_thread
 from millisight.perception.training._published import read_simulation, simulation_digest
 from millisight.perception.training._scenes import SceneParts, SceneSettings, cached_scene, scene_digest
@@ -267,6 +267,7 @@ def train(
         lesson, schedule=recipe.schedule, folder=folder, made_of=plain, device=device, tensorboard=tensorboard,
         progress=progress,
     )  # fmt: skip
+    round_weights(network)
     with torch.no_grad():
         learned = lesson.describe(network)
     description = {

@@ -8,6 +8,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from millisight.perception.classification import CLASSIFIER_CHANNELS
+from millisight.perception.training._beside import Beside
 from millisight.perception.training.networks._normalisation import normalised
 
 _MAGNITUDE = CLASSIFIER_CHANNELS.index("magnitude")
@@ -78,26 +79,39 @@ class PaperNetwork(nn.Module):
 class Members(nn.Module):
     """Networks of one kind, each with weights of its own; their answers are averaged.
 
-    In training a batch is dealt out to them: each sees other examples.
+    In training a batch is dealt out to the members: each sees other examples.
 
     Parameters
     ----------
-    members : the networks
+    members : the networks that learn
+    beside : networks that are trained already, and stay as they are
     """
 
-    def __init__(self, members: Sequence[nn.Module]):
+    def __init__(self, members: Sequence[nn.Module], beside: Sequence[nn.Module] = ()):
         super().__init__()
         self.members: nn.ModuleList = nn.ModuleList(members)
+        self.beside: nn.ModuleList = nn.ModuleList(beside).requires_grad_(False)
 
     def forward(self, channels: Tensor) -> Tensor:
-        """(N, classes) the mean of the members' logits; in training the logits of each for its share of the batch."""
+        """(N, classes) the mean of all logits; in training the logits of each member for its share of the batch."""
         if not self.training:
-            return torch.stack([one(channels) for one in self.members]).mean(dim=0)
+            return torch.stack([one(channels) for one in (*self.members, *self.beside)]).mean(dim=0)
         dealt = channels.tensor_split(len(self.members))
         return torch.cat([one(some) for one, some in zip(self.members, dealt, strict=True)])
 
 
-def classifier_network(name: str, classes: int, normalisation: str = "group", members: int = 1) -> nn.Module:
-    """The network "small", normalised so, or "paper", with new weights from torch's generator; or so many of them."""
-    made = [SmallNetwork(classes, normalisation) if name == "small" else PaperNetwork(classes) for _ in range(members)]
-    return made[0] if members == 1 else Members(made)
+def classifier_network(
+    name: str, classes: int, normalisation: str = "group", members: int = 1, beside: Sequence[Beside] = ()
+) -> nn.Module:
+    """The network "small", normalised so, or "paper", with new weights from torch's generator; or so many of them.
+
+    With networks `beside` it answers by the mean of their logits and its own; they do not learn.
+    """
+
+    def made() -> nn.Module:
+        return SmallNetwork(classes, normalisation) if name == "small" else PaperNetwork(classes)
+
+    learning = [made() for _ in range(members)]
+    if members == 1 and not beside:
+        return learning[0]
+    return Members(learning, [one.load_into(made()) for one in beside])

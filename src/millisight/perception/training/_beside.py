@@ -1,0 +1,86 @@
+"""Classifiers that are trained already, beside which another one learns: their weights, and what they saw."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from millisight.core import check_readable, checked_path, printable
+from millisight.core.errors import DamagedFileError, FormatError, InputError
+from millisight.perception import read_description
+from millisight.perception.classification import CLASSIFIER_CHANNELS
+
+if TYPE_CHECKING:
+    from torch import nn
+
+
+class Beside(NamedTuple):
+    """A trained classifier.
+
+    Attributes
+    ----------
+    path : the file `.safetensors`, as `train` writes it
+    description : of the `.json` beside it
+    """
+
+    path: Path
+    description: Mapping[str, Any]
+
+    def load_into(self, network: "nn.Module") -> "nn.Module":
+        """The network with these weights.
+
+        Raises
+        ------
+        DamagedFileError
+        FormatError
+            The network has others.
+        """
+        from safetensors import SafetensorError
+        from safetensors.torch import load_file
+
+        name = printable(self.path)
+        try:
+            network.load_state_dict(load_file(self.path))
+        except SafetensorError as error:
+            raise DamagedFileError(f"{name} is no complete safetensors file: {error}; copy it again") from error
+        except RuntimeError as error:
+            raise FormatError(
+                f"{name} holds other weights than the recipe's network has: "
+                f"{printable(' '.join(str(error).split())[:200])}; expected those of one network of the same kind, "
+                "with as many classes, normalised alike"
+            ) from error
+        return network
+
+
+def read_beside(path: str, class_names: Sequence[str]) -> Beside:
+    """Read what a trained classifier is, not yet its weights.
+
+    Parameters
+    ----------
+    path : a file `.safetensors`, with its description `.json` beside it
+    class_names : that it must have
+
+    Raises
+    ------
+    FileError, DamagedFileError
+    InputError
+        It has other classes or channels.
+    """
+    weights = check_readable(checked_path(path))
+    description = read_description(weights.with_suffix(".json"), "class_names", "channels", "objects", "poses")
+    for kind, expected in (("class_names", class_names), ("channels", CLASSIFIER_CHANNELS)):
+        if description[kind] != list(expected):
+            raise InputError(
+                f"beside: the {kind} of {printable(path)} are {printable(str(description[kind])[:200])}; expected the "
+                f"recipe's, {list(expected)}"
+            )
+    return Beside(weights, description)
+
+
+def united(own: Mapping[str, Sequence[Any]], others: Sequence[Mapping[str, Sequence[Any]]]) -> dict[str, list[Any]]:
+    """Lists by name, joined; what is in several is there once."""
+    joined: dict[str, list[Any]] = {name: list(some) for name, some in own.items()}
+    for other in others:
+        for name, some in other.items():
+            held = joined.setdefault(name, [])
+            held += [one for one in some if one not in held]
+    return joined
