@@ -7,9 +7,8 @@ closed parts facing outward. What had to be mended is said in one line on the lo
 import io
 import logging
 import os
-import re
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -61,6 +60,15 @@ def load_mesh(
     MeshError
         The file cannot be parsed; the mesh is empty, flat to nothing, not finite, or branches; its unit is unclear.
     """
+    return _loaded(source, unit, in_table=False)
+
+
+def mesh_of_table(path: Path, *, unit: str | None) -> TriangleMesh:
+    """As `load_mesh`, for a mesh that a table of a TOML file names: errors about its unit name the table's key."""
+    return _loaded(path, unit, in_table=True)
+
+
+def _loaded(source: Any, unit: str | None, *, in_table: bool) -> TriangleMesh:
     if unit is not None:
         check_known("unit of length", unit, UNITS)
     if isinstance(source, str | os.PathLike):
@@ -68,20 +76,10 @@ def load_mesh(
         name, scene = printable(path), _read(path)
     else:
         name, scene = f"the {type(source).__name__}", source
-    vertices, faces, stated = _flattened(scene, name)
-    if isinstance(source, str | os.PathLike) and path.suffix.lower() == ".glb":
-        stated = 1.0  # by the specification of glTF 2.0, section 3.4
+    vertices, faces = _flattened(scene, name)
+    scale = UNITS[unit] if unit is not None else _stated(source, scene.units, name, in_table=in_table)
     vertices, faces = _mended(vertices, faces, name)
-    return TriangleMesh(vertices=vertices * _scale(vertices, unit, stated, name), faces=faces)
-
-
-def mesh_of_table(path: Path, *, unit: str | None) -> TriangleMesh:
-    """As `load_mesh`, for a mesh that a table of a TOML file names: errors about its unit name the table's key."""
-    try:
-        return load_mesh(path, unit=unit)
-    except MeshError as error:
-        said = re.sub(r"\b[Pp]ass unit=", "in its table, write unit=", str(error)).replace("? in its", "? In its")
-        raise MeshError(re.sub(r"\bunit='(\w+)'", r'unit = "\1"', said).replace("unit=...", "unit = ...")) from error
+    return TriangleMesh(vertices=vertices * (scale or _guessed(vertices, name, in_table=in_table)), faces=faces)
 
 
 def _read(path: Path) -> Any:
@@ -167,8 +165,8 @@ def _one_line(error: Exception) -> str:
     return " ".join(str(error).split())[:120] or "no details"
 
 
-def _flattened(scene: Any, name: str) -> tuple[np.ndarray, np.ndarray, float | None]:
-    """(V, 3) vertices and (F, 3) faces of all meshes of a scene in their places, and its unit [m] if it states one."""
+def _flattened(scene: Any, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """(V, 3) vertices and (F, 3) faces of all meshes of a scene in their places."""
     import trimesh
 
     if isinstance(scene, trimesh.Trimesh):
@@ -196,21 +194,26 @@ def _flattened(scene: Any, name: str) -> tuple[np.ndarray, np.ndarray, float | N
             faces.append(start + (corners[:, ::-1] if mirrored else corners))
             vertices.append(np.asarray(part.vertices, dtype=float) @ transform[:3, :3].T + transform[:3, 3])
         start += len(part.vertices)
-    stated = None
-    if scene.units is not None:
-        try:
-            stated = float(trimesh.units.unit_conversion(scene.units, "meters"))
-        except (KeyError, ValueError) as error:
-            raise MeshError(f"{name} states the unit {scene.units!r}, which is not known; pass unit=...") from error
-    return np.concatenate(vertices), np.concatenate(faces), stated
+    return np.concatenate(vertices), np.concatenate(faces)
 
 
-def _scale(vertices: np.ndarray, unit: str | None, stated: float | None, name: str) -> float:
-    """Metres for one unit of the vertices, guessed out loud."""
-    if unit is not None:
-        return UNITS[unit]
-    if stated is not None:
-        return stated
+def _stated(source: Any, units: str | None, name: str, *, in_table: bool) -> float | None:
+    """Metres for one unit of the vertices, if the source states it; a .glb always does."""
+    import trimesh
+
+    if isinstance(source, str | os.PathLike) and Path(source).suffix.lower() == ".glb":
+        return 1.0  # by the specification of glTF 2.0, section 3.4
+    if units is None:
+        return None
+    try:
+        return float(trimesh.units.unit_conversion(units, "meters"))
+    except (KeyError, ValueError) as error:
+        told = _advice(UNITS, in_table=in_table)
+        raise MeshError(f"{name} states the unit {units!r}, which is not known; {told}") from error
+
+
+def _guessed(vertices: np.ndarray, name: str, *, in_table: bool) -> float:
+    """Metres for one unit of the vertices: 1 if the mesh then has an everyday size, else an error that guesses."""
     extent = float(np.ptp(vertices, axis=0).max())
     if EVERYDAY[0] <= extent <= EVERYDAY[1]:
         return UNITS["m"]
@@ -219,11 +222,18 @@ def _scale(vertices: np.ndarray, unit: str | None, stated: float | None, name: s
     if not fitting:
         raise MeshError(
             f"{wide}, and no usual unit makes it an everyday object of 5 mm to 2 m; "
-            "pass unit='m' to keep it, or scale it first"
+            f"{_advice(['m'], in_table=in_table)} to keep it, or scale it first"
         )
+    told = _advice([*fitting, "m"], in_table=in_table).capitalize()
     guesses = " or ".join(f"{NAMES[u]} ({_length(extent * UNITS[u])} wide)" for u in fitting)
-    units = " or ".join(f"unit={u!r}" for u in fitting)
-    raise MeshError(f"{wide}; did you mean {guesses}? Pass {units}, or unit='m' to keep it")
+    raise MeshError(f"{wide}; did you mean {guesses}? {told} to keep it")
+
+
+def _advice(units: Iterable[str], *, in_table: bool) -> str:
+    """How to say that the unit is one of these."""
+    *others, last = (f'unit = "{unit}"' if in_table else f"unit={unit!r}" for unit in units)
+    said = f"{' or '.join(others)}, or {last}" if others else last
+    return f"in its table, write {said}" if in_table else f"pass {said}"
 
 
 def _length(metres: float) -> str:
