@@ -86,6 +86,11 @@ class Trajectory:
         serpentine : every second row runs backwards, as an arm would
         interval : time between positions [s]
 
+        Raises
+        ------
+        InputError
+            A length is negative or not finite; there would be over 10^8 positions, or one though `size` is not 0.
+
         Examples
         --------
         >>> len(Trajectory.raster(size=(0.02, 0.01), step=0.001))
@@ -100,6 +105,12 @@ class Trajectory:
             raise InputError(
                 f"the raster would have {counts[0]:.3g} x {counts[1]:.3g} positions; expected {_MOST_POSITIONS:.0e} "
                 "at most: choose a larger step or a smaller size"
+            )
+        if counts == [1, 1] and any(extents):
+            raise InputError(
+                f"a step of {' x '.join(f'{s:g}' for s in steps)} m is larger than the raster, "
+                f"{' x '.join(f'{e:g}' for e in extents)} m, which would have one position; lengths are in metres: "
+                "2 mm is 0.002"
             )
         return cls._from_counts([int(n) for n in counts], steps, middle, serpentine, interval)
 
