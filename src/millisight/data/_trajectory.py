@@ -21,6 +21,7 @@ from millisight.core.errors import InputError
 from millisight.data._reach import check_reach
 
 _MOST_POSITIONS = 1e8  # of a raster; their frames would fill hundreds of gigabytes
+_MILLIMETRES_MEANT = 1.0  # [m]; a step from which on they are, where the raster is smaller
 
 
 @record
@@ -89,7 +90,7 @@ class Trajectory:
         Raises
         ------
         InputError
-            A length is negative or not finite; there would be over 10^8 positions, or one though `size` is not 0.
+            A length is negative or not finite; there would be over 10^8 positions; steps of 1 m or more are wider than `size`.
 
         Examples
         --------
@@ -106,7 +107,7 @@ class Trajectory:
                 f"the raster would have {counts[0]:.3g} x {counts[1]:.3g} positions; expected {_MOST_POSITIONS:.0e} "
                 "at most: choose a larger step or a smaller size"
             )
-        if counts == [1, 1] and any(extents):
+        if counts == [1, 1] and any(extents) and min(steps) >= _MILLIMETRES_MEANT:
             raise InputError(
                 f"a step of {' x '.join(f'{s:g}' for s in steps)} m is larger than the raster, "
                 f"{' x '.join(f'{e:g}' for e in extents)} m, which would have one position; lengths are in metres: "
