@@ -90,7 +90,7 @@ class Trajectory:
         Raises
         ------
         InputError
-            A length is negative or not finite; there would be over 10^8 positions; steps of 1 m or more are wider than `size`.
+            A length is negative or not finite; over 10^8 positions; steps of 1 m or more that are wider than `size`.
 
         Examples
         --------
