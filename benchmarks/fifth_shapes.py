@@ -239,7 +239,7 @@ def _crankshaft():
 FIFTH_SHAPES: dict[str, Callable[[], Manifold]] = {
     "rocking horse": _rocking_horse, "helicopter": _helicopter, "headphones": _headphones, "frog": _frog,
     "scorpion": _scorpion, "swan": _swan, "ginger root": _ginger_root, "bonsai tree": _bonsai_tree,
-    "chain": _chain, "wing nut": _wing_nut, "gate valve": _gate_valve, "meat grinder": _meat_grinder,
+    "iron chain": _chain, "wing nut": _wing_nut, "gate valve": _gate_valve, "meat grinder": _meat_grinder,
     "toast rack": _toast_rack, "pretzel": _pretzel, "ice skate": _ice_skate, "shuttlecock": _shuttlecock,
     "ribbon bow": _ribbon_bow, "candelabrum": _candelabrum, "ampersand": _ampersand, "crankshaft": _crankshaft,
 }  # fmt: skip
