@@ -453,13 +453,15 @@ def test_what_cannot_stand_beside_is_refused_before_scenes_are_made(examples, re
     pytest.importorskip("torch")
     former = train(recipe, examples, tmp_path)
     held = str(former.weights.with_suffix(".safetensors"))
-    with pytest.raises(InputError, match="beside: the class_names of .* expected the recipe's"):
+    with pytest.raises(InputError, match="beside: class_names of .* expected the recipe's"):
         dataclasses.replace(recipe, classes=dict(reversed(recipe.classes.items())), beside=(held,))
     with pytest.raises(FileError, match="no such file"):
         dataclasses.replace(recipe, beside=(str(tmp_path / "absent.safetensors"),))
-    paper = dataclasses.replace(recipe, network="paper", beside=(held,))
+    with pytest.raises(InputError, match="beside: network of .* is small; expected the recipe's, paper"):
+        dataclasses.replace(recipe, network="paper", beside=(held,))
+    batches = dataclasses.replace(recipe, normalisation="batch", beside=(held,))
     with pytest.raises(FormatError, match="other weights than the recipe's network has"):
-        paper.lesson(examples).network()
+        batches.lesson(examples).network()
     former.weights.with_suffix(".safetensors").write_bytes(b"half")
     with pytest.raises(DamagedFileError, match="no complete safetensors file"):
         dataclasses.replace(recipe, beside=(held,)).lesson(examples).network()

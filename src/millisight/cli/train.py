@@ -87,6 +87,14 @@ def classifier(
     network: Annotated[
         str | None, typer.Option(help="Network to train: small or paper. [default: the recipe's]")
     ] = None,
+    beside: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="FILE.safetensors",
+            help="A trained classifier, its description .json beside it: the answer is the mean of its logits and those "
+            "of the new network. May be given several times. [default: the recipe's]",
+        ),
+    ] = None,
     all_objects: Annotated[
         bool,
         typer.Option(
@@ -104,7 +112,10 @@ def classifier(
 
     Example: millisight train classifier examples/training/classifier.toml -o classifier
     """
-    changes = {"parts": parts, "network": network, "tests": () if all_objects else None}
+    changes = {
+        "parts": parts, "network": network, "tests": () if all_objects else None,
+        "beside": tuple(beside) if beside else None,
+    }  # fmt: skip
     _train("classifier", recipe, output, scenes, workers, device=device, tensorboard=tensorboard, **changes)
 
 

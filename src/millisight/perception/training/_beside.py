@@ -51,27 +51,28 @@ class Beside(NamedTuple):
         return network
 
 
-def read_beside(path: str, class_names: Sequence[str]) -> Beside:
+def read_beside(path: str, class_names: Sequence[str], network: str) -> Beside:
     """Read what a trained classifier is, not yet its weights.
 
     Parameters
     ----------
     path : a file `.safetensors`, with its description `.json` beside it
-    class_names : that it must have
+    class_names, network : that it must have
 
     Raises
     ------
     FileError, DamagedFileError
     InputError
-        It has other classes or channels.
+        It has other classes or channels, or is another network.
     """
     weights = check_readable(checked_path(path))
-    description = read_description(weights.with_suffix(".json"), "class_names", "channels", "objects", "poses")
-    for kind, expected in (("class_names", class_names), ("channels", CLASSIFIER_CHANNELS)):
-        if description[kind] != list(expected):
+    expected = {"class_names": list(class_names), "channels": list(CLASSIFIER_CHANNELS), "network": network}
+    description = read_description(weights.with_suffix(".json"), *expected, "objects", "poses")
+    for kind, one in expected.items():
+        if description[kind] != one:
             raise InputError(
-                f"beside: the {kind} of {printable(path)} are {printable(str(description[kind])[:200])}; expected the "
-                f"recipe's, {list(expected)}"
+                f"beside: {kind} of {printable(path)} is {printable(str(description[kind])[:200])}; expected the "
+                f"recipe's, {one}"
             )
     return Beside(weights, description)
 

@@ -153,7 +153,7 @@ class ClassifierRecipe:
         check_classes(self.objects, self.drawn or self.household)
         prior_shares(self.prior, self.objects)
         for path in self.beside:
-            read_beside(path, list(self.objects))
+            read_beside(path, list(self.objects), self.network)
         for name, count in (("drawn", self.drawn), ("household", self.household)):
             for shape in self.objects if count else ():
                 if shape not in PUBLISHED_CLASSES:

@@ -65,7 +65,7 @@ class ClassifierLesson:
         by = FoundMasks(recipe.masks) if recipe.masks else None
         self.masks_of: str | None = None if by is None else by.sha256
         self.classes: int = len(recipe.objects)
-        self.beside: list[Beside] = [read_beside(path, list(recipe.objects)) for path in recipe.beside]
+        self.beside: list[Beside] = [read_beside(path, list(recipe.objects), recipe.network) for path in recipe.beside]
         views, held = recipe.whole.views, scenes["validation"]
         number = {id(one): index // views for index, one in enumerate(held)}  # of the object; a scene is one view
         self.held: list[HeldExample] = held_back(
