@@ -91,8 +91,8 @@ def classifier(
         list[str] | None,
         typer.Option(
             metavar="FILE.safetensors",
-            help="A trained classifier, its description .json beside it: the answer is the mean of its logits and those "
-            "of the new network. May be given several times. [default: the recipe's]",
+            help="A trained classifier, its description .json beside it: the answer is the mean of its logits and "
+            "those of the new network. May be given several times. [default: the recipe's]",
         ),
     ] = None,
     all_objects: Annotated[
