@@ -197,7 +197,7 @@ class _Aperture:
             raise InputError("--aperture published has a step of a quarter wavelength; leave --step out")
         self._size = None if aperture is None or self._published else size(aperture, option="--aperture")
         self._step = optional_length(step, option="--step", metres=SMALL)
-        Trajectory.raster(size=self._size or (0.0, 0.0), step=0.1 if self._step is None else self._step)
+        Trajectory.raster(size=self._size or (0.0, 0.0), step=1.0 if self._step is None else self._step)
 
     def over(self, scene: Scene) -> Trajectory:
         """The positions; around the scene where no size was said."""

@@ -21,7 +21,6 @@ from millisight.core.errors import InputError
 from millisight.data._reach import check_reach
 
 _MOST_POSITIONS = 1e8  # of a raster; their frames would fill hundreds of gigabytes
-_MILLIMETRES_MEANT = 1.0  # [m]; a step from which on they are, where the raster is smaller
 
 
 @record
@@ -87,11 +86,6 @@ class Trajectory:
         serpentine : every second row runs backwards, as an arm would
         interval : time between positions [s]
 
-        Raises
-        ------
-        InputError
-            A length is negative or not finite; over 10^8 positions; steps of 1 m or more that are wider than `size`.
-
         Examples
         --------
         >>> len(Trajectory.raster(size=(0.02, 0.01), step=0.001))
@@ -106,12 +100,6 @@ class Trajectory:
             raise InputError(
                 f"the raster would have {counts[0]:.3g} x {counts[1]:.3g} positions; expected {_MOST_POSITIONS:.0e} "
                 "at most: choose a larger step or a smaller size"
-            )
-        if counts == [1, 1] and any(extents) and min(steps) >= _MILLIMETRES_MEANT:
-            raise InputError(
-                f"a step of {' x '.join(f'{s:g}' for s in steps)} m is larger than the raster, "
-                f"{' x '.join(f'{e:g}' for e in extents)} m, which would have one position; lengths are in metres: "
-                "2 mm is 0.002"
             )
         return cls._from_counts([int(n) for n in counts], steps, middle, serpentine, interval)
 

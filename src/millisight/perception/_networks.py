@@ -5,6 +5,7 @@ import io
 import json
 import logging
 import os
+import re
 import warnings
 from collections.abc import Collection, Mapping
 from concurrent.futures import ThreadPoolExecutor, wait
@@ -31,6 +32,7 @@ _MOST_WEIGHTS = 1 << 26  # bytes
 _MOST_DESCRIPTION = 1 << 24
 _MOST_DIGITS = 18  # of a whole number
 _SECONDS = 10  # that a network may take, and one more for each that it is run on
+_NUMBERS = re.compile(r"\[\s+-?[\d.]+(,\s+-?[\d.]+)*\s+\]")  # lists in a description
 _LARGE = 1024  # weights of an array that is worth a step of its own
 _MOST_MEMORY = 1 << 32  # bytes that the networks of a process take; the largest canvas takes a quarter
 
@@ -307,8 +309,12 @@ def write_network(
     with atomic_path(path) as temporary:
         temporary.write_bytes(content)
     full = {"sha256": hashlib.sha256(content).hexdigest(), **description}
-    write_text(path.with_suffix(".json"), json.dumps(full, indent=1) + "\n")
+    write_text(path.with_suffix(".json"), _NUMBERS.sub(_on_one_line, json.dumps(full, indent=1)) + "\n")
     return path
+
+
+def _on_one_line(numbers: re.Match[str]) -> str:
+    return re.sub(r"\s+", " ", numbers[0]).replace("[ ", "[").replace(" ]", "]")
 
 
 def _onnx_bytes(network: "nn.Module", example: "Tensor", axes: Mapping[str, Mapping[int, str]]) -> bytes:
