@@ -455,6 +455,8 @@ def test_what_cannot_stand_beside_is_refused_before_scenes_are_made(examples, re
     held = str(former.weights.with_suffix(".safetensors"))
     with pytest.raises(InputError, match="beside: class_names of .* expected the recipe's"):
         dataclasses.replace(recipe, classes=dict(reversed(recipe.classes.items())), beside=(held,))
+    with pytest.raises(UnknownNameError, match="kind of weights 'classifier.onnx'.*safetensors"):
+        dataclasses.replace(recipe, beside=(str(former.weights),))
     with pytest.raises(FileError, match="no such file"):
         dataclasses.replace(recipe, beside=(str(tmp_path / "absent.safetensors"),))
     with pytest.raises(InputError, match="beside: network of .* is small; expected the recipe's, paper"):

@@ -5,12 +5,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from millisight.core import check_readable, checked_path, printable
-from millisight.core.errors import DamagedFileError, FormatError, InputError
+from millisight.core.errors import DamagedFileError, FormatError, InputError, UnknownNameError
 from millisight.perception import read_description
 from millisight.perception.classification import CLASSIFIER_CHANNELS
 
 if TYPE_CHECKING:
     from torch import nn
+
+_SUFFIX = ".safetensors"
 
 
 class Beside(NamedTuple):
@@ -62,10 +64,15 @@ def read_beside(path: str, class_names: Sequence[str], network: str) -> Beside:
     Raises
     ------
     FileError, DamagedFileError
+    UnknownNameError
+        The suffix is another.
     InputError
         It has other classes or channels, or is another network.
     """
-    weights = check_readable(checked_path(path))
+    weights = checked_path(path)
+    if weights.suffix.lower() != _SUFFIX:
+        raise UnknownNameError("kind of weights", weights.name, (_SUFFIX,))
+    weights = check_readable(weights)
     expected = {"class_names": list(class_names), "channels": list(CLASSIFIER_CHANNELS), "network": network}
     description = read_description(weights.with_suffix(".json"), *expected, "objects", "poses")
     for kind, one in expected.items():
